@@ -1,0 +1,236 @@
+"""The command line: ``jaxrender fit | render | synth | schema``.
+
+It sets precision, the compilation cache and logging, and hands files to ``pipelines``; nothing
+else.  JAX and all that imports it are imported inside the commands, so that ``--help`` is quick.
+
+Exit codes: 0 done; 1 ran, but not converged or not identifiable (with ``--strict``); 2 bad input;
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from jaxrender import __version__
+from jaxrender.errors import InputError
+
+DONE, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+# Folders of examples that travel with the package, by the names that the README gives them.
+_BUNDLED = ("configs", "data_synth")
+# Compile seconds from which a program is worth keeping: all of them, since a run needs a hundred
+# small ones.  JAX's own 1 s would keep almost none.
+_CACHE_FROM_SECONDS = 0.0
+
+_NAMED = Parameter(negative=())
+
+app = App(
+    name="jaxrender",
+    help="Materials and lighting from photographs of objects of known shape.",
+    version=__version__,
+    default_parameter=_NAMED,
+    result_action="return_value",
+    exit_on_error=False,
+    suppress_keyboard_interrupt=False,
+)
+
+
+@app.command
+def fit(
+    config: Path,
+    /,
+    *overrides: str,
+    force: bool = False,
+    dry_run: bool = False,
+    strict: bool = False,
+) -> int:
+    """Fit the material that a config asks for.
+
+    Parameters
+    ----------
+    config
+        Config of the run (YAML).
+    overrides
+        Values written over the config's, such as brdf.mu=1.5 or output=runs/a.
+    force
+        Replace the result of another run.
+    dry_run
+        Check everything and say what would be done, but fit nothing.
+    strict
+        Exit with 1 unless the outcome is 'converged'.
+    """
+    from jaxrender.pipelines.config import load_run_config
+
+    loaded = load_run_config(_bundled(config), overrides)
+    _set_up_jax()
+    from jaxrender.pipelines.progress import choose
+    from jaxrender.pipelines.run import fit as run_fit
+
+    report = run_fit(loaded, force=force, dry_run=dry_run, progress=choose(sys.stderr))
+    _say(report.summary)
+    if dry_run:
+        return DONE
+    _say(f"result: {report.folder}")
+    return NOT_CONVERGED if strict and report.outcome != "converged" else DONE
+
+
+@app.command
+def render(
+    result: Path,
+    /,
+    *,
+    out: Path,
+    model: Literal["integral", "dual"] = "integral",
+    force: bool = False,
+) -> int:
+    """Render the views of a finished result again.
+
+    Parameters
+    ----------
+    result
+        Result folder of a fit.
+    out
+        Folder to write the images into.
+    model
+        The exact reflection integral, or the frequency-space dual model.
+    force
+        Replace an earlier rendering of another result.
+    """
+    _set_up_jax()
+    from jaxrender.pipelines.progress import choose
+    from jaxrender.pipelines.render import render_config
+
+    folder = render_config(
+        result.resolve(), out=out.resolve(), model=model, force=force, progress=choose(sys.stderr)
+    )
+    _say(f"images: {out if folder is None else folder}")
+    return DONE
+
+
+@app.command
+def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
+    """Render the photographs of a recipe, with all that a fit of them needs.
+
+    Parameters
+    ----------
+    recipe
+        Recipe of shape, material, light and cameras (YAML).
+    out
+        Folder to write the capture into.
+    force
+        Replace an earlier capture of another recipe.
+    """
+    from jaxrender.pipelines.config import load_recipe
+
+    path = _bundled(recipe).resolve()
+    loaded = load_recipe(_bundled(recipe))
+    _set_up_jax()
+    from jaxrender.pipelines.progress import choose
+    from jaxrender.pipelines.synth import synthesise
+
+    folder = synthesise(loaded, path, out.resolve(), force=force, progress=choose(sys.stderr))
+    _say(f"capture: {folder}")
+    return DONE
+
+
+@app.command
+def schema(*, recipe: bool = False) -> int:
+    """Print the JSON Schema of configs, for editors that check YAML.
+
+    Parameters
+    ----------
+    recipe
+        The schema of recipes instead.
+    """
+    import json
+
+    from jaxrender.pipelines.config import RecipeConfig, RunConfig, json_schema
+
+    _say(json.dumps(json_schema(RecipeConfig if recipe else RunConfig), indent=2))
+    return DONE
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; arguments are the process's by default."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    try:
+        return app(sys.argv[1:] if arguments is None else list(arguments)) or DONE
+    except CycloptsError:
+        # cyclopts has said what is wrong with the arguments.
+        return BAD_INPUT
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        return INTERRUPTED
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def _bundled(path: Path) -> Path:
+    """The path, or the example of that name which came with the package where the path is not."""
+    if path.exists() or not path.parts or path.parts[0] not in _BUNDLED:
+        return path
+    example = Path(str(resources.files("jaxrender"))).joinpath("package_data", *path.parts)
+    return example if example.exists() else path
+
+
+def _set_up_jax() -> None:
+    """Float64, and compiled programs kept from one process to the next."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    folder = _cache_folder()
+    if folder is None:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", _CACHE_FROM_SECONDS)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _cache_folder() -> Path | None:
+    """Where compiled programs are kept: JAX_COMPILATION_CACHE_DIR, or the user's cache folder.
+
+    None where there is no such folder that the user alone may write to: what lies in the cache is
+    executed.
+    """
+    chosen = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    folder = _user_cache() / "jaxrender"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError as error:
+        logging.getLogger(__name__).warning("no compilation cache in %s: %s", folder, error)
+        return None
+    if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & 0o022):
+        logging.getLogger(__name__).warning(
+            "no compilation cache in %s: others may write to it; chmod go-w mends that", folder
+        )
+        return None
+    return folder
+
+
+def _user_cache() -> Path:
+    """The platform's folder for a user's caches."""
+    configured = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if configured.is_absolute():
+        return configured
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    return Path.home() / ".cache"

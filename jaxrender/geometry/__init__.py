@@ -1,0 +1,57 @@
+"""Where things are and which way they face.
+
+``directions`` and ``frames`` are device side (jit-able, differentiable): unit vectors, angles,
+mirror and half-way directions, and the rotations between a surface point's frame and the world.
+The rest is host side in float64.  ``cameras`` turn pixels into rays; a ``Shape`` (``hits``) answers
+where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by Embree (``tracing``,
+with its brute-force twin; ``tessellation`` makes spheres); ``surface`` puts the two together:
+``observe(camera, shape)`` gives the point, normal and exit direction behind every pixel, of which
+``samples`` keeps what the forward model asks for.
+"""
+
+from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
+from jaxrender.geometry.components import Components
+from jaxrender.geometry.directions import (
+    angles_from_direction,
+    direction_from_angles,
+    dot,
+    half_vectors,
+    normalise,
+    reflect,
+    squared_acute_angle,
+    squared_angle,
+)
+from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_local
+from jaxrender.geometry.hits import Hits, Shape
+from jaxrender.geometry.mesh import Mesh
+from jaxrender.geometry.samples import SurfaceSamples
+from jaxrender.geometry.sphere import Sphere
+from jaxrender.geometry.surface import SurfaceView, observe
+
+__all__ = [
+    "Camera",
+    "Components",
+    "Hits",
+    "Mesh",
+    "Orthographic",
+    "Pinhole",
+    "Rays",
+    "Shape",
+    "Sphere",
+    "SurfaceSamples",
+    "SurfaceView",
+    "angles_from_direction",
+    "direction_from_angles",
+    "dot",
+    "half_vectors",
+    "look_at",
+    "normalise",
+    "observe",
+    "reflect",
+    "rotation",
+    "squared_acute_angle",
+    "squared_angle",
+    "to_local",
+    "to_world",
+    "world_from_local",
+]

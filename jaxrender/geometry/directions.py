@@ -1,0 +1,124 @@
+"""Directions as unit vectors: the device-side vocabulary of the whole package.
+
+World: right-handed, +Z up.  A direction with polar angle t (from +Z) and azimuth p (from +X towards
++Y) is (sin t cos p, sin t sin p, cos t).  All directions point *away* from the surface, incoming
+ones too.  Functions here are jit-able, keep the dtype of their input, act on the last axis and
+broadcast over the others.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxrender.shapes import AnyArray, Directions
+
+# Directions that are combined with others of the same rank: lengths 1 are stretched.
+Broadcast = Float[AnyArray, "*#batch 3"]
+Angle = Float[AnyArray, "*#batch"] | float
+
+# Degrees at which the interpolant of squared_angle reaches rounding on cosines 0..1: its error
+# falls by 3 + sqrt(8) = 5.8 a degree, because the nearest singularity is at cosine -1.
+_ANGLE_DEGREE_DOUBLE = 18
+_ANGLE_DEGREE_SINGLE = 8
+
+
+def dot(
+    a: Float[AnyArray, "*#batch axis"], b: Float[AnyArray, "*#batch axis"]
+) -> Float[Array, "*batch"]:
+    """Inner product over the last axis."""
+    # A sum of products, not a matrix product: accelerators would round the latter to TF32.
+    return jnp.sum(jnp.asarray(a) * jnp.asarray(b), axis=-1)
+
+
+def normalise(vectors: Directions) -> Float[Array, "*batch 3"]:
+    """Vectors scaled to unit length; a zero vector gives NaN, so refuse it before."""
+    vectors = jnp.asarray(vectors)
+    return vectors / jnp.sqrt(dot(vectors, vectors))[..., None]
+
+
+def direction_from_angles(polar: Angle, azimuth: Angle) -> Float[Array, "*batch 3"]:
+    """(sin t cos p, sin t sin p, cos t) for polar angle t and azimuth p in radians."""
+    polar, azimuth = jnp.broadcast_arrays(polar, azimuth)
+    sine = jnp.sin(polar)
+    return jnp.stack([sine * jnp.cos(azimuth), sine * jnp.sin(azimuth), jnp.cos(polar)], axis=-1)
+
+
+def angles_from_direction(
+    directions: Directions,
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+    """Polar angle in [0, pi] and azimuth in [0, 2 pi) of directions of any length.
+
+    Accurate at the poles (arc tangent, not arc cosine), where the azimuth is 0 by convention and
+    neither angle has a derivative.
+    """
+    x, y, z = jnp.moveaxis(jnp.asarray(directions), -1, 0)
+    polar = jnp.arctan2(jnp.sqrt(x * x + y * y), z)
+    azimuth = jnp.arctan2(y, x)
+    azimuth = jnp.where(azimuth < 0, azimuth + 2 * np.pi, azimuth)
+    # A tiny negative azimuth rounds up to 2 pi itself; -0 at a pole gives pi without this.
+    outside = (azimuth >= 2 * np.pi) | ((x == 0) & (y == 0))
+    return polar, jnp.where(outside, 0, azimuth)
+
+
+def reflect(outgoing: Broadcast, normals: Broadcast) -> Float[Array, "*batch 3"]:
+    """Mirror direction R = 2 (N.V) N - V of a unit direction about a unit normal."""
+    outgoing, normals = jnp.asarray(outgoing), jnp.asarray(normals)
+    return 2 * dot(normals, outgoing)[..., None] * normals - outgoing
+
+
+def half_vectors(incoming: Broadcast, outgoing: Broadcast) -> Float[Array, "*batch 3"]:
+    """Unit vector half way between two directions; NaN where they are exactly opposite."""
+    return normalise(jnp.asarray(incoming) + jnp.asarray(outgoing))
+
+
+def squared_angle(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
+    """arccos(c)^2 as a function that is analytic at c = 1, where arccos itself is not.
+
+    With u = 1 - c, arccos(c)^2 = 2 u + u^2/3 + ... = u Q(u), Q a polynomial, for c >= 0; and
+    (pi - arccos(-c))^2 beyond.  In double precision the relative error is below 1e-14 up to
+    pi/2.  Cosines a rounding above 1 are continued, those below -1 count as -1, and no derivative
+    is NaN anywhere.
+    """
+    cosines = jnp.asarray(cosines)
+    beyond = cosines < 0
+    folded = squared_acute_angle(jnp.abs(cosines))
+    # The floor keeps the square root's derivative finite: at c = -1, a true branch point, and at
+    # c = 1, where `where` below multiplies it by 0.
+    floor = float(jnp.finfo(cosines.dtype).eps) ** 2
+    supplement = np.pi - jnp.sqrt(jnp.maximum(folded, floor))
+    return jnp.where(beyond, supplement * supplement, folded)
+
+
+def squared_acute_angle(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
+    """arccos(c)^2 for 0 <= c <= 1 only: :func:`squared_angle` without its branch, twice as fast."""
+    cosines = jnp.asarray(cosines)
+    complement = 1 - cosines
+    return complement * _horner(_angle_polynomial(cosines.dtype), complement)
+
+
+def _angle_polynomial(dtype: np.dtype) -> tuple[float, ...]:
+    return _DOUBLE if jnp.finfo(dtype).bits > 32 else _SINGLE
+
+
+def _interpolate_angle(degree: int) -> tuple[float, ...]:
+    """Monomial coefficients, lowest first, of Q(u) = arccos(1 - u)^2 / u on 0 <= u <= 1."""
+
+    def quotient(u: np.ndarray) -> np.ndarray:
+        # The half-angle form loses nothing for small u; Chebyshev nodes avoid u = 0 itself.
+        return 4 * np.arcsin(np.sqrt(u / 2)) ** 2 / u
+
+    chebyshev = np.polynomial.Chebyshev.interpolate(quotient, degree, domain=[0, 1])
+    polynomial = chebyshev.convert(kind=np.polynomial.Polynomial)
+    return tuple(float(c) for c in polynomial.coef)
+
+
+def _horner(coefficients: tuple[float, ...], x: jax.Array) -> jax.Array:
+    total = jnp.full_like(x, coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
+
+
+_DOUBLE = _interpolate_angle(_ANGLE_DEGREE_DOUBLE)
+_SINGLE = _interpolate_angle(_ANGLE_DEGREE_SINGLE)

@@ -1,0 +1,65 @@
+"""Rotations and local frames, named ``world_from_local``: columns are the local axes in the world.
+
+A surface point's local frame has its normal as +Z.  T 2.10 writes the rotation that takes local to
+global directions as R = Rz(beta) Ry(alpha) Rz(gamma), so that local +Z goes to the normal
+(alpha, beta); the prose of T 2.2.3 names the axes in another order (ERRATA 1).
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxrender.geometry.directions import Angle, Broadcast
+from jaxrender.shapes import AnyArray, Directions
+
+Frames = Float[AnyArray, "*#batch 3 3"]
+
+
+def rotation(alpha: Angle, beta: Angle, gamma: Angle) -> Float[Array, "*batch 3 3"]:
+    """R = Rz(beta) Ry(alpha) Rz(gamma) (T 2.10), angles in radians, taking local to world."""
+    alpha, beta, gamma = jnp.broadcast_arrays(alpha, beta, gamma)
+    ca, sa = jnp.cos(alpha), jnp.sin(alpha)
+    cb, sb = jnp.cos(beta), jnp.sin(beta)
+    cg, sg = jnp.cos(gamma), jnp.sin(gamma)
+    return _matrix(
+        [
+            [cb * ca * cg - sb * sg, -cb * ca * sg - sb * cg, cb * sa],
+            [sb * ca * cg + cb * sg, -sb * ca * sg + cb * cg, sb * sa],
+            [-sa * cg, sa * sg, ca],
+        ]
+    )
+
+
+def world_from_local(normals: Directions) -> Float[Array, "*batch 3 3"]:
+    """A right-handed frame whose third column is the unit normal (x, y, z).
+
+    For z >= 0 it is the smallest rotation that takes +Z to the normal,
+    [[1 - x^2/(1+z), -xy/(1+z), x], [-xy/(1+z), 1 - y^2/(1+z), y], [-x, -y, z]]; for z < 0 the
+    corresponding one from -Z.  Hence smooth on either half, poles included; the tangents (not the
+    normal) jump across z = 0, as on a sphere they must somewhere.
+    """
+    x, y, z = jnp.moveaxis(jnp.asarray(normals), -1, 0)
+    sign = jnp.where(z < 0, -jnp.ones_like(z), jnp.ones_like(z))
+    a = -1 / (sign + z)
+    b = x * y * a
+    return _matrix(
+        [
+            [1 + sign * x * x * a, b, x],
+            [sign * b, sign + y * y * a, y],
+            [-sign * x, -y, z],
+        ]
+    )
+
+
+def to_world(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:
+    """Directions given in local frames, expressed in the world: R d."""
+    return jnp.einsum("...ij,...j->...i", world_from_local, directions, precision="highest")
+
+
+def to_local(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:
+    """Directions given in the world, expressed in local frames: R^T d."""
+    return jnp.einsum("...ij,...i->...j", world_from_local, directions, precision="highest")
+
+
+def _matrix(rows: list[list[jax.Array]]) -> jax.Array:
+    return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,42 @@
+"""What a camera sees of a shape: the geometry behind every pixel, traced once and kept."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxrender.geometry.cameras import Camera
+from jaxrender.geometry.hits import Shape
+
+
+class SurfaceView(NamedTuple):
+    """Surface points behind the pixels of one photograph; all zero where ``hit`` is False."""
+
+    hit: Bool[np.ndarray, "row column"]
+    points: Float[np.ndarray, "row column 3"]
+    normals: Float[np.ndarray, "row column 3"]
+    outgoing: Float[np.ndarray, "row column 3"]  # unit, from the point to the camera
+    exit_cosines: Float[np.ndarray, "row column"]  # N.V, positive where hit
+
+
+def observe(camera: Camera, shape: Shape) -> SurfaceView:
+    """The first surface point of every pixel's central ray.
+
+    A pixel that sees the back of a face (a hole in a scan), or whose interpolated normal faces away
+    although the face does not (silhouettes of coarse meshes), counts as not hit: no reflection
+    model has a value there.
+    """
+    rays = camera.rays()
+    image = rays.directions.shape[:2]
+    outgoing = -rays.directions.reshape(-1, 3)
+    hits = shape.first_hits(rays.origins.reshape(-1, 3), -outgoing)
+    cosines = np.einsum("ri,ri->r", hits.normals, outgoing)
+    front = np.einsum("ri,ri->r", hits.geometric_normals, outgoing) > 0
+    usable = hits.hit & front & (cosines > 0)
+    return SurfaceView(
+        usable.reshape(image),
+        np.where(usable[:, None], hits.points, 0).reshape(*image, 3),
+        np.where(usable[:, None], hits.normals, 0).reshape(*image, 3),
+        np.where(usable[:, None], outgoing, 0).reshape(*image, 3),
+        np.where(usable, cosines, 0).reshape(image),
+    )

@@ -1,0 +1,36 @@
+"""Pixels as measurements: what a stored number says about radiance, and how surely.
+
+A ``Response`` (``response``) turns stored values into linear radiance, ``exposure`` brings
+photographs to one scale, ``masks`` selects the pixels that measured something and keeps account of
+the others, and ``noise`` says how far a measurement may lie from the truth.  Host side, float64.
+"""
+
+from jaxrender.imaging.exposure import relative_exposures, to_radiance
+from jaxrender.imaging.masks import (
+    Selection,
+    below_black,
+    dilate,
+    erode,
+    saturated,
+    usable_pixels,
+)
+from jaxrender.imaging.noise import NoiseModel, estimate_noise
+from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_named
+
+__all__ = [
+    "SRGB",
+    "Curve",
+    "Linear",
+    "NoiseModel",
+    "Response",
+    "Selection",
+    "below_black",
+    "dilate",
+    "erode",
+    "estimate_noise",
+    "relative_exposures",
+    "response_named",
+    "saturated",
+    "to_radiance",
+    "usable_pixels",
+]

@@ -1,0 +1,90 @@
+"""What the photographs say about sigma, and from where: the light's spectrum or grazing angles.
+
+The frequency model tells sigma apart only by how it damps degrees above zero; under uniform light it
+has no sensitivity at all (T 3.2.7, 6.4.4).  The exact model also sees the horizon cut the lobe at
+grazing exit, which a little light of any kind reveals.  A standard error that rests on one of the
+two deserves to be known as such: grazing pixels are those whose geometry is trusted least.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.elimination import Data, Problem
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.shapes import Array, Float
+
+# Samples whose exit cosine is below this count as grazing (45 degrees).
+GRAZING_COSINE = 0.7
+# The evidence counts as resting on grazing angles when it is this many times weaker without them.
+_MUCH_WEAKER = 4.0
+# A relative standard error above this is reported as no information at all.
+_HOPELESS = 10.0
+
+
+class SigmaEvidence(NamedTuple):
+    """Relative standard errors of sigma: from all samples, without grazing ones, from the spectrum.
+
+    ``spectrum`` uses the thesis's Gaussian transfer, which knows nothing of the horizon.
+    """
+
+    all: float
+    without_grazing: float
+    spectrum: float
+
+    @property
+    def rests_on_grazing(self) -> bool:
+        """Whether sigma would be lost, or nearly, without the grazing samples."""
+        weakest = min(self.without_grazing, self.spectrum)
+        return bool(np.isfinite(self.all) and weakest > _MUCH_WEAKER * self.all)
+
+    def sentence(self) -> str:
+        """Say it in words."""
+        figures = (
+            f"relative standard error of sigma {_percent(self.all)} from all samples, "
+            f"{_percent(self.without_grazing)} without exit cosines below {GRAZING_COSINE:g}, "
+            f"{_percent(self.spectrum)} from the light's spectrum alone"
+        )
+        if self.rests_on_grazing:
+            return f"sigma rests on grazing angles: {figures}"
+        return f"sigma rests on the light's spectrum: {figures}"
+
+
+def sigma_standard_error(
+    problem: Problem,
+    model: LinearisedModel,
+    data: Data,
+    unknowns: tuple[Float[Array, "unknown"], Float[Array, "linear"]],
+) -> float:
+    """Predict the standard error of log sigma from the data; infinite where they say nothing."""
+    if "sigma" not in problem.unknowns.names:
+        return 0.0
+    information = np.asarray(_information(problem, model, data, unknowns))
+    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    variance = np.sum(vectors[0] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[0] ** 2
+    # d log sigma / d x at the search variable x: the chain rule through the bounds' sigmoid.
+    slope = jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).sigma))(unknowns[0])[0]
+    error = float(np.sqrt(variance)) * abs(float(slope))
+    return error if error < _HOPELESS else float("inf")
+
+
+@eqx.filter_jit
+def _information(
+    problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple
+) -> Float[Array, "all all"]:
+    vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
+
+    def weighted(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
+        predicted = problem.predict(model, data, vector[:split], problem.linear(vector[split:]))
+        return (jnp.asarray(data.weights) * predicted).ravel()
+
+    jacobian = jax.jacfwd(weighted)(vector)
+    return jnp.matmul(jacobian.T, jacobian, precision="highest")
+
+
+def _percent(fraction: float) -> str:
+    return "no information" if not np.isfinite(fraction) else f"{100 * fraction:.2g} %"

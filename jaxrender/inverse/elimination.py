@@ -1,0 +1,189 @@
+"""Variable projection: kd and ks are solved for inside every step of the search for sigma and mu.
+
+The model B = gain (kd D + ks S(sigma, mu)) is linear in kd and ks.  For given sigma and mu they are
+the solution of normal equations of a handful of unknowns, within their bounds; what remains is a
+least-squares problem in sigma and mu alone (and the gains), whose derivative goes through the inner
+solution.  The columns D and S may come from any model: the dual model's table or the exact integral.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.models import Model
+from jaxrender.inverse.solvers import Solution, least_squares, simplex, solve_in_box
+from jaxrender.inverse.unknowns import MicrofacetUnknowns, Physical, Unknown
+from jaxrender.shapes import AnyArray, Array, Float, Int
+
+METHODS = {"variable-projection": least_squares, "simplex": simplex}
+
+
+class Data(NamedTuple):
+    """Measured radiance, its weights (1 / standard deviation), and each sample's photograph."""
+
+    radiance: Float[AnyArray, "sample channel"]
+    weights: Float[AnyArray, "sample channel"]
+    frame: Int[AnyArray, "sample"]
+
+
+class Linear(NamedTuple):
+    """The solved linear part: the eliminated unknowns, and the kd and ks that they make."""
+
+    eliminated: Float[Array, "linear"]
+    kd: Float[Array, "channel"]
+    ks: Float[Array, "channel"]
+
+
+class Problem(eqx.Module):
+    """A material's unknowns, with the linear ones laid out for elimination.
+
+    (kd, ks) of all channels = ``mix`` @ eliminated + ``offset``.
+    """
+
+    unknowns: MicrofacetUnknowns
+    mix: Float[AnyArray, "two_channels linear"]
+    offset: Float[AnyArray, "two_channels"]
+    lower: Float[AnyArray, "linear"]
+    upper: Float[AnyArray, "linear"]
+
+    @classmethod
+    def of(cls, unknowns: MicrofacetUnknowns, channels: int, dtype=np.float64) -> "Problem":
+        """Lay out the linear unknowns of a material with ``channels`` colour channels."""
+        columns, bounds = [], []
+        offset = np.zeros(2 * channels)
+        for which, unknown in enumerate((unknowns.kd, unknowns.ks)):
+            rows = which * channels + np.arange(channels)
+            if unknown.fixed is not None:
+                offset[rows] = _per_channel(unknown, channels)
+                continue
+            shared = which == 1 and not unknowns.ks_per_channel
+            for group in [rows] if shared else rows[:, None]:
+                columns.append(np.isin(np.arange(2 * channels), group).astype(float))
+                bounds.append((unknown.lower, unknown.upper))
+        if unknowns.free_scale and offset.any():
+            # What is fixed enters times the unknown scale, which is then one more linear unknown.
+            columns.append(offset)
+            bounds.append((0.0, np.inf))
+            offset = np.zeros_like(offset)
+        mix = np.stack(columns, axis=1) if columns else np.zeros((2 * channels, 0))
+        lower, upper = np.array(bounds or np.zeros((0, 2))).T
+        arrays = (np.asarray(a, dtype) for a in (mix, offset, lower, upper))
+        return cls(unknowns, *arrays)
+
+    def columns(
+        self, model: Model, data: Data, physical: Physical
+    ) -> tuple[Float[Array, "sample channel"], Float[Array, "sample channel"]]:
+        """Evaluate the model's columns, times the gain of each sample's photograph."""
+        diffuse, specular = model.columns(physical.sigma, physical.mu)
+        if self.unknowns.free_gains:
+            gain = physical.gains[jnp.asarray(data.frame)][:, None]
+            diffuse, specular = diffuse * gain, specular * gain
+        return diffuse, specular
+
+    def eliminate(
+        self,
+        diffuse: Float[Array, "sample channel"],
+        specular: Float[Array, "sample channel"],
+        data: Data,
+    ) -> Linear:
+        """Solve for kd and ks within their bounds, given their columns."""
+        squares = jnp.asarray(data.weights) ** 2
+        target = squares * data.radiance
+        dd, ds, ss = (
+            jnp.diag(jnp.sum(squares * a * b, axis=0))
+            for a, b in ((diffuse, diffuse), (diffuse, specular), (specular, specular))
+        )
+        normal = jnp.block([[dd, ds], [ds, ss]])
+        right = jnp.concatenate([jnp.sum(target * diffuse, 0), jnp.sum(target * specular, 0)])
+        mix, offset = jnp.asarray(self.mix), jnp.asarray(self.offset)
+        if not mix.shape[1]:
+            return self.linear(jnp.zeros(0, right.dtype))
+        eliminated = solve_in_box(
+            mix.T @ normal @ mix,
+            mix.T @ (right - normal @ offset),
+            jnp.asarray(self.lower),
+            jnp.asarray(self.upper),
+        )
+        return self.linear(eliminated)
+
+    def linear(self, eliminated: Float[Array, "linear"]) -> Linear:
+        """Spread the eliminated unknowns over kd and ks of all channels."""
+        both = jnp.asarray(self.mix) @ eliminated + jnp.asarray(self.offset)
+        channels = both.shape[0] // 2
+        return Linear(eliminated, both[:channels], both[channels:])
+
+    def predict(
+        self, model: Model, data: Data, point: Float[Array, "unknown"], linear: Linear
+    ) -> Float[Array, "sample channel"]:
+        """Predict the radiance of every sample."""
+        diffuse, specular = self.columns(model, data, self.unknowns.unpack(point))
+        return linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
+
+
+class Fit(NamedTuple):
+    """The best of all starts: where the search ended, the linear part, and the prediction there."""
+
+    solution: Solution
+    linear: Linear
+    predicted: Float[Array, "sample channel"]
+
+
+def residuals(
+    point: Float[Array, "unknown"], args: tuple[Problem, Model, Data]
+) -> Float[Array, "residual"]:
+    """Weighted residuals with the linear unknowns eliminated: what the solvers minimise."""
+    problem, model, data = args
+    diffuse, specular = problem.columns(model, data, problem.unknowns.unpack(point))
+    linear = problem.eliminate(diffuse, specular, data)
+    predicted = linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
+    return (jnp.asarray(data.weights) * (data.radiance - predicted)).ravel()
+
+
+@eqx.filter_jit
+def cost_at(
+    problem: Problem, model: Model, data: Data, point: Float[AnyArray, "unknown"]
+) -> Float[Array, ""]:
+    """Half the sum of squared weighted residuals at a point."""
+    return jnp.sum(residuals(point, (problem, model, data)) ** 2) / 2
+
+
+def search(
+    problem: Problem,
+    model: Model,
+    data: Data,
+    starts: Float[np.ndarray, "start unknown"],
+    method: str = "variable-projection",
+) -> Fit:
+    """Search from every start and keep the best.
+
+    Raises ``ValueError`` for a method that is not in ``METHODS``.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method={method!r}: choose one of {', '.join(METHODS)}")
+    # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
+    found = [_search(problem, model, data, jnp.asarray(start), method) for start in starts]
+    costs = np.array([float(fit.solution.cost) for fit in found])
+    return found[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))]
+
+
+@eqx.filter_jit
+def _search(
+    problem: Problem, model: Model, data: Data, start: Float[Array, "unknown"], method: str
+) -> Fit:
+    with jax.default_matmul_precision("highest"):
+        solution = METHODS[method](residuals, start, (problem, model, data))
+        physical = problem.unknowns.unpack(solution.point)
+        diffuse, specular = problem.columns(model, data, physical)
+        linear = problem.eliminate(diffuse, specular, data)
+        predicted = linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
+    return Fit(solution, linear, predicted)
+
+
+def _per_channel(unknown: Unknown, channels: int) -> Float[np.ndarray, "channel"]:
+    values = np.asarray(unknown.fixed, float)
+    if values.shape[0] not in (1, channels):
+        raise ValueError(f"fixed at {values.tolist()}: give one value or {channels}, one a channel")
+    return np.broadcast_to(values, (channels,))

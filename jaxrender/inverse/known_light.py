@@ -1,0 +1,176 @@
+"""Known light made ready for a fit: split for the dual model, as point masses for the integral."""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.inverse.observations import Observations
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    LightNodes,
+    LightSplit,
+    candidates,
+    condensed,
+    split_to_energy,
+    take,
+)
+from jaxrender.reflection import (
+    DualGoal,
+    DualLight,
+    FrameNodes,
+    SourcesNeeded,
+    dual_light,
+    sources_needed,
+)
+from jaxrender.shapes import Int
+
+# exp(-(sigma l)^2) is below 4e-5 at this multiple of 1 / sigma: no higher degree passes the lobe.
+_BAND_LIMIT_TIMES_SIGMA = 3.2
+_HIGHEST_BAND_LIMIT = 128
+# The dual model's specular column is to be this accurate (relative rms) ...
+_DUAL_ERROR = 0.015
+# ... at no more than this many sources; the rough first pass makes do with fewer.
+_MOST_SOURCES = 1024
+_ROUGH_SOURCES = 64
+_SAMPLES_FOR_SPLIT = 128
+# Environments above this size are condensed for the exact integral, to cells this narrow.
+_MOST_NODES = 2**15
+_NODE_ANGLE_PER_SIGMA = 1 / 6
+
+
+class KnownLight(eqx.Module):
+    """All that lights the object: an environment, sources, and sources of single photographs.
+
+    Raises ``ValueError`` when all of it is dark.
+    """
+
+    environment: Environment | None
+    directional: DirectionalSources
+    per_frame: tuple[DirectionalSources, ...] | None = None
+
+    def __check_init__(self):
+        parts = [self.environment, self.directional, *(self.per_frame or ())]
+        energy = sum(float(np.sum(p.nodes().irradiance)) for p in parts if p is not None)
+        if not energy > 0:
+            raise ValueError("the light is zero: give an environment or sources with radiance")
+
+    def of_frame(self, frame: int) -> "KnownLight":
+        """Pick the light of one photograph."""
+        if self.per_frame is None:
+            return self
+        own, shared = self.per_frame[frame], self.directional
+        sources = DirectionalSources(
+            np.concatenate([shared.directions, own.directions]),
+            np.concatenate([shared.irradiance, own.irradiance]),
+        )
+        return KnownLight(self.environment, sources)
+
+    def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
+        """Stack the sources of all photographs, with dark ones where a photograph has fewer."""
+        if self.per_frame is None:
+            return None
+        most = max(source.directions.shape[0] for source in self.per_frame)
+        channels = self.directional.irradiance.shape[1]
+        directions = np.tile([0.0, 0.0, 1.0], (len(self.per_frame), most, 1))
+        irradiance = np.zeros((len(self.per_frame), most, channels))
+        for frame, source in enumerate(self.per_frame):
+            directions[frame, : source.directions.shape[0]] = source.directions
+            irradiance[frame, : source.directions.shape[0]] = source.irradiance
+        return FrameNodes(directions, irradiance, np.asarray(frame_of_sample))
+
+
+class PreparedLight(NamedTuple):
+    """Light split at one roughness, and how well the dual model does with it."""
+
+    dual: DualLight
+    split: LightSplit | None
+    needed: SourcesNeeded | None
+
+
+def prepare_light(
+    light: KnownLight,
+    observations: Observations,
+    brdf: Microfacet,
+    split: str | float,
+    band_limit: int | None,
+) -> PreparedLight:
+    """Split the light at the roughness of ``brdf``, as finely as the dual model needs it.
+
+    ``split`` is ``"auto"``, ``"rough"`` (a first pass: the strongest sources, unchecked), ``"off"``
+    or the fraction of the energy to leave in the slow part.
+    """
+    frames = light.frame_nodes(np.asarray(observations.frame))
+    if light.environment is None:
+        return PreparedLight(dual_light(None, light.directional, 0, frames), None, None)
+    sigma = float(brdf.sigma)
+    degrees = band_limit_for(light.environment, sigma) if band_limit is None else band_limit
+    degrees = min(degrees, light.environment.grid.band_limit)
+    divided, needed = _divide(light.environment, observations.samples, brdf, split, degrees)
+    return PreparedLight(dual_light(divided, light.directional, degrees, frames), divided, needed)
+
+
+def exact_nodes(
+    light: KnownLight,
+    frame_of_sample: Int[np.ndarray, "sample"],
+    sigma: float,
+    angle_per_sigma: float | None = None,
+) -> tuple[LightNodes | FrameNodes, ...]:
+    """List the light's point masses: every texel with light in it, and every source.
+
+    Environments of more than 32,768 texels are condensed to cells of sigma / 6, and any to cells
+    of ``angle_per_sigma`` times sigma where that is given.
+    """
+    parts: list[LightNodes | FrameNodes] = []
+    shared = [light.directional.nodes()]
+    if light.environment is not None:
+        nodes = light.environment.nodes()
+        if angle_per_sigma is not None or nodes.directions.shape[0] > _MOST_NODES:
+            angle = (angle_per_sigma or _NODE_ANGLE_PER_SIGMA) * sigma
+            nodes = condensed(light.environment, angle)
+        lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
+        shared.append(
+            LightNodes(np.asarray(nodes.directions)[lit], np.asarray(nodes.irradiance)[lit])
+        )
+    directions, irradiance = (np.concatenate(arrays) for arrays in zip(*shared))
+    if len(directions):
+        parts.append(LightNodes(directions, irradiance))
+    frames = light.frame_nodes(np.asarray(frame_of_sample))
+    if frames is not None:
+        parts.append(frames)
+    return tuple(parts)
+
+
+def band_limit_for(environment: Environment, sigma: float) -> int:
+    """Choose the degree up to which a lobe of roughness ``sigma`` passes the light at all."""
+    # Rounded up to a few values, so that few programs are ever compiled.
+    wanted = 16 * math.ceil(_BAND_LIMIT_TIMES_SIGMA / sigma / 16)
+    return min(wanted, environment.grid.band_limit, _HIGHEST_BAND_LIMIT)
+
+
+def _divide(
+    environment: Environment,
+    samples: SurfaceSamples,
+    brdf: Microfacet,
+    split: str | float,
+    band_limit: int,
+) -> tuple[LightSplit, SourcesNeeded | None]:
+    sigma = float(brdf.sigma)
+    if isinstance(split, float):
+        return split_to_energy(environment, sigma, split), None
+    found = candidates(environment, sigma)
+    if split == "off":
+        return take(environment, found, 0, sigma), None
+    if split == "rough":
+        return take(environment, found, _ROUGH_SOURCES, sigma), None
+    if split != "auto":
+        raise ValueError(f"split={split!r}: choose auto, off, or the energy left in the slow part")
+    step = max(1, samples.normals.shape[0] // _SAMPLES_FOR_SPLIT)
+    some = SurfaceSamples(samples.normals[::step], samples.outgoing[::step])
+    goal = DualGoal(_DUAL_ERROR, _MOST_SOURCES, band_limit)
+    needed = sources_needed(environment, found.sources, brdf.as_metal(), some, goal)
+    return take(environment, found, needed.count, sigma), needed

@@ -1,0 +1,110 @@
+"""Forward models behind the one interface that a search asks of them: columns of kd and ks."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import (
+    FrameNodes,
+    RoughnessTable,
+    integral_columns,
+    integral_columns_by_frame,
+)
+from jaxrender.shapes import Array, Float
+
+
+class Columns(NamedTuple):
+    """The columns of kd and ks."""
+
+    diffuse: Float[Array, "sample channel"]
+    specular: Float[Array, "sample channel"]
+
+
+@runtime_checkable
+class Model(Protocol):
+    """What a fit asks of a forward model."""
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate the diffuse and the specular column for given sigma and mu."""
+        ...
+
+
+class TabulatedModel(eqx.Module):
+    """The dual model through its table over roughness."""
+
+    table: RoughnessTable
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Look up the columns."""
+        return Columns(jnp.asarray(self.table.diffuse), self.table.specular(sigma, mu))
+
+
+class ExactModel(eqx.Module):
+    """The integral over the light's nodes, for the lobe of ``variant`` (its angle and masking)."""
+
+    variant: Microfacet
+    samples: SurfaceSamples
+    nodes: tuple[LightNodes | FrameNodes, ...]
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
+        outside = self.variant.fresnel == "exit"
+        lobe = self.variant.as_metal() if outside else self.variant
+        lobe = lobe.with_roughness(sigma, None if outside else mu)
+        columns = self._integrate(lobe)
+        specular = columns[:, 1]
+        if outside:
+            specular = specular * normalised_fresnel(mu, self.samples.exit_cosines)[:, None]
+        return Columns(columns[:, 0], specular)
+
+    def _integrate(self, lobe: Microfacet) -> Float[Array, "sample 2 channel"]:
+        """Sum over the lights that all photographs share and over those of each frame."""
+        parts = [
+            integral_columns_by_frame(lobe, self.samples, part)
+            if isinstance(part, FrameNodes)
+            else integral_columns(lobe, self.samples, part)
+            for part in self.nodes
+        ]
+        return jnp.sum(jnp.stack(parts), axis=0)
+
+
+class LinearisedModel(eqx.Module):
+    """Any model to first order about one roughness and index: what error bars are made of."""
+
+    diffuse: Float[Array, "sample channel"]
+    specular: Float[Array, "sample channel"]
+    by_sigma: Float[Array, "sample channel"]
+    by_mu: Float[Array, "sample channel"]
+    sigma: Float[Array, ""]
+    mu: Float[Array, ""]
+
+    @classmethod
+    def about(
+        cls, model: Model, sigma: Float[Array, ""], mu: Float[Array, ""] | None
+    ) -> "LinearisedModel":
+        """Evaluate a model and its derivatives once."""
+        return _linearise(model, sigma, mu)
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Extrapolate the columns linearly."""
+        specular = self.specular + self.by_sigma * (sigma - self.sigma)
+        if mu is not None:
+            specular = specular + self.by_mu * (mu - self.mu)
+        return Columns(self.diffuse, specular)
+
+
+@eqx.filter_jit
+def _linearise(
+    model: Model, sigma: Float[Array, ""], mu: Float[Array, ""] | None
+) -> LinearisedModel:
+    one = jnp.ones_like(sigma)
+    (diffuse, specular), (_, by_sigma) = jax.jvp(lambda s: model.columns(s, mu), (sigma,), (one,))
+    if mu is None:
+        return LinearisedModel(diffuse, specular, by_sigma, jnp.zeros_like(specular), sigma, one)
+    _, (_, by_mu) = jax.jvp(lambda m: model.columns(sigma, m), (mu,), (one,))
+    return LinearisedModel(diffuse, specular, by_sigma, by_mu, sigma, mu)

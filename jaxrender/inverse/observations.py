@@ -1,0 +1,82 @@
+"""Usable pixels as measurements of radiance, and subsets of them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.shapes import AnyArray, Float, Int
+
+_EXIT_COSINE_STRATA = 10
+_BRIGHTNESS_STRATA = 4
+
+
+class Observations(NamedTuple):
+    """Radiance of samples of a surface, and which photograph each is from."""
+
+    samples: SurfaceSamples
+    radiance: Float[AnyArray, "sample channel"]
+    frame: Int[AnyArray, "sample"]
+
+    def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
+        """Keep the samples of the given indices."""
+        samples = SurfaceSamples(*(np.asarray(a)[index] for a in self.samples))
+        return Observations(
+            samples, np.asarray(self.radiance)[index], np.asarray(self.frame)[index]
+        )
+
+    @property
+    def count(self) -> int:
+        """The number of samples."""
+        return self.radiance.shape[0]
+
+
+def random_subset(observations: Observations, count: int, seed: int) -> Observations:
+    """Draw at most ``count`` samples, every one as likely as any other (as T 6.4.2 does)."""
+    if observations.count <= count:
+        return observations
+    chosen = np.random.default_rng(seed).choice(observations.count, count, replace=False)
+    return observations.take(np.sort(chosen))
+
+
+def stratified_subset(
+    observations: Observations, predicted: Float[AnyArray, "sample channel"], count: int, seed: int
+) -> tuple[Observations, Float[np.ndarray, "kept channel"]]:
+    """Draw at most ``count`` samples spread evenly over exit cosine, and over brightness within it.
+
+    Grazing views and highlights, which say most about sigma and mu, are few among the pixels; so
+    they are drawn as often as the rest.  Brightness is that of a model's prediction: choosing by
+    the measurement would choose its noise, and bias the fit.  Returned along with the samples.
+    """
+    if observations.count <= count:
+        return observations, np.asarray(predicted)
+    cosines = np.asarray(observations.samples.exit_cosines)
+    intensity = np.asarray(predicted).mean(axis=1)
+    rng = np.random.default_rng(seed)
+    stratum = _ranks(cosines, _EXIT_COSINE_STRATA)
+    for level in range(_EXIT_COSINE_STRATA):
+        inside = np.flatnonzero(stratum == level)
+        stratum[inside] += _EXIT_COSINE_STRATA * _brightness_strata(intensity[inside])
+    # Visit the strata in turn, each in random order, until there are enough.
+    order = rng.permutation(observations.count)
+    turn = np.empty(observations.count, int)
+    for level in np.unique(stratum):
+        inside = order[stratum[order] == level]
+        turn[inside] = np.arange(len(inside))
+    chosen = np.sort(np.lexsort((rng.random(observations.count), turn))[:count])
+    return observations.take(chosen), np.asarray(predicted)[chosen]
+
+
+def _ranks(values: Float[np.ndarray, "sample"], strata: int) -> Int[np.ndarray, "sample"]:
+    """Number equally populated strata of ascending values."""
+    ranks = np.argsort(np.argsort(values, kind="stable"), kind="stable")
+    return ranks * strata // max(len(values), 1)
+
+
+def _brightness_strata(intensity: Float[np.ndarray, "sample"]) -> Int[np.ndarray, "sample"]:
+    """Number strata by equal steps of brightness, so that highlights make up one of their own."""
+    low, high = intensity.min(), intensity.max()
+    if high <= low:
+        return np.zeros(len(intensity), int)
+    level = (intensity - low) / (high - low) * _BRIGHTNESS_STRATA
+    return np.minimum(level.astype(int), _BRIGHTNESS_STRATA - 1)

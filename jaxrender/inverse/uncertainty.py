@@ -1,0 +1,156 @@
+"""Error bars: the full covariance at the end of a fit, the eliminated linear part included.
+
+The covariance is that of least squares, s^2 (J' W J)^-1 over search and linear unknowns together,
+carried over to the parameters in their own units.  s^2 is the mean squared weighted residual where
+the noise was estimated; where it was given, intervals are widened when the data scatter more than
+they should, and never narrowed.  sigma and mu - 1 are positive, so their intervals are symmetric in
+the logarithm.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.shapes import Array, Float
+
+# Half the width of a 90 % interval of the normal distribution, in standard errors.
+_NORMAL_90 = 1.6448536269514722
+# A parameter is not identifiable when its interval reaches further than this to either side.
+IDENTIFIABLE_WITHIN = 0.25
+
+
+class Parameters(NamedTuple):
+    """A material in its own units: kd and ks per channel, sigma, mu (NaN: metal), gains, scale."""
+
+    kd: Float[Array, "channel"]
+    ks: Float[Array, "channel"]
+    sigma: Float[Array, ""]
+    mu: Float[Array, ""]
+    gains: Float[Array, "frame"]
+    scale: Float[Array, ""]
+
+
+class Uncertain(NamedTuple):
+    """Values, 90 % intervals (lower and upper) and standard errors of the same parameters.
+
+    What is fixed has a standard error of zero and an interval of its value alone.
+    """
+
+    value: Parameters
+    lower: Parameters
+    upper: Parameters
+    standard_error: Parameters
+
+
+def uncertain_parameters(
+    problem: Problem, model: LinearisedModel, data: Data, fit: Fit, noise_given: bool
+) -> Uncertain:
+    """Compute the parameters at the end of a fit, with their intervals."""
+    held = _held(problem, fit)
+    value, covariance = _propagate(
+        problem, model, data, (fit.solution.point, fit.linear.eliminated), (held, noise_given)
+    )
+    structure = jax.tree.structure(value)
+    sizes = [leaf.size for leaf in jax.tree.leaves(value)]
+    errors = np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0))
+    parts = np.split(errors, np.cumsum(sizes)[:-1])
+    shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
+    error = Parameters(*jax.tree.unflatten(structure, shaped))
+    value = Parameters(*(np.asarray(leaf, float) for leaf in value))
+    return Uncertain(value, _bound(value, error, -1), _bound(value, error, 1), error)
+
+
+def within_reach(uncertain: Uncertain, name: str) -> bool:
+    """Say whether a parameter's interval lies within 25 % of its value (for mu: of mu - 1)."""
+    origin = 1.0 if name == "mu" else 0.0
+    value, low, high = (
+        np.asarray(getattr(part, name)) - origin
+        for part in (uncertain.value, uncertain.lower, uncertain.upper)
+    )
+    reach = IDENTIFIABLE_WITHIN * np.abs(value)
+    return bool(np.all(high - value <= reach) and np.all(value - low <= reach))
+
+
+def to_parameters(
+    problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
+) -> Parameters:
+    """Put a search point and its linear part into a material's own units, gauge applied.
+
+    With an unknown scale between light and photographs, kd and ks are those of a material whose
+    mean kd + ks is one, unless a fixed kd or ks says what the scale is.
+    """
+    physical = problem.unknowns.unpack(point)
+    linear: Linear = problem.linear(eliminated)
+    kd, ks = linear.kd, linear.ks
+    scale = jnp.ones((), kd.dtype)
+    if problem.unknowns.free_scale:
+        fixed = not (problem.unknowns.kd.free and problem.unknowns.ks.free)
+        scale = eliminated[-1] if fixed else jnp.mean(kd + ks)
+        kd, ks = kd / scale, ks / scale
+    mu = jnp.full((), jnp.nan, kd.dtype) if physical.mu is None else physical.mu
+    return Parameters(kd, ks, physical.sigma, mu, physical.gains, scale)
+
+
+@eqx.filter_jit
+def _propagate(
+    problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple, settings: tuple
+) -> tuple[Parameters, Float[Array, "parameter parameter"]]:
+    held, noise_given = settings
+    vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
+
+    def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
+        predicted = problem.predict(model, data, vector[:split], problem.linear(vector[split:]))
+        return (jnp.asarray(data.weights) * (data.radiance - predicted)).ravel()
+
+    def parameters(vector: Float[Array, "all"]) -> Float[Array, "parameter"]:
+        found = to_parameters(problem, vector[:split], vector[split:])
+        found = found._replace(mu=jnp.nan_to_num(found.mu))
+        return jnp.concatenate([jnp.ravel(leaf) for leaf in found])
+
+    with jax.default_matmul_precision("highest"):
+        jacobian = jax.jacfwd(residual)(vector) * ~held[None, :]
+        left = residual(vector)
+        freedom = left.size - jnp.sum(~held)
+        variance = jnp.sum(left**2) / freedom
+        variance = jnp.maximum(variance, 1) if noise_given else variance
+        covariance = variance * _inverse(jacobian.T @ jacobian)
+        spread = jax.jacfwd(parameters)(vector) * ~held[None, :]
+        return to_parameters(
+            problem, vector[:split], vector[split:]
+        ), spread @ covariance @ spread.T
+
+
+def _inverse(matrix: Float[Array, "all all"]) -> Float[Array, "all all"]:
+    """Invert a symmetric matrix scaled to unit diagonal; what has no information stays huge."""
+    diagonal = jnp.diag(matrix)
+    scale = jnp.where(diagonal > 0, 1 / jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1)), 0)
+    values, vectors = jnp.linalg.eigh(matrix * scale[:, None] * scale[None, :])
+    floor = jnp.finfo(matrix.dtype).eps * matrix.shape[0]
+    inverse = (vectors / jnp.maximum(values, floor)[None, :]) @ vectors.T
+    return inverse * scale[:, None] * scale[None, :]
+
+
+def _held(problem: Problem, fit: Fit) -> np.ndarray:
+    """Mark the unknowns that ended at a bound: they have no error bar of their own."""
+    eliminated = np.asarray(fit.linear.eliminated)
+    lower, upper = np.asarray(problem.lower), np.asarray(problem.upper)
+    at_box = (eliminated <= lower) | (eliminated >= upper)
+    return np.concatenate([problem.unknowns.at_bound(fit.solution.point), at_box])
+
+
+def _bound(value: Parameters, error: Parameters, sign: int) -> Parameters:
+    """Move each value by the 90 % half width, sigma and mu - 1 by a factor."""
+    moved = {}
+    for name in Parameters._fields:
+        centre, spread = getattr(value, name), _NORMAL_90 * getattr(error, name)
+        if name in ("sigma", "mu"):
+            origin = 1.0 if name == "mu" else 0.0
+            moved[name] = origin + (centre - origin) * np.exp(sign * spread / (centre - origin))
+        else:
+            moved[name] = centre + sign * spread
+    return Parameters(**moved)

@@ -1,0 +1,144 @@
+"""Which parameters of a microfacet material are free, and how they enter the model.
+
+kd and ks enter linearly and are eliminated; sigma and mu do not, and are searched in unconstrained
+variables: the logit of where log sigma, or log(mu - 1), lies between its bounds.  Gains of single
+photographs join the search as logarithms, relative to the first photograph.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.shapes import Array, Bool, Float
+
+# The search space where the user names no bounds: from nearly mirror to nearly diffuse, and from
+# nearly no interface to well above diamond.
+SIGMA_BOUNDS = (0.02, 1.0)
+MU_BOUNDS = (1.02, 6.0)
+# Within this fraction of the logarithmic range a parameter counts as being at its bound.
+_AT_BOUND = 0.005
+
+
+class Unknown(eqx.Module):
+    """A parameter: ``fixed`` at a value (one, or one per channel), or free within its bounds."""
+
+    fixed: tuple[float, ...] | None = eqx.field(static=True, default=None)
+    lower: float = eqx.field(static=True, default=0.0)
+    upper: float = eqx.field(static=True, default=float("inf"))
+    start: float | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        if not self.lower < self.upper:
+            raise ValueError(
+                f"bounds [{self.lower}, {self.upper}]: the lower must be below the upper"
+            )
+        if self.start is not None and not self.lower <= self.start <= self.upper:
+            raise ValueError(f"start {self.start} is outside [{self.lower}, {self.upper}]")
+
+    @property
+    def free(self) -> bool:
+        """Whether the parameter is searched for."""
+        return self.fixed is None
+
+
+def sigma_unknown(**given) -> Unknown:
+    """A roughness, free within ``SIGMA_BOUNDS`` unless said otherwise."""
+    low, high = SIGMA_BOUNDS
+    return Unknown(**{"lower": low, "upper": high} | given)
+
+
+def mu_unknown(**given) -> Unknown:
+    """A refractive index, free within ``MU_BOUNDS`` unless said otherwise."""
+    low, high = MU_BOUNDS
+    return Unknown(**{"lower": low, "upper": high} | given)
+
+
+class Physical(eqx.Module):
+    """The nonlinear parameters in their own units; ``mu`` is None for a metal."""
+
+    sigma: Float[Array, ""]
+    mu: Float[Array, ""] | None
+    gains: Float[Array, "frame"]
+
+
+class MicrofacetUnknowns(eqx.Module):
+    """kd, ks, sigma and mu of T 6.2, and what else is unknown about the photographs.
+
+    ``mu=None`` means a metal; ``free_gains`` is the number of photographs whose exposure is
+    unknown (0: all known); ``free_scale`` says that the light is known up to one factor.
+    """
+
+    kd: Unknown = Unknown()
+    ks: Unknown = Unknown()
+    sigma: Unknown = sigma_unknown()
+    mu: Unknown | None = mu_unknown()
+    ks_per_channel: bool = eqx.field(static=True, default=False)
+    free_gains: int = eqx.field(static=True, default=0)
+    free_scale: bool = eqx.field(static=True, default=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The nonlinear unknowns in the order of the search vector."""
+        searched = [("sigma", self.sigma), ("mu", self.mu)]
+        names = [name for name, unknown in searched if unknown is not None and unknown.free]
+        return (*names, *(f"gain {frame}" for frame in range(1, self.free_gains)))
+
+    def unpack(self, point: Float[Array, "unknown"]) -> Physical:
+        """Turn a search vector into parameters in their own units."""
+        values = dict(zip(self.names, point))
+        sigma = jnp.exp(_inside(self.sigma, values.get("sigma"), 0.0, point.dtype))
+        mu = None
+        if self.mu is not None:
+            mu = 1 + jnp.exp(_inside(self.mu, values.get("mu"), 1.0, point.dtype))
+        logs = [values[name] for name in self.names if name.startswith("gain")]
+        gains = jnp.exp(jnp.stack([jnp.zeros((), point.dtype), *logs]))
+        return Physical(sigma, mu, gains)
+
+    def pack(self, sigma: float, mu: float | None) -> Float[np.ndarray, "unknown"]:
+        """Turn parameters in their own units into a search vector, all gains 1."""
+        given = {"sigma": (self.sigma, sigma, 0.0), "mu": (self.mu, mu, 1.0)}
+        packed = [_outside(*given[name]) if name in given else 0.0 for name in self.names]
+        return np.array(packed, float)
+
+    def starts(self, count: int) -> Float[np.ndarray, "start unknown"]:
+        """Spread ``count`` starting points over the bounds, the user's own first."""
+        middle = self.pack(*self._start_values())
+        points = np.tile(middle, (max(count, 1), 1))
+        # Successive multiples of irrational numbers fill the square evenly (a Kronecker lattice).
+        spread = (0.5 + np.outer(np.arange(len(points)), [0.7548776662, 0.5698402910])) % 1
+        for column, name in enumerate(self.names[:2]):
+            if not name.startswith("gain"):
+                points[1:, column] = _logit(0.15 + 0.7 * spread[1:, column])
+        return points
+
+    def at_bound(self, point: Float[Array, "unknown"]) -> Bool[np.ndarray, "unknown"]:
+        """Say which searched parameters ended at a bound."""
+        fraction = np.asarray(jax.nn.sigmoid(point))
+        bounded = np.array([not name.startswith("gain") for name in self.names], bool)
+        return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
+
+    def _start_values(self) -> tuple[float, float | None]:
+        sigma = self.sigma.start or float(np.clip(0.15, self.sigma.lower, self.sigma.upper))
+        if self.mu is None:
+            return sigma, None
+        return sigma, self.mu.start or float(np.clip(1.5, self.mu.lower, self.mu.upper))
+
+
+def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) -> Float[Array, ""]:
+    """Map a search variable to the logarithm of (value - origin) between the bounds."""
+    if unknown.fixed is not None:
+        return jnp.log(jnp.asarray(unknown.fixed[0] - origin, dtype))
+    low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
+    return low + (high - low) * jax.nn.sigmoid(x)
+
+
+def _outside(unknown: Unknown, value: float, origin: float) -> float:
+    low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
+    return float(_logit((np.log(value - origin) - low) / (high - low)))
+
+
+def _logit(fraction):
+    # Not closer to a bound than where the search variable still moves the parameter.
+    fraction = np.clip(fraction, 0.01, 0.99)
+    return np.log(fraction / (1 - fraction))

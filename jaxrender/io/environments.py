@@ -1,0 +1,40 @@
+"""Environment images: any named panorama in, our latitude-longitude image out."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from jaxrender.errors import InputError
+from jaxrender.io.images import read_image, write_image
+from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.layouts import panorama_named
+from jaxrender.lighting.panoramas import to_latlong
+
+
+def read_environment(
+    path: str | Path, convention: str = "z-up", scale: float | int = 1.0, height: int | None = None
+) -> Environment:
+    """Read a panorama as the world's light, its radiance multiplied by ``scale``.
+
+    ``convention`` is a name of ``lighting.PANORAMAS``; ``height`` the rows of the result, by
+    default about the file's own resolution.  Raises InputError for a file that cannot be read or
+    has the wrong aspect, ValueError for an unknown convention or a scale that is not positive.
+    """
+    panorama_named(convention)
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale is {scale}: it must be positive and finite")
+    image = read_image(path)
+    if image.metadata["is_integer"]:
+        raise InputError(
+            f"{path}: a panorama of integer values is not linear radiance; use EXR, HDR or PFM"
+        )
+    try:
+        return Environment(scale * to_latlong(image.pixels, convention, height))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def write_environment(path: str | Path, environment: Environment) -> None:
+    """Write an environment as a z-up latitude-longitude image."""
+    write_image(path, np.asarray(environment.radiance))

@@ -1,0 +1,44 @@
+"""Incoming radiance as a function of direction.
+
+``base``
+    what a light is: point masses of irradiance on the sphere of directions
+``directional``
+    sources in single directions
+``environment``
+    radiance on a latitude-longitude grid
+``lobes``
+    smooth light as a function, for area sources
+``cells`` ``split``
+    near-equal cells of the sphere; slow and fast light apart (T 6.3)
+``layouts`` ``panoramas``
+    where other panoramas show a direction; their conversion to our grid (host side)
+"""
+
+from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.cells import Cells, condensed, partition
+from jaxrender.lighting.directional import DirectionalSources
+from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.layouts import PANORAMAS, panorama_named
+from jaxrender.lighting.lobes import SmoothLobes
+from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
+from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
+
+__all__ = [
+    "PANORAMAS",
+    "Candidates",
+    "Cells",
+    "DirectionalSources",
+    "Environment",
+    "Light",
+    "LightNodes",
+    "LightSplit",
+    "SmoothLobes",
+    "candidates",
+    "condensed",
+    "panorama_named",
+    "partition",
+    "split_to_energy",
+    "take",
+    "to_latlong",
+    "to_own_latlong",
+]

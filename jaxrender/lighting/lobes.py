@@ -1,0 +1,41 @@
+"""Smooth light as a function: lobes that fall off like a Gaussian on the sphere.
+
+An area source far away is such a lobe.  It is no image, so that photographs made with it owe
+nothing to any grid.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry.directions import normalise
+from jaxrender.harmonics.grids import LatLongGrid
+from jaxrender.lighting.environment import Environment
+from jaxrender.shapes import AnyArray, Array, Float
+
+
+class SmoothLobes(eqx.Module):
+    """L(w) = sum_k radiance_k exp(-(1 - w . d_k) / (1 - cos width_k)): von Mises-Fisher lobes.
+
+    At the angle ``width`` (radians) from its middle a lobe has fallen to 1/e.
+    """
+
+    directions: Float[AnyArray, "lobe 3"]
+    widths: Float[AnyArray, "lobe"]
+    middle: Float[AnyArray, "lobe channel"]
+
+    def __check_init__(self):
+        if not (np.all(np.asarray(self.widths) > 0) and np.all(np.asarray(self.widths) <= np.pi)):
+            raise ValueError(f"widths {self.widths}: give angles above 0 and up to pi radians")
+
+    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+        """Evaluate the radiance from world directions."""
+        towards = jnp.asarray(directions) @ normalise(self.directions).T
+        sharpness = 1 / (1 - jnp.cos(jnp.asarray(self.widths)))
+        return jnp.exp((towards - 1) * sharpness[None, :]) @ jnp.asarray(self.middle)
+
+    def to_environment(self, height: int) -> Environment:
+        """Sample the lobes at the texels of an environment image."""
+        directions = LatLongGrid(height, 2 * height).directions()
+        image = self.radiance(directions.reshape(-1, 3)).reshape(height, 2 * height, -1)
+        return Environment(image)

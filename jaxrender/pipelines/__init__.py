@@ -1,0 +1,37 @@
+"""Files in, files out.
+
+``config``
+    what a run is told, as data
+``run`` ``synth`` ``render``
+    a fit; synthetic photographs from a recipe; a finished result's views rendered again
+``output`` ``progress``
+    result folders that appear whole or not at all; what is being done, and how long it took
+
+The functions of one step are imported when they are first asked for, so that reading a config
+does not import the numerics.
+"""
+
+import importlib
+
+_HOME = {
+    "fit": "run",
+    "synthesise": "synth",
+    "render_config": "render",
+    "RecipeConfig": "config",
+    "RunConfig": "config",
+    "load_recipe": "config",
+    "load_run_config": "config",
+}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str):
+    """Import a function's module when the function is first asked for."""
+    if name in _HOME:
+        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,68 @@
+"""Configs as data: what a run is told, with no class of the run time in it.
+
+One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :mod:`.lighting`,
+:mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`; :mod:`.run` is
+the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values` holds the kinds of
+value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document` (places),
+:mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).
+"""
+
+from jaxrender.pipelines.config.brdf import BrdfConfig
+from jaxrender.pipelines.config.capture import CaptureConfig, CurveConfig
+from jaxrender.pipelines.config.geometry import (
+    EllipsoidConfig,
+    GeometryConfig,
+    RecipeGeometryConfig,
+    SphereConfig,
+)
+from jaxrender.pipelines.config.lighting import (
+    DirectionalConfig,
+    EnvironmentConfig,
+    LightingConfig,
+)
+from jaxrender.pipelines.config.loader import (
+    json_schema,
+    load_recipe,
+    load_run_config,
+    resolved_yaml,
+)
+from jaxrender.pipelines.config.parameter import Parameter
+from jaxrender.pipelines.config.recipe import (
+    AreaConfig,
+    RecipeBrdfConfig,
+    RecipeConfig,
+    RecipeLightingConfig,
+    RecipeNoiseConfig,
+    ViewsConfig,
+)
+from jaxrender.pipelines.config.run import RunConfig
+from jaxrender.pipelines.config.samples import SamplesConfig
+from jaxrender.pipelines.config.solve import NoiseConfig, SolveConfig
+
+__all__ = [
+    "AreaConfig",
+    "BrdfConfig",
+    "CaptureConfig",
+    "CurveConfig",
+    "DirectionalConfig",
+    "EllipsoidConfig",
+    "EnvironmentConfig",
+    "GeometryConfig",
+    "LightingConfig",
+    "NoiseConfig",
+    "Parameter",
+    "RecipeBrdfConfig",
+    "RecipeConfig",
+    "RecipeGeometryConfig",
+    "RecipeLightingConfig",
+    "RecipeNoiseConfig",
+    "RunConfig",
+    "SamplesConfig",
+    "SolveConfig",
+    "SphereConfig",
+    "ViewsConfig",
+    "json_schema",
+    "load_recipe",
+    "load_run_config",
+    "resolved_yaml",
+]

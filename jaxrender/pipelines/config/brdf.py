@@ -1,0 +1,84 @@
+"""Which material model is fitted, and what is known of its parameters."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Discriminator, Tag, model_validator
+
+from jaxrender.pipelines.config.parameter import (
+    Parameter,
+    numbers_above,
+    numbers_at_least,
+    one_number,
+)
+from jaxrender.pipelines.config.values import Accepts, Section, Switch
+
+Model = Literal["microfacet", "lambertian"]
+Fresnel = Literal["exit", "half"]
+Masking = Literal["none", "smith"]
+
+# The parameters that a purely diffuse material does not have.
+SPECULAR_KEYS = ("ks", "sigma", "mu", "ks_per_channel", "fresnel", "masking")
+
+
+def _kind(value: Any) -> str:
+    return "<none>" if value == "none" else "<parameter>"
+
+
+Reflectance = Annotated[Parameter, AfterValidator(numbers_at_least(0.0))]
+Roughness = Annotated[
+    Parameter,
+    AfterValidator(one_number),
+    AfterValidator(numbers_above(0.0)),
+    Accepts("'free', a number above 0, {fixed}, or {bounds, start}"),
+]
+_Index = Annotated[Parameter, AfterValidator(one_number), AfterValidator(numbers_above(1.0))]
+RefractiveIndex = Annotated[
+    Annotated[Literal["none"], Tag("<none>")] | Annotated[_Index, Tag("<parameter>")],
+    Discriminator(_kind),
+    Accepts("'free', 'none', a number above 1, {fixed}, or {bounds, start}"),
+]
+
+
+class BrdfConfig(Section):
+    """The material: T 6.2, K_d + K_s F D / (4 cos cos), with what is known of it."""
+
+    model: Model = "microfacet"
+    """The family of materials."""
+    kd: Reflectance = Parameter()
+    """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
+    ks: Reflectance = Parameter()
+    """Specular weight."""
+    sigma: Roughness = Parameter()
+    """Surface roughness (root mean square slope), above 0."""
+    mu: RefractiveIndex = Parameter()
+    """Refractive index, above 1; none for metals (F = 1)."""
+    ks_per_channel: Switch = False
+    """Whether each channel has its own specular weight."""
+    fresnel: Fresnel = "exit"
+    """Which angle the Fresnel factor takes: that of the exit direction, or of the half vector."""
+    masking: Masking = "none"
+    """Masking and shadowing between facets."""
+
+    @model_validator(mode="after")
+    def _agrees_with_its_model(self) -> BrdfConfig:
+        refuse_specular_keys(self)
+        has_three = isinstance(self.ks.fixed, tuple) or isinstance(self.ks.start, tuple)
+        if has_three and not self.ks_per_channel:
+            raise ValueError("ks has three values; add 'ks_per_channel: true', or give one number")
+        return self
+
+
+def refuse_specular_keys(section: Section) -> None:
+    """Refuse specular settings of a material that has no specular part."""
+    if getattr(section, "model", None) != "lambertian":
+        return
+    fields = type(section).model_fields
+    given = [key for key in SPECULAR_KEYS if key in fields]
+    changed = [key for key in given if getattr(section, key) != fields[key].get_default()]
+    if changed:
+        raise ValueError(
+            f"found {', '.join(changed)} with model lambertian, which has only kd; "
+            "remove the key or choose model microfacet"
+        )

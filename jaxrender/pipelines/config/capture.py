@@ -1,0 +1,77 @@
+"""Which photographs are fitted, of which shape, and how their pixels become radiance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Tag, model_validator
+
+from jaxrender.pipelines.config.geometry import GeometryConfig
+from jaxrender.pipelines.config.values import (
+    ConfigPath,
+    NonNegative,
+    Positive,
+    Section,
+    Switch,
+    WholeNumber,
+)
+
+
+class CurveConfig(Section):
+    """A measured camera response."""
+
+    curve: ConfigPath
+    """A table of pixel value and radiance."""
+
+
+def _kind(value: Any) -> str:
+    return "<curve>" if isinstance(value, Mapping | CurveConfig) else "<name>"
+
+
+Response = Annotated[
+    Annotated[Literal["linear", "srgb"], Tag("<name>")] | Annotated[CurveConfig, Tag("<curve>")],
+    Discriminator(_kind),
+]
+
+
+class CaptureConfig(Section):
+    """The photographs: exactly one of ``transforms`` (given) and ``recipe`` (rendered first)."""
+
+    transforms: ConfigPath | None = None
+    """transforms.json of the photographs: cameras, file names, exposures."""
+    recipe: ConfigPath | None = None
+    """A recipe whose photographs are rendered first and then fitted."""
+    images: ConfigPath | None = None
+    """The folder in which the photographs that transforms.json names are looked up."""
+    geometry: GeometryConfig | None = None
+    """The known shape; with a recipe, the recipe's own unless given here."""
+    response: Response = "linear"
+    """How pixel values become radiance: linear, srgb or {curve: path}."""
+    invalid: Literal["refuse", "mask"] = "refuse"
+    """What to do with NaN, infinite and negative pixels."""
+    saturation: Positive | None = None
+    """Pixel value at and above which a pixel is left out; no limit if absent."""
+    black_level: NonNegative = 0.0
+    """Pixel value at and below which a pixel is left out."""
+    erode: WholeNumber = 2
+    """Pixels removed at silhouettes."""
+    exposure: Literal["given", "metadata"] = "given"
+    """Where exposures come from: transforms.json, or the metadata of the photographs."""
+    allow_outside: Switch = False
+    """Whether transforms.json may name files outside its own folder."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> CaptureConfig:
+        if (self.transforms is None) == (self.recipe is None):
+            found = "neither" if self.transforms is None else "both"
+            raise ValueError(f"found {found}; give exactly one of transforms, recipe")
+        if self.transforms is not None and self.geometry is None:
+            raise ValueError(
+                "missing key 'geometry'; photographs need {sphere: ...} or {mesh: ...}"
+            )
+        if self.recipe is not None and self.images is not None:
+            raise ValueError(
+                "found images with a recipe; only transforms names photographs, remove it"
+            )
+        return self

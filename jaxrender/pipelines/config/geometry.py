@@ -1,0 +1,65 @@
+"""The known shape of the object: a sphere, a mesh, or (in recipes) an ellipsoid."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from jaxrender.pipelines.config.values import (
+    ConfigPath,
+    Positive,
+    PositiveVector,
+    Section,
+    Vector,
+    WholeNumber,
+)
+
+
+class SphereConfig(Section):
+    """A sphere in world coordinates."""
+
+    center: Vector = (0.0, 0.0, 0.0)
+    """Centre in world units."""
+    radius: Positive = 1.0
+    """Radius in world units."""
+
+
+class EllipsoidConfig(Section):
+    """An ellipsoid about the origin, its axes along x, y, z, as a subdivided icosahedron."""
+
+    radii: PositiveVector
+    """Half axes along x, y and z."""
+    subdivisions: WholeNumber = 5
+    """How often each triangle of the icosahedron is split in four."""
+
+
+class GeometryConfig(Section):
+    """The shape of the photographed object: exactly one of ``sphere`` and ``mesh``."""
+
+    sphere: SphereConfig | None = None
+    """A sphere: {center, radius}."""
+    mesh: ConfigPath | None = None
+    """A mesh file: .obj, .ply, .glb or .stl."""
+    scale: Positive = 1.0
+    """World units per unit of the mesh file."""
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> GeometryConfig:
+        shapes = _shape_fields(self)
+        given = [name for name in shapes if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) if given else "none"
+            raise ValueError(f"found {found}; give exactly one of {', '.join(shapes)}")
+        if self.mesh is None and self.scale != 1:
+            raise ValueError(f"found scale {self.scale:g}; only a mesh has a scale, remove it")
+        return self
+
+
+class RecipeGeometryConfig(GeometryConfig):
+    """The shape to be rendered: exactly one of ``sphere``, ``mesh`` and ``ellipsoid``."""
+
+    ellipsoid: EllipsoidConfig | None = None
+    """An ellipsoid: {radii, subdivisions}."""
+
+
+def _shape_fields(section: GeometryConfig) -> list[str]:
+    return [name for name in type(section).model_fields if name != "scale"]

@@ -1,0 +1,60 @@
+"""The known light: an environment image, directional sources, or a list for each photograph."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from jaxrender.pipelines.config.values import (
+    ConfigPath,
+    Count,
+    Direction,
+    Fraction,
+    Positive,
+    Rgb,
+    Section,
+    Switch,
+)
+
+Convention = Literal["z-up", "y-up", "angular", "cross", "mirror-ball"]
+
+
+class EnvironmentConfig(Section):
+    """An environment image."""
+
+    path: ConfigPath
+    """The panorama."""
+    convention: Convention = "z-up"
+    """How the panorama is laid out."""
+    scale: Positive = 1.0
+    """Factor from pixel values to radiance."""
+    height: Count | None = None
+    """Rows to resample to; the panorama's own number if absent."""
+
+
+class DirectionalConfig(Section):
+    """A directional source."""
+
+    direction: Direction
+    """Towards the source; any length."""
+    irradiance: Rgb
+    """Irradiance on a plane facing the source: one number or three."""
+
+
+class LightingConfig(Section):
+    """The light in which the photographs were taken; several kinds add up."""
+
+    environment: EnvironmentConfig | None = None
+    """An environment image."""
+    directional: tuple[DirectionalConfig, ...] = ()
+    """Directional sources."""
+    per_frame: ConfigPath | None = None
+    """A file with a list of directional sources for each photograph."""
+    split: Literal["off", "auto"] | Fraction = "auto"
+    """How compact bright parts become sources: off, auto, or the energy left in the slow part."""
+    free_scale: Switch = False
+    """Whether the scale between light and photographs is unknown."""
+
+    @property
+    def given(self) -> bool:
+        """Whether the section names any light."""
+        return bool(self.environment or self.directional or self.per_frame)

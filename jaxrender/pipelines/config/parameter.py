@@ -1,0 +1,132 @@
+"""What a fit may do with one unknown of the material: find it, find it in bounds, or keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar
+
+from pydantic import GetJsonSchemaHandler, model_serializer, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from jaxrender.pipelines.config.values import Accepts, Number, Section
+
+Triple = tuple[Number, Number, Number]
+Values = Annotated[Number | Triple, Accepts("a number or three numbers")]
+Interval = Annotated[tuple[Number, Number], Accepts("two numbers [lowest, highest]")]
+
+
+def _numbers(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
+    """All the numbers of one entry; none if it is absent."""
+    if value is None:
+        return ()
+    return value if isinstance(value, tuple) else (value,)
+
+
+class Parameter(Section):
+    """An unknown: ``free``, ``{fixed: v}``, or some of ``{bounds: [low, high], start: v}``.
+
+    A bare number, or three of them for the channels, means ``fixed``.
+    """
+
+    accepts: ClassVar[str] = "'free', a number, three numbers, {fixed}, or {bounds, start}"
+
+    fixed: Values | None = None
+    """The known value: a number, or three for the channels."""
+    bounds: Interval | None = None
+    """The interval [lowest, highest] in which the value is looked for."""
+    start: Values | None = None
+    """Where the search starts."""
+
+    @property
+    def free(self) -> bool:
+        """Whether the fit looks for the value."""
+        return self.fixed is None
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Every number that the config names for this parameter."""
+        return _numbers(self.fixed) + (self.bounds or ()) + _numbers(self.start)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_shorthand(cls, value: Any) -> Any:
+        if isinstance(value, str) and value == "free":
+            return {}
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return {"fixed": value} if is_number or isinstance(value, list | tuple) else value
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Parameter:
+        if self.fixed is not None and (self.bounds is not None or self.start is not None):
+            raise ValueError("a fixed value needs no bounds and no start; remove them, or 'fixed'")
+        if self.bounds is None:
+            return self
+        low, high = self.bounds
+        if not low < high:
+            raise ValueError(f"found bounds [{low:g}, {high:g}]; the first must be the smaller one")
+        outside = [value for value in _numbers(self.start) if not low <= value <= high]
+        if outside:
+            raise ValueError(f"start {outside[0]:g} lies outside the bounds [{low:g}, {high:g}]")
+        return self
+
+    @model_serializer
+    def _to_plain(self) -> Any:
+        entries = {"fixed": self.fixed, "bounds": self.bounds, "start": self.start}
+        given = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in entries.items()
+            if value is not None
+        }
+        return given or "free"
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The section and its shorthands, so that editors accept what the loader accepts."""
+        number = {"type": "number"}
+        triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
+        values = {"anyOf": [number, triple]}
+        section = {
+            "type": "object",
+            "additionalProperties": False,
+            "properties": {
+                "fixed": values,
+                "bounds": {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
+                "start": values,
+            },
+        }
+        shorthands: list[Mapping[str, Any]] = [{"const": "free"}, number, triple, section]
+        return {"anyOf": shorthands, "description": cls.__doc__}
+
+
+def numbers_above(limit: float) -> Callable[[Parameter], Parameter]:
+    """A check that every number named for a parameter lies above a limit."""
+    return _checked(lambda number: number > limit, f"above {limit:g}")
+
+
+def numbers_at_least(limit: float) -> Callable[[Parameter], Parameter]:
+    """A check that no number named for a parameter lies below a limit."""
+    return _checked(lambda number: number >= limit, f"at least {limit:g}")
+
+
+def _checked(passes: Callable[[float], bool], rule: str) -> Callable[[Parameter], Parameter]:
+    def check(parameter: Parameter) -> Parameter:
+        wrong = [number for number in parameter.numbers if not passes(number)]
+        if wrong:
+            raise ValueError(f"found {wrong[0]:g}; every value here must be {rule}")
+        return parameter
+
+    return check
+
+
+def one_number(parameter: Parameter) -> Parameter:
+    """Refuse three values where the material has only one."""
+    for name, value in (("fixed", parameter.fixed), ("start", parameter.start)):
+        if isinstance(value, tuple):
+            shown = ", ".join(f"{number:g}" for number in value)
+            raise ValueError(
+                f"found {name} [{shown}]; this parameter is one number for all channels"
+            )
+    return parameter

@@ -1,0 +1,136 @@
+"""A recipe: how photographs with a known answer are rendered, for trials and tests."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from jaxrender.pipelines.config.brdf import Fresnel, Masking, Model, refuse_specular_keys
+from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
+from jaxrender.pipelines.config.lighting import DirectionalConfig, EnvironmentConfig
+from jaxrender.pipelines.config.values import (
+    Accepts,
+    Count,
+    Direction,
+    Elevation,
+    FieldOfView,
+    LobeWidth,
+    NonNegative,
+    Number,
+    Positive,
+    Rgb,
+    Section,
+    WholeNumber,
+)
+
+TrueIndex = Annotated[
+    float, Strict(), Field(gt=1, allow_inf_nan=False), Accepts("a number above 1")
+]
+
+
+class RecipeBrdfConfig(Section):
+    """The true material; the microfacet needs all of kd, ks, sigma and mu."""
+
+    model: Model = "microfacet"
+    """The family of materials."""
+    kd: Rgb
+    """Diffuse BRDF value (albedo / pi), 1/sr."""
+    ks: Rgb = (0.0, 0.0, 0.0)
+    """Specular weight."""
+    sigma: Positive = 0.1
+    """Surface roughness."""
+    mu: Literal["none"] | TrueIndex = 1.5
+    """Refractive index; none for metals (F = 1)."""
+    fresnel: Fresnel = "exit"
+    """Which angle the Fresnel factor takes."""
+    masking: Masking = "none"
+    """Masking and shadowing between facets."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> RecipeBrdfConfig:
+        refuse_specular_keys(self)
+        missing = {"ks", "sigma", "mu"} - self.model_fields_set
+        if self.model == "microfacet" and missing:
+            names = ", ".join(sorted(missing))
+            raise ValueError(f"a microfacet recipe states its whole truth; missing: {names}")
+        return self
+
+
+class AreaConfig(Section):
+    """A smooth lobe of light."""
+
+    direction: Direction
+    """Towards the middle of the lobe; any length."""
+    width_degrees: LobeWidth
+    """Width of the lobe."""
+    radiance: Rgb
+    """Radiance in the middle of the lobe: one number or three."""
+
+
+class RecipeLightingConfig(Section):
+    """The true light; several kinds add up."""
+
+    area: tuple[AreaConfig, ...] = ()
+    """Smooth lobes."""
+    environment: EnvironmentConfig | None = None
+    """An environment image."""
+    directional: tuple[DirectionalConfig, ...] = ()
+    """Directional sources."""
+
+    @model_validator(mode="after")
+    def _has_light(self) -> RecipeLightingConfig:
+        if not (self.area or self.environment or self.directional):
+            raise ValueError("no light given; give at least one of area, environment, directional")
+        return self
+
+
+class ViewsConfig(Section):
+    """Cameras on a circle about the object."""
+
+    count: Count = 60
+    """Number of photographs."""
+    step_degrees: Number = 3.0
+    """Angle from one camera to the next."""
+    start_degrees: Number = 0.0
+    """Angle of the first camera."""
+    axis: Direction = (0.0, 0.0, 1.0)
+    """Axis of the circle."""
+    elevation_degrees: Elevation = 0.0
+    """Angle of the cameras above the plane of the circle."""
+    distance: Positive = 12.0
+    """Distance from the middle of the object, world units."""
+    field_of_view_degrees: FieldOfView = 12.0
+    """Horizontal field of view."""
+    width: Count = 96
+    """Columns of a photograph."""
+    height: Count = 96
+    """Rows of a photograph."""
+
+
+class RecipeNoiseConfig(Section):
+    """Noise added to the photographs: standard deviation sqrt((relative radiance)^2 + floor^2)."""
+
+    relative: NonNegative = 0.01
+    """Part proportional to radiance."""
+    floor: NonNegative = 0.0
+    """Constant part, in radiance."""
+
+
+class RecipeConfig(Section):
+    """Everything that made a set of synthetic photographs."""
+
+    geometry: RecipeGeometryConfig
+    """The shape."""
+    brdf: RecipeBrdfConfig
+    """The true material."""
+    lighting: RecipeLightingConfig
+    """The true light."""
+    views: ViewsConfig = ViewsConfig()
+    """The cameras."""
+    noise: RecipeNoiseConfig = RecipeNoiseConfig()
+    """The noise."""
+    environment_height: Count = 128
+    """Rows of the environment image that is handed to the fit."""
+    seed: WholeNumber = 0
+    """Seed of the noise."""

@@ -1,0 +1,66 @@
+"""How the unknowns are found: light's band limit, transfer, solver, loss, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Tag, model_validator
+
+from jaxrender.pipelines.config.values import (
+    Count,
+    NonNegative,
+    Section,
+    Switch,
+    WholeNumber,
+)
+
+
+class NoiseConfig(Section):
+    """A given noise model: standard deviation sqrt((relative radiance)^2 + floor^2)."""
+
+    relative: NonNegative = 0.0
+    """Part proportional to radiance."""
+    floor: NonNegative = 0.0
+    """Constant part, in radiance."""
+
+    @model_validator(mode="after")
+    def _not_free_of_noise(self) -> NoiseConfig:
+        if self.relative == 0 and self.floor == 0:
+            raise ValueError("relative and floor are both 0; give one above 0, or noise: estimate")
+        return self
+
+
+def _kind(value: Any) -> str:
+    return "<given>" if isinstance(value, Mapping | NoiseConfig) else "<word>"
+
+
+Noise = Annotated[
+    Annotated[Literal["estimate"], Tag("<word>")] | Annotated[NoiseConfig, Tag("<given>")],
+    Discriminator(_kind),
+]
+
+
+class SolveConfig(Section):
+    """Settings of the solver."""
+
+    band_limit: Literal["auto"] | WholeNumber = "auto"
+    """Highest degree of the light that is kept."""
+    transfer: Literal["exit-cosine", "normal-exitance", "gaussian"] = "exit-cosine"
+    """How the specular lobe filters each degree."""
+    refine: Literal["exact", "off"] = "exact"
+    """Whether the answer is refined with the exact reflection integral."""
+    refine_samples: Count = 2000
+    """Pixels used by the refinement."""
+    method: Literal["variable-projection", "simplex"] = "variable-projection"
+    """The search: linear part eliminated, or the thesis's simplex."""
+    loss: Literal["squares", "huber", "cauchy"] = "squares"
+    """How residuals count."""
+    noise: Noise = "estimate"
+    """The noise of the photographs: estimate, or {relative, floor}."""
+    starts: Count = 8
+    """Starting points of the search."""
+    free_exposure: Switch = False
+    """Whether each photograph has an unknown exposure."""
+    variants: Switch = True
+    """Whether the answer is compared with those of other models of the material."""

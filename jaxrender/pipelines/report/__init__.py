@@ -1,0 +1,18 @@
+"""The report: one HTML page about one fit, readable without this program and without a network.
+
+``contents``
+    what a report is made of
+``wording`` ``display`` ``plots``
+    numbers as words, radiance as pictures, curves as SVG
+``account`` ``parameters``
+    how the fit ended and what it was made from; the table of parameters and what sigma rests on
+``photographs`` ``light`` ``material`` ``residuals`` ``spectra``
+    one section's figures a file
+``page``
+    the template ``report.html.j2`` and the style ``report.css`` filled with all of it
+"""
+
+from jaxrender.pipelines.report.contents import FramePictures, ReportContents
+from jaxrender.pipelines.report.page import write_report
+
+__all__ = ["FramePictures", "ReportContents", "write_report"]

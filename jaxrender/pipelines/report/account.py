@@ -1,0 +1,145 @@
+"""The account of a run: how it ended, how well it fits, where the time went, what it was made from."""
+
+from typing import Any, NamedTuple
+
+from jaxrender.inverse import Outcome
+from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.wording import counted, is_number, percent, seconds, shown
+
+_HEADLINES = {
+    "converged": ("Converged", "good"),
+    "not_converged": ("Not converged", "bad"),
+    "at_bound": ("At a bound", "warn"),
+    "not_identifiable": ("Not identifiable", "warn"),
+}
+_STAGES = {
+    "synth": "rendering the photographs of the recipe",
+    "load": "reading photographs, masks, geometry, light",
+    "trace": "finding what each pixel sees",
+    "rough": "first rough fit from many starts",
+    "split": "taking slow and fast light apart",
+    "table": "tabulating the model over roughness",
+    "compile": "compiling",
+    "solve": "fit in the frequency view",
+    "refine": "refinement by the exact integral",
+    "account": "error bars",
+    "variants": "fits under other models",
+    "predict": "rendering the predictions",
+    "write": "writing files",
+    "report": "this page",
+}
+
+
+class Ending(NamedTuple):
+    """How the fit ended: a headline, what it means, and why; ``tone`` is good, warn or bad."""
+
+    headline: str
+    tone: str
+    sentence: str
+    reasons: tuple[str, ...]
+
+
+class Figure(NamedTuple):
+    """One number with its name and a remark."""
+
+    name: str
+    value: str
+    remark: str
+
+
+class Timing(NamedTuple):
+    """One stage; ``width`` is its part of the longest in per cent."""
+
+    name: str
+    meaning: str
+    seconds: str
+    width: float
+
+
+class Timings(NamedTuple):
+    """All stages and their sum."""
+
+    stages: tuple[Timing, ...]
+    total: str
+
+
+def ending(contents: ReportContents) -> Ending:
+    """Say how the fit ended."""
+    outcome = str(contents.result.get("outcome", contents.fit.outcome.value))
+    headline, tone = _HEADLINES.get(outcome, (outcome, "warn"))
+    known = {item.value: item.sentence for item in Outcome}
+    reasons = contents.result.get("reasons", contents.fit.reasons)
+    return Ending(headline, tone, known.get(outcome, ""), tuple(str(r) for r in reasons))
+
+
+def figures(contents: ReportContents) -> tuple[Figure, ...]:
+    """Sum up how well the material explains the photographs."""
+    result, final = contents.result, contents.fit.final
+    residual = result.get("residual", {})
+    error = residual.get("relative_rms", final.relative_rms)
+    samples = residual.get("samples", final.observations.count)
+    noise = result.get("noise", {})
+    relative = noise.get("relative", final.noise.relative)
+    floor = noise.get("floor", final.noise.floor)
+    found = [
+        Figure("Left unexplained", percent(error), f"rms, of {counted(samples)} samples"),
+        Figure("Noise", percent(relative), f"of the radiance, over a floor of {shown(floor, 2)}"),
+    ]
+    before = result.get("frequency", {}).get("residual", {}).get("relative_rms")
+    if is_number(before):
+        found.append(Figure("Before refinement", percent(before), "rms, frequency fit"))
+    pixels = result.get("pixels", {})
+    if is_number(pixels.get("usable")):
+        remark = f"in {counted(pixels.get('photographs'))} photographs"
+        found.append(Figure("Usable pixels", counted(pixels["usable"]), remark))
+    return tuple(found)
+
+
+def removed_pixels(contents: ReportContents) -> tuple[tuple[str, str], ...]:
+    """List how many pixels each rule left out."""
+    removed = contents.result.get("pixels", {}).get("removed", {})
+    return tuple((str(rule), counted(count)) for rule, count in removed.items())
+
+
+def timings(contents: ReportContents) -> Timings | None:
+    """List where the time went; None where nobody measured."""
+    spent = contents.result.get("seconds") or {}
+    spent = {str(name): float(value) for name, value in spent.items() if is_number(value)}
+    if not spent:
+        return None
+    longest = max(*spent.values(), 1e-9)
+    stages = tuple(
+        Timing(name, _STAGES.get(name, ""), seconds(value), 100 * max(value, 0) / longest)
+        for name, value in spent.items()
+    )
+    return Timings(stages, seconds(sum(spent.values())))
+
+
+def provenance(contents: ReportContents) -> tuple[tuple[str, str], ...]:
+    """Flatten the provenance to pairs of a dotted name and a value."""
+    return tuple(_flat(contents.result.get("provenance", {}), ""))
+
+
+def _flat(value: Any, name: str) -> list[tuple[str, str]]:
+    if isinstance(value, dict):
+        dotted = f"{name} · " if name else ""
+        return [pair for key, item in value.items() for pair in _flat(item, f"{dotted}{key}")]
+    if isinstance(value, list | tuple):
+        return [(name, ", ".join(str(item) for item in value))]
+    return [(name, str(value))]
+
+
+def split_of(contents: ReportContents) -> dict[str, Any] | None:
+    """Gather the numbers of the split from the result, or from the fit; None for no environment."""
+    result, prepared = contents.result, contents.fit.light
+    given = result.get("split") or result.get("lighting", {}).get("split")
+    if given or prepared.split is None:
+        return given
+    needed = prepared.needed
+    return {
+        "sources": int(prepared.split.sources.directions.shape[0]),
+        "slow_energy": prepared.split.slow_energy,
+        "sigma": prepared.split.sigma,
+        "error": None if needed is None else needed.error,
+        "error_without": None if needed is None else needed.error_without,
+    }

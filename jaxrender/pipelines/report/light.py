@@ -1,0 +1,126 @@
+"""The light: the environment, its slow part, and sources as circles of area in proportion to energy.
+
+The environment is drawn on its own latitude-longitude map, one unit a degree; sources without an
+environment on two discs, the upper and the lower half of the sphere of directions in the equal-area
+projection, both as seen from above.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.inverse import KnownLight
+from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.lighting import DirectionalSources
+from jaxrender.pipelines.report.display import data_uri, shrunk, tone_key, tone_mapped
+from jaxrender.shapes import AnyArray, Float
+
+_LONGEST_SIDE = 400
+# Radius of the strongest source: degrees on the map, and in parts of the disc's radius.
+_LARGEST_ON_MAP, _LARGEST_ON_DISC = 8.0, 0.11
+# More sources than this go without numbers.
+_NUMBERED = 40
+
+
+class Circle(NamedTuple):
+    """A source as it is drawn; ``label`` is the number of its photograph, if it has its own."""
+
+    x: float
+    y: float
+    radius: float
+    label: str = ""
+
+
+class Map(NamedTuple):
+    """The environment and its slow part as data URIs, with the sources taken out and the given."""
+
+    environment: str
+    slow: str | None
+    taken: tuple[Circle, ...]
+    given: tuple[Circle, ...]
+
+
+class Disc(NamedTuple):
+    """One half of the sphere of directions."""
+
+    name: str
+    circles: tuple[Circle, ...]
+
+
+def environment_map(light: KnownLight, prepared: PreparedLight) -> Map | None:
+    """Draw the environment, both parts with the same tone curve; None where there is none."""
+    if light.environment is None:
+        return None
+    radiance = np.asarray(light.environment.radiance, float)
+    key = tone_key(radiance)
+    split = prepared.split
+    taken = DirectionalSources.none() if split is None else split.sources
+    divided = split is not None and taken.directions.shape[0] > 0
+    slow = np.asarray(split.slow.radiance, float) if divided else None
+    strongest = max(_strongest(taken), _strongest(light.directional))
+    return Map(
+        _picture(radiance, key),
+        None if slow is None else _picture(slow, key),
+        _on_map(taken, strongest),
+        _on_map(light.directional, strongest),
+    )
+
+
+def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
+    """Draw sources that no map shows: all without an environment, and those of single photographs."""
+    groups = [("", light.directional)] if light.environment is None else []
+    groups += [(str(number), own) for number, own in enumerate(light.per_frame or (), 1)]
+    groups = [(label, group) for label, group in groups if group.directions.shape[0]]
+    if not groups:
+        return ()
+    directions = np.concatenate([np.asarray(group.directions, float) for _, group in groups])
+    energy = np.concatenate([_energy(group.irradiance) for _, group in groups])
+    labels = np.repeat(
+        [label for label, _ in groups], [group.directions.shape[0] for _, group in groups]
+    )
+    if len(labels) > _NUMBERED:
+        labels = np.full(len(labels), "")
+    radius = _LARGEST_ON_DISC * np.sqrt(energy / max(energy.max(), 1e-300))
+    place = _equal_area(directions)
+    upper = directions[:, 2] >= 0
+    halves = (("upper half (light from above)", upper), ("lower half (light from below)", ~upper))
+    return tuple(
+        Disc(
+            name,
+            tuple(
+                Circle(*place[k].round(4).tolist(), round(float(radius[k]), 4), str(labels[k]))
+                for k in np.flatnonzero(half)
+            ),
+        )
+        for name, half in halves
+        if half.any()
+    )
+
+
+def _picture(radiance: Float[np.ndarray, "row column channel"], key: float) -> str:
+    return data_uri(tone_mapped(shrunk(radiance, _LONGEST_SIDE), key))
+
+
+def _energy(irradiance: AnyArray) -> Float[np.ndarray, "source"]:
+    return np.maximum(np.asarray(irradiance, float).mean(axis=-1), 0)
+
+
+def _strongest(sources: DirectionalSources) -> float:
+    return float(_energy(sources.irradiance).max(initial=0.0))
+
+
+def _on_map(sources: DirectionalSources, strongest: float) -> tuple[Circle, ...]:
+    x, y, z = np.asarray(sources.directions, float).T
+    azimuth = np.degrees(np.arctan2(y, x)) % 360
+    polar = np.degrees(np.arccos(np.clip(z, -1, 1)))
+    share = _energy(sources.irradiance) / (strongest if strongest > 0 else 1.0)
+    rows = np.stack([azimuth, polar, _LARGEST_ON_MAP * np.sqrt(share)], axis=1).round(2)
+    return tuple(Circle(*row) for row in rows.tolist())
+
+
+def _equal_area(directions: Float[np.ndarray, "source 3"]) -> Float[np.ndarray, "source 2"]:
+    """Project each half of the sphere to the unit disc, +X to the right and +Y up (y grows down)."""
+    x, y, z = directions.T
+    along = np.hypot(x, y)
+    stretch = np.sqrt(1 - np.abs(z).clip(0, 1)) / np.where(along > 0, along, 1)
+    return np.stack([x * stretch, -y * stretch], axis=1)

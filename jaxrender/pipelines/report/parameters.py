@@ -1,0 +1,215 @@
+"""The table of parameters, what would be different under another model, and what sigma rests on."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.inverse.conditioning import GRAZING_COSINE
+from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.display import hex_colour
+from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numbers, percent, shown
+
+_MEANINGS = {
+    "kd": ("K", "d", "matt reflectance [1/sr]; times π it is the albedo"),
+    "ks": ("K", "s", "strength of the gloss"),
+    "sigma": ("σ", "", "roughness: how wide the highlight is [radians]"),
+    "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
+}
+_RGB = ("red", "green", "blue")
+
+
+class Line(NamedTuple):
+    """One number of a parameter, ready to show."""
+
+    channel: str
+    value: str
+    interval: str
+    error: str
+    frequency: str
+    bias: str
+    albedo: str
+
+
+class Parameter(NamedTuple):
+    """One parameter: its lines, and what is known about how well it is known."""
+
+    letter: str
+    index: str
+    meaning: str
+    lines: tuple[Line, ...]
+    swatch: str | None
+    verdict: str
+    reasons: tuple[str, ...]
+    sensitive: str
+
+
+class VariantRow(NamedTuple):
+    """One other model that was fitted: its choices, its values, and what the data say of it."""
+
+    fresnel: str
+    masking: str
+    chi_squared: str
+    values: tuple[str, ...]
+    rejected: bool
+
+
+class Variants(NamedTuple):
+    """The other models, and whose values their columns hold."""
+
+    names: tuple[str, ...]
+    rows: tuple[VariantRow, ...]
+
+
+class EvidenceBar(NamedTuple):
+    """One standard error of sigma: ``width`` in per cent of the largest, None for no information."""
+
+    name: str
+    error: str
+    width: float | None
+
+
+class Evidence(NamedTuple):
+    """What sigma rests on."""
+
+    sentence: str
+    bars: tuple[EvidenceBar, ...]
+
+
+def parameters(contents: ReportContents) -> tuple[Parameter, ...]:
+    """List the parameters in the order of T 6.2; those that the material does not have are absent."""
+    given = contents.result.get("brdf", {})
+    names = [name for name in _MEANINGS if name in given]
+    if not names:
+        names = ["kd"] if contents.is_lambertian else list(_MEANINGS)
+    return tuple(_parameter(contents, name) for name in names)
+
+
+def _parameter(contents: ReportContents, name: str) -> Parameter:
+    result = contents.result
+    letter, index, meaning = _MEANINGS[name]
+    lines = _lines(contents, name)
+    verdict = {True: "yes", False: "no", None: "fixed"}[_flag(result, "identifiable", name)]
+    if not lines:
+        meaning, verdict = "none: the gloss of a metal, the same at every angle", MISSING
+    reasons = [reason for reason in result.get("reasons", ()) if _is_about(str(reason), name)]
+    sensitive = {True: "yes", False: "no", None: MISSING}[_flag(result, "model_sensitive", name)]
+    albedo = np.pi * np.array(_values(contents, "value", name))
+    swatch = hex_colour(albedo) if name == "kd" and albedo.size else None
+    return Parameter(letter, index, meaning, lines, swatch, verdict, tuple(reasons), sensitive)
+
+
+def _lines(contents: ReportContents, name: str) -> tuple[Line, ...]:
+    values = _values(contents, "value", name)
+    intervals = np.array(_values(contents, "interval", name)).reshape(-1, 2)
+    errors = _values(contents, "error", name)
+    frequency = contents.result.get("frequency", {})
+    before = numbers(frequency.get("brdf", {}).get(name))
+    bias = numbers(frequency.get("bias", {}).get(name))
+    return tuple(
+        Line(
+            _channel(k, len(values)),
+            shown(value),
+            f"{shown(_at(intervals[:, 0], k))} to {shown(_at(intervals[:, 1], k))}",
+            shown(_at(errors, k), 2),
+            shown(_at(before, k)),
+            percent(_at(bias, k), sign=True),
+            shown(np.pi * value, 3) if name == "kd" else "",
+        )
+        for k, value in enumerate(values)
+    )
+
+
+def _values(contents: ReportContents, what: str, name: str) -> list[float]:
+    """Look a parameter up in the result, or in the fit where the result does not have it."""
+    result, fitted = contents.result, contents.fit.parameters
+    key = {"value": "brdf", "interval": "interval90", "error": "standard_error"}[what]
+    if name in result.get(key, {}):
+        return numbers(result[key][name])
+    if what == "interval":
+        pair = np.stack([np.asarray(getattr(p, name)) for p in (fitted.lower, fitted.upper)], -1)
+        found = pair
+    else:
+        part = fitted.value if what == "value" else fitted.standard_error
+        found = np.asarray(getattr(part, name))
+    found = np.asarray(found, float)
+    # A metal's mu is NaN there.
+    return found.ravel().tolist() if np.isfinite(found).all() else []
+
+
+def _flag(result: dict[str, Any], key: str, name: str) -> bool | None:
+    flag = result.get(key, {}).get(name)
+    return None if flag is None else bool(flag)
+
+
+def _at(values, k: int) -> float | None:
+    """Pick a channel's number, or the one that all channels share."""
+    if not len(values):
+        return None
+    return float(values[k] if k < len(values) else values[0])
+
+
+def _channel(k: int, count: int) -> str:
+    if count == 1:
+        return ""
+    return _RGB[k] if count == len(_RGB) else f"channel {k + 1}"
+
+
+def _is_about(reason: str, name: str) -> bool:
+    return reason.split(" ", 1)[0].rstrip(":") == name
+
+
+def variants(contents: ReportContents) -> Variants | None:
+    """List the refits under other models; None where there are none."""
+    found = contents.result.get("variants") or []
+    if not found:
+        return None
+    names = tuple(name for name in _MEANINGS if any(numbers(v.get(name)) for v in found))
+    rows = tuple(
+        VariantRow(
+            str(variant.get("fresnel", MISSING)),
+            str(variant.get("masking", MISSING)),
+            _chi_squared(variant.get("chi_squared")),
+            tuple(
+                ", ".join(shown(x, 3) for x in numbers(variant.get(name))) or MISSING
+                for name in names
+            ),
+            bool(variant.get("rejected", False)),
+        )
+        for variant in found
+    )
+    return Variants(tuple("".join(_MEANINGS[name][:2]) for name in names), rows)
+
+
+def _chi_squared(difference: Any) -> str:
+    """Write a difference of chi-squared: as a count where it is large."""
+    large = is_number(difference) and abs(difference) >= 100
+    return counted(round(difference)) if large else shown(difference, 3)
+
+
+def evidence(contents: ReportContents) -> Evidence | None:
+    """Compare the standard errors of sigma; None where there is no sigma to speak of."""
+    if contents.is_lambertian or _flag(contents.result, "identifiable", "sigma") is None:
+        return None
+    own = contents.fit.evidence
+    given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}
+    names = {
+        "all": "all samples",
+        "without_grazing": f"without grazing views (exit cosine below {GRAZING_COSINE:g})",
+        "spectrum": "the light's detail alone (Gaussian transfer)",
+    }
+    errors = {name: given.get(key) for key, name in names.items()}
+    largest = max((e for e in errors.values() if is_number(e)), default=0.0)
+    bars = tuple(
+        EvidenceBar(name, percent(error), 100 * error / largest if largest > 0 else 0.0)
+        if is_number(error)
+        else EvidenceBar(name, "no information", None)
+        for name, error in errors.items()
+    )
+    return Evidence(str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars)
+
+
+def in_degrees(contents: ReportContents) -> str | None:
+    """Say the roughness as an angle."""
+    values = [] if contents.is_lambertian else _values(contents, "value", "sigma")
+    return f"{shown(math.degrees(values[0]), 2)}°" if values else None

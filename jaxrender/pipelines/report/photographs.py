@@ -1,0 +1,129 @@
+"""Photographs beside what the recovered material predicts, and the difference of the two."""
+
+from typing import NamedTuple
+
+import matplotlib
+import numpy as np
+
+from jaxrender.pipelines.report.contents import FramePictures
+from jaxrender.pipelines.report.display import (
+    Picture,
+    bounding_box,
+    data_uri,
+    exposed,
+    exposure_for,
+    shrunk,
+    with_alpha,
+)
+from jaxrender.shapes import Float, Int
+
+# At most this many frames, spread over the capture.
+_SHOWN = 6
+# The residual's scale ends where this part of the usable pixels is within it.
+_WITHIN_PERCENTILE = 98
+_SMALLEST_LIMIT = 0.1
+# Pixels that the fit did not use are shown this faintly.
+_FADED = 0.35
+_COLOURS = "RdBu_r"
+
+
+class Frame(NamedTuple):
+    """One photograph's three pictures, as data URIs, and its residual in per cent."""
+
+    name: str
+    photograph: str
+    predicted: str
+    residual: str
+    rms: float | None
+
+
+class Gallery(NamedTuple):
+    """The frames with what is common to them: the residual's scale and its colours."""
+
+    frames: tuple[Frame, ...]
+    total: int
+    limit: float
+    gradient: str
+
+
+class _Scale(NamedTuple):
+    """What all frames share: the exposure, the mean radiance, the residual's limit in per cent."""
+
+    exposure: float
+    mean: float
+    limit: float
+
+
+def gallery(frames: tuple[FramePictures, ...]) -> Gallery:
+    """Prepare the pictures; the residual is photograph - prediction, its channels averaged."""
+    shown = _spread(frames)
+    scale = _scale(shown)
+    return Gallery(
+        tuple(_frame(frame, scale) for frame in shown), len(frames), scale.limit, _gradient()
+    )
+
+
+def _spread(frames: tuple[FramePictures, ...]) -> tuple[FramePictures, ...]:
+    chosen = np.unique(np.linspace(0, len(frames) - 1, min(_SHOWN, len(frames))).round())
+    return tuple(frames[int(k)] for k in chosen)
+
+
+def _scale(frames: tuple[FramePictures, ...]) -> _Scale:
+    used = [np.nan_to_num(frame.photograph[frame.usable]).ravel() for frame in frames]
+    used = np.concatenate(used) if used else np.zeros(0)
+    mean = float(used.mean()) if used.size else 0.0
+    mean = mean if mean > 0 else 1.0
+    off = [np.abs(_difference(frame)[frame.usable]).ravel() for frame in frames]
+    off = np.concatenate(off) if off else np.zeros(0)
+    reached = 100 * float(np.percentile(off, _WITHIN_PERCENTILE)) / mean if off.size else 0.0
+    return _Scale(exposure_for(used), mean, _round_up(max(reached, _SMALLEST_LIMIT)))
+
+
+def _difference(frame: FramePictures) -> Float[np.ndarray, "row column"]:
+    return np.nan_to_num(frame.photograph - frame.predicted).mean(axis=-1)
+
+
+def _round_up(value: float) -> float:
+    """Round up to 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9)))
+
+
+def _frame(frame: FramePictures, scale: _Scale) -> Frame:
+    box = bounding_box(frame.covered)
+    photograph, predicted = frame.photograph[box], frame.predicted[box]
+    covered = frame.covered[box].astype(float)[..., None]
+    return Frame(
+        frame.name,
+        data_uri(exposed(shrunk(np.nan_to_num(photograph)), scale.exposure)),
+        data_uri(exposed(shrunk(np.nan_to_num(predicted) * covered), scale.exposure)),
+        data_uri(_residual_map(frame, scale)),
+        _rms(frame),
+    )
+
+
+def _inside(picture: Picture, covered: Picture) -> Picture:
+    """Shrink a picture without mixing in what lies beside the object."""
+    return shrunk(picture * covered) / np.maximum(shrunk(covered), 1e-6)
+
+
+def _residual_map(frame: FramePictures, scale: _Scale) -> Int[np.ndarray, "row column 4"]:
+    box = bounding_box(frame.covered)
+    covered = frame.covered[box].astype(float)[..., None]
+    percent = 100 * _inside(_difference(frame)[box][..., None], covered)[..., 0] / scale.mean
+    colours = matplotlib.colormaps[_COLOURS](np.clip(0.5 + percent / (2 * scale.limit), 0, 1))
+    opacity = np.where(frame.usable[box], 1.0, _FADED)[..., None] * covered
+    return with_alpha(np.rint(255 * colours[..., :3]).astype(np.uint8), shrunk(opacity)[..., 0])
+
+
+def _rms(frame: FramePictures) -> float | None:
+    """sqrt(sum r^2 / sum B^2) over the usable pixels."""
+    measured, predicted = (p[frame.usable] for p in (frame.photograph, frame.predicted))
+    power = float(np.sum(measured**2))
+    return float(np.sqrt(np.sum((measured - predicted) ** 2) / power)) if power > 0 else None
+
+
+def _gradient() -> str:
+    """List the residual's colours from its lower to its upper limit, as CSS wants them."""
+    colours = matplotlib.colormaps[_COLOURS](np.linspace(0, 1, 9))
+    return ", ".join(matplotlib.colors.to_hex(colour) for colour in colours)

@@ -1,0 +1,177 @@
+"""Light and material by degree: what there is to see, and how much of it the material lets through."""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+
+from jaxrender.brdf import Microfacet
+from jaxrender.harmonics import degrees
+from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.material import with_arrays
+from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
+from jaxrender.pipelines.report.wording import power_of_ten
+from jaxrender.shapes import AnyArray, Float
+from jaxrender.spectra import (
+    exit_cosine_transfer,
+    gaussian_transfer,
+    lambertian_transfer,
+    light_coefficients,
+)
+
+_EXIT_COSINES = (1.0, 0.5, 0.2)
+# Energies this far below the first are rounding.
+_DECADES = 7
+# Light without an environment has every degree: plot as far as the lobe lets through, or so far.
+_BAND_LIMIT_TIMES_SIGMA = 3.2
+_HIGHEST_DEGREE = 64
+_LAMBERTIAN_DEGREE = 16
+
+
+class SpectrumPlots(NamedTuple):
+    """The light's energy by degree with and after the blur, and the transfer itself."""
+
+    light: Markup
+    transfer: Markup
+
+
+class _Energies(NamedTuple):
+    """sum over m of L_lm^2, the mean of the channels: of all light, and of its slow part."""
+
+    total: Float[np.ndarray, "degree"]
+    slow: Float[np.ndarray, "degree"] | None
+
+
+class _Transfer(NamedTuple):
+    """h_l at some exit cosines, and its Gaussian twin (none for a Lambertian material)."""
+
+    curves: dict[str, Float[np.ndarray, "degree"]]
+    gaussian: Float[np.ndarray, "degree"] | None
+
+
+def spectrum_plots(contents: ReportContents) -> SpectrumPlots:
+    """Plot T 3.46 as it applies here: light times transfer, degree by degree."""
+    band_limit = _band_limit(contents)
+    energies = _energies(contents, band_limit)
+    transfer = _transfer(contents, band_limit)
+    head_on = next(iter(transfer.curves.values()))
+    passed = energies.total * head_on**2
+
+    def paint_light(axes: Axes) -> None:
+        _paint_energy(axes, energies, passed)
+
+    def paint_transfer(axes: Axes) -> None:
+        _paint_transfer(axes, transfer)
+
+    kept = passed[1:].sum() / max(energies.total[1:].sum(), 1e-300)
+    return SpectrumPlots(
+        plot(
+            "spectrum-light",
+            f"Energy of the light by degree up to {band_limit}; the material passes "
+            f"{100 * kept:.2g} per cent of what is above degree 0.",
+            paint_light,
+        ),
+        plot(
+            "spectrum-transfer",
+            f"Transfer of the material by degree: from {head_on[0]:.2g} at degree 0 "
+            f"to {head_on[-1]:.2g} at degree {band_limit}.",
+            paint_transfer,
+        ),
+    )
+
+
+def _band_limit(contents: ReportContents) -> int:
+    if contents.light.environment is not None:
+        return contents.fit.light.dual.band_limit
+    if contents.is_lambertian:
+        return _LAMBERTIAN_DEGREE
+    return min(_HIGHEST_DEGREE, math.ceil(_BAND_LIMIT_TIMES_SIGMA / float(contents.fit.brdf.sigma)))
+
+
+def _energies(contents: ReportContents, band_limit: int) -> _Energies:
+    """Sum the squares of the coefficients; a light of each photograph's own counts as the first's."""
+    light = contents.light.of_frame(0)
+    total = np.zeros(((band_limit + 1) ** 2, light.directional.irradiance.shape[1]))
+    if light.environment is not None:
+        total = total + np.asarray(light_coefficients(light.environment, band_limit))
+    if light.directional.directions.shape[0]:
+        total = total + np.asarray(light_coefficients(light.directional, band_limit))
+    slow = None
+    if light.environment is not None and contents.fit.light.split is not None:
+        slow = _by_degree(contents.fit.light.dual.slow)
+    return _Energies(_by_degree(total), slow)
+
+
+def _by_degree(coefficients: AnyArray) -> Float[np.ndarray, "degree"]:
+    values = np.asarray(coefficients, float)
+    band_limit = math.isqrt(values.shape[0]) - 1
+    return np.bincount(degrees(band_limit), np.mean(values**2, axis=1))
+
+
+def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
+    if contents.is_lambertian:
+        curve = np.asarray(lambertian_transfer(band_limit)) / np.pi
+        return _Transfer({"clamped cosine / π": curve}, None)
+    brdf = with_arrays(contents.fit.brdf).as_metal()
+    cosines = jnp.asarray(_EXIT_COSINES, np.float32)
+    curves = np.asarray(_exit_cosine_transfer(brdf, cosines, band_limit), float)
+    gaussian = np.asarray(gaussian_transfer(brdf, cosines[:1], band_limit), float)[0]
+    names = [f"exit angle {math.degrees(math.acos(c)):.0f}°" for c in _EXIT_COSINES]
+    return _Transfer(dict(zip(names, curves)), gaussian)
+
+
+@eqx.filter_jit
+def _exit_cosine_transfer(brdf: Microfacet, cosines: Float[AnyArray, "bin"], band_limit: int):
+    return exit_cosine_transfer(brdf, cosines, band_limit)
+
+
+def _paint_energy(
+    axes: Axes, energies: _Energies, passed: Float[np.ndarray, "degree"]
+) -> None:
+    top = max(float(energies.total.max()), 1e-300)
+    floor = top * 10.0**-_DECADES
+    degree = np.arange(len(energies.total))
+    style = {"marker": "o", "markersize": 2.5}
+    axes.plot(degree, np.maximum(energies.total, floor), color=INK, label="all light", **style)
+    if energies.slow is not None:
+        slow = np.maximum(energies.slow, floor)
+        axes.plot(np.arange(len(slow)), slow, color=SERIES[1], label="its slow part", **style)
+    label = "all light after the blur, seen head-on"
+    axes.plot(degree, np.maximum(passed, floor), color=SERIES[0], label=label, **style)
+    axes.set_yscale("log")
+    axes.set_ylim(floor, 4 * top)
+    highest = math.floor(math.log10(top))
+    axes.set_yticks([10.0**power for power in range(highest, highest - _DECADES, -2)])
+    axes.yaxis.set_major_formatter(FuncFormatter(_power))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_ylabel("energy, Σ L² over a degree")
+    _finish(axes)
+
+
+def _paint_transfer(axes: Axes, transfer: _Transfer) -> None:
+    for colour, (name, curve) in zip(SERIES, transfer.curves.items()):
+        axes.plot(np.arange(len(curve)), curve, color=colour, label=name)
+    if transfer.gaussian is not None:
+        twin = transfer.gaussian
+        label = "Gaussian twin exp(−(σl)²)"
+        axes.plot(np.arange(len(twin)), twin, color=MUTED, label=label, linestyle=(0, (4, 3)))
+    axes.set_ylim(bottom=min(0.0, *(1.05 * curve.min() for curve in transfer.curves.values())))
+    axes.set_ylabel("part that passes, h")
+    _finish(axes)
+
+
+def _finish(axes: Axes) -> None:
+    axes.set_xlabel("degree l: coarse detail at the left, fine detail at the right")
+    axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    axes.set_xlim(left=0)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+
+
+def _power(value: float, _position: int) -> str:
+    """Write a power of ten in plain characters."""
+    return power_of_ten(round(math.log10(value)))

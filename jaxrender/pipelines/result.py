@@ -1,0 +1,282 @@
+"""What a fit found, as data: ``result.json`` for the summary, ``result.nc`` for the arrays."""
+
+import hashlib
+import json
+import math
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5netcdf
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender import __version__
+from jaxrender.harmonics import degrees, orders
+from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse.brdf import Stop, values_of
+from jaxrender.inverse.uncertainty import Parameters
+from jaxrender.inverse.variants import Variant, model_sensitive
+from jaxrender.pipelines.photographs import Photograph
+from jaxrender.spectra import light_coefficients
+
+_LIBRARIES = ("jax", "equinox", "optimistix", "lineax", "numpy", "scipy", "OpenImageIO", "embreex")
+
+
+class Finding(NamedTuple):
+    """A finished fit with everything that its result is made of."""
+
+    fit: BRDFFit
+    variants: tuple[Variant, ...]
+    light: KnownLight
+    photographs: list[Photograph]
+    model: str
+    ks_per_channel: bool
+
+
+def result_of(finding: Finding) -> dict[str, Any]:
+    """Build the summary: values, intervals, what is identifiable, light, residuals."""
+    fit = finding.fit
+    names = _names(finding)
+    final = fit.final
+    result: dict[str, Any] = {
+        "task": "brdf",
+        "outcome": fit.outcome.value,
+        "meaning": fit.outcome.sentence,
+        "reasons": list(fit.reasons),
+        "brdf": {"model": finding.model, **_values(finding, fit.parameters.value)},
+        "interval90": {
+            name: _pairs(finding, name, fit.parameters.lower, fit.parameters.upper)
+            for name in names
+        },
+        "standard_error": _values(finding, fit.parameters.standard_error, metal=False),
+        "identifiable": fit.identifiable,
+        "model_sensitive": model_sensitive(fit, finding.variants),
+        "variants": [_variant(finding, variant) for variant in finding.variants],
+        "residual": _residual(final),
+        "noise": {"relative": final.noise.relative, "floor": final.noise.floor},
+        "lighting": _lighting(finding),
+        "pixels": _pixels(finding.photographs),
+    }
+    if finding.model == "microfacet":
+        result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
+        result["evidence"] = {**fit.evidence._asdict(), "sentence": fit.evidence.sentence()}
+    if fit.exact is not None:
+        result["frequency"] = {
+            "brdf": _values(finding, values_of(fit.frequency)),
+            "residual": _residual(fit.frequency),
+            "bias": {name: _plain(fit.bias[name]) for name in names},
+        }
+    unknowns = final.problem.unknowns
+    if unknowns.free_gains:
+        gains = np.asarray(fit.parameters.value.gains)
+        result["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
+    if unknowns.free_scale:
+        result["scale"] = float(fit.parameters.value.scale)
+    return _finite(result)
+
+
+def provenance_of(inputs: list[Path], seed: int) -> dict[str, Any]:
+    """Say what the result was made with and from."""
+    return {
+        "jaxrender": __version__,
+        "python": platform.python_version(),
+        "libraries": {name: metadata.version(name) for name in _LIBRARIES},
+        "machine": platform.machine(),
+        "seed": seed,
+        "inputs": {path.name: _digest(path) for path in inputs},
+    }
+
+
+def write_json(path: Path, result: dict[str, Any]) -> None:
+    """Write a result as strict JSON."""
+    path.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """Read the summary of a finished run."""
+    return json.loads((folder / "result.json").read_text(encoding="utf-8"))
+
+
+def write_arrays(path: Path, finding: Finding) -> None:
+    """Write the samples of both fits and the light's coefficients as NetCDF, dimensions named."""
+    fit = finding.fit
+    with h5netcdf.File(path, "w") as file:
+        _write_stop(file, "frequency", fit.frequency)
+        if fit.exact is not None:
+            _write_stop(file, "exact", fit.exact)
+        dual = fit.light.dual
+        light = file.create_group("light")
+        light.dimensions = {
+            "coefficient": dual.slow.shape[0],
+            "channel": dual.slow.shape[1],
+            "source": max(dual.sources.directions.shape[0], 1),
+            "component": 3,
+        }
+        _write(light, "degree", ("coefficient",), degrees(dual.band_limit))
+        _write(light, "order", ("coefficient",), orders(dual.band_limit))
+        _write(light, "slow", ("coefficient", "channel"), dual.slow)
+        if dual.sources.directions.shape[0]:
+            _write(light, "direction", ("source", "component"), dual.sources.directions)
+            _write(light, "irradiance", ("source", "channel"), dual.sources.irradiance)
+
+
+def summary_of(result: dict[str, Any]) -> str:
+    """Lay out the summary as a table for the terminal."""
+    sensitive = result.get("model_sensitive", {})
+    lines = [f"outcome: {result['outcome']} ({result['meaning']})"]
+    lines += [f"  {reason}" for reason in result["reasons"]]
+    lines.append(f"{'':8}{'value':>30}   {'90 % interval':<36}")
+    for name, interval in result["interval90"].items():
+        value = _shown(result["brdf"][name])
+        pairs = interval if isinstance(interval[0], list) else [interval]
+        span = "  ".join("-".join(_shown(bound) for bound in pair) for pair in pairs)
+        known = result["identifiable"].get(name)
+        remark = "" if known is None else ("" if known else "not identifiable")
+        remark = "fixed" if known is None else remark
+        remark += " model sensitive" if sensitive.get(name) else ""
+        lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
+    residual = result["residual"]
+    lines.append(
+        f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
+        f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
+    )
+    if "frequency" in result:
+        bias = result["frequency"]["bias"]
+        moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())
+        lines.append(f"bias of the frequency fit: {moved}")
+    if "evidence" in result:
+        lines.append(result["evidence"]["sentence"])
+    seconds = result.get("seconds", {})
+    spent = ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())
+    lines.append(f"seconds: {spent}")
+    return "\n".join(lines)
+
+
+def _names(finding: Finding) -> list[str]:
+    if finding.model == "lambertian":
+        return ["kd"]
+    return ["kd", "ks", "sigma"] + ([] if finding.fit.brdf.mu is None else ["mu"])
+
+
+def _values(finding: Finding, parameters: Parameters, metal: bool = True) -> dict[str, Any]:
+    values = {name: _plain(_shared(finding, name, parameters)) for name in _names(finding)}
+    if metal and finding.model == "microfacet" and finding.fit.brdf.mu is None:
+        values["mu"] = "none"
+    return values
+
+
+def _shared(finding: Finding, name: str, parameters: Parameters) -> np.ndarray:
+    """One number for a ks that all channels share."""
+    value = np.asarray(getattr(parameters, name))
+    if name == "ks" and not finding.ks_per_channel and np.ptp(value) == 0:
+        return value[0]
+    return value
+
+
+def _pairs(finding: Finding, name: str, lower: Parameters, upper: Parameters) -> list:
+    low, high = (_plain(_shared(finding, name, bound)) for bound in (lower, upper))
+    return [list(pair) for pair in zip(low, high)] if isinstance(low, list) else [low, high]
+
+
+def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:
+    return {
+        "fresnel": variant.fresnel,
+        "masking": variant.masking,
+        **_values(finding, variant.parameters),
+        "chi_squared": variant.chi_squared,
+        "rejected": variant.rejected,
+    }
+
+
+def _residual(stop: Stop) -> dict[str, Any]:
+    return {"relative_rms": stop.relative_rms, "samples": stop.observations.count}
+
+
+def _lighting(finding: Finding) -> dict[str, Any]:
+    fit, light = finding.fit, finding.light
+    dual, split = fit.light.dual, fit.light.split
+    free = fit.final.problem.unknowns.free_scale
+    lighting: dict[str, Any] = {"gauge": "mean of kd + ks is 1" if free else "given"}
+    if light.environment is not None:
+        sources = light_coefficients(dual.sources, dual.band_limit)
+        lighting |= {
+            "band_limit": dual.band_limit,
+            "coefficients": np.asarray(dual.slow).tolist(),
+            "coefficients_total": np.asarray(jnp.asarray(dual.slow) + sources).tolist(),
+            "environment": "lighting.exr",
+        }
+    if split is not None:
+        lighting["split"] = {
+            "sigma": split.sigma,
+            "sources": int(split.sources.directions.shape[0]),
+            "slow_energy": split.slow_energy,
+        }
+        if fit.light.needed is not None:
+            lighting["split"] |= {
+                "error": fit.light.needed.error,
+                "error_without": fit.light.needed.error_without,
+            }
+    lighting["directional"] = [
+        {"direction": np.asarray(d).tolist(), "irradiance": np.asarray(e).tolist()}
+        for d, e in zip(dual.sources.directions, dual.sources.irradiance)
+    ]
+    return lighting
+
+
+def _pixels(photographs: list[Photograph]) -> dict[str, Any]:
+    removed: dict[str, int] = {}
+    for photograph in photographs:
+        for rule, count in photograph.selection.removed.items():
+            removed[rule] = removed.get(rule, 0) + int(count)
+    usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
+    return {"photographs": len(photographs), "usable": usable, "removed": removed}
+
+
+def _write_stop(file: h5netcdf.File, name: str, stop: Stop) -> None:
+    group = file.create_group(name)
+    observations = stop.observations
+    channels = observations.radiance.shape[1]
+    group.dimensions = {"sample": observations.count, "channel": channels, "component": 3}
+    _write(group, "normal", ("sample", "component"), observations.samples.normals)
+    _write(group, "outgoing", ("sample", "component"), observations.samples.outgoing)
+    _write(group, "radiance", ("sample", "channel"), observations.radiance)
+    _write(group, "predicted", ("sample", "channel"), stop.fit.predicted)
+    _write(group, "weight", ("sample", "channel"), stop.data.weights)
+    _write(group, "frame", ("sample",), observations.frame)
+
+
+def _write(group, name: str, dimensions: tuple[str, ...], values) -> None:
+    group.create_variable(name, dimensions, data=np.asarray(values))
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _plain(value) -> Any:
+    return np.asarray(value, float).tolist()
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no number for by null."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return bool(value) if isinstance(value, np.bool_) else value
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(_shown(item) for item in value)
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def _percent(value: Any) -> str:
+    if isinstance(value, list):
+        return "/".join(_percent(item) for item in value)
+    return "n/a" if value is None else f"{100 * value:+.2f} %"

@@ -1,0 +1,278 @@
+"""A fit from its config to its result folder: load, trace, fit, account, write."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.inverse import KnownLight, Observations, fit_brdf
+from jaxrender.inverse.observations import random_subset
+from jaxrender.inverse.variants import fit_variants
+from jaxrender.io import write_environment, write_image
+from jaxrender.pipelines.caches import capture_folder
+from jaxrender.pipelines.clock import Clock
+from jaxrender.pipelines.config import RunConfig, load_recipe, load_run_config, resolved_yaml
+from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
+from jaxrender.pipelines.photographs import (
+    Photograph,
+    observations_of,
+    read_frames,
+    read_photographs,
+    trace_photographs,
+)
+from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.result import (
+    Finding,
+    provenance_of,
+    read_result,
+    result_of,
+    summary_of,
+    write_arrays,
+    write_json,
+)
+from jaxrender.pipelines.scene import (
+    fault_of,
+    input_files,
+    known_light,
+    settings_of,
+    shape_of,
+    unknowns_of,
+    variant_of,
+)
+from jaxrender.pipelines.synth import synthesise
+from jaxrender.reflection import DualForward, dual_light, render_view
+
+# At most this many photographs are shown in the report, spread over the capture.
+_SHOWN = 6
+
+
+class FitReport(NamedTuple):
+    """How a run ended: the outcome, where its result is, and a table for the terminal."""
+
+    outcome: str
+    folder: Path
+    summary: str
+
+
+class Loaded(NamedTuple):
+    """What a fit is made from."""
+
+    photographs: list[Photograph]
+    observations: Observations
+    light: KnownLight
+    inputs: list[Path]
+
+
+def fit(
+    config: RunConfig,
+    force: bool = False,
+    dry_run: bool = False,
+    progress: Progress | None = None,
+) -> FitReport:
+    """Fit what a config asks for and write the result folder.
+
+    An identical run that has finished is reused; ``dry_run`` checks the input and writes nothing.
+    Raises ``InputError`` for everything that is wrong with the input.
+    """
+    progress = progress or SilentProgress()
+    folder = config.output or Path.cwd() / "runs" / _name_of(config)
+    clock = Clock(progress)
+    try:
+        config = _with_photographs(config, clock, progress, dry_run)
+        if config.capture.recipe is not None:
+            return FitReport("dry run", folder, _would_render(config))
+        capture = read_frames(config.capture)
+        inputs = _inputs(config, capture)
+        digest = fingerprint(config, inputs)
+        if not dry_run and prepare(folder, digest, force) is FolderState.FINISHED:
+            progress.note(f"{folder}: an identical run has finished here; reused (--force: anew)")
+            found = read_result(folder)
+            return FitReport(found["outcome"], folder, summary_of(found))
+        loaded = _load(config, capture, inputs, clock, progress)
+        if dry_run:
+            return FitReport("dry run", folder, _would_fit(config, loaded))
+        finding = _find(config, loaded, clock)
+        with result_folder(folder, digest, force) as into:
+            result = _write(into, config, finding, inputs, clock)
+        return FitReport(result["outcome"], folder, summary_of(result))
+    finally:
+        clock.close()
+
+
+def _with_photographs(
+    config: RunConfig, clock: Clock, progress: Progress, dry_run: bool
+) -> RunConfig:
+    """Render a recipe's photographs first (or find them in the cache) and point the config at them."""
+    if config.capture.recipe is None:
+        return config
+    recipe = load_recipe(config.capture.recipe)
+    place = capture_folder(recipe, config.capture.recipe)
+    if dry_run and not place.exists():
+        return config
+    with clock.stage("synth"):
+        synthesise(recipe, config.capture.recipe, place, progress=progress)
+    made = load_run_config(place / "config.yaml")
+    capture = config.capture.model_copy(
+        update={
+            "recipe": None,
+            "transforms": made.capture.transforms,
+            "geometry": config.capture.geometry or made.capture.geometry,
+        }
+    )
+    lighting = config.lighting
+    if not lighting.given:
+        lighting = made.lighting.model_copy(
+            update={"split": lighting.split, "free_scale": lighting.free_scale}
+        )
+    return config.model_copy(update={"capture": capture, "lighting": lighting})
+
+
+def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress) -> Loaded:
+    with clock.stage("load"):
+        assert config.capture.geometry is not None
+        shape = shape_of(config.capture.geometry)
+        light = known_light(config.lighting, [frame.name for frame in capture.frames])
+        images = read_photographs(config.capture, capture, progress)
+    if not shape.is_convex():
+        progress.note(
+            "warning: the shape is not convex; its shadows on itself and interreflections are "
+            "not modelled, and pixels in its concavities will bias the fit"
+        )
+    with clock.stage("trace"):
+        with fault_of(str(config.capture.transforms)):
+            photographs = trace_photographs(
+                config.capture, capture, images, shape, config.samples.min_cosine, progress
+            )
+        light = _light_of_kept(light, capture, photographs)
+        observations = random_subset(
+            observations_of(photographs), config.samples.count, config.samples.seed
+        )
+    return Loaded(photographs, observations, light, inputs)
+
+
+def _light_of_kept(light: KnownLight, capture, photographs: list[Photograph]) -> KnownLight:
+    """Drop the sources of photographs that were skipped."""
+    if light.per_frame is None:
+        return light
+    kept = {photograph.frame.name for photograph in photographs}
+    lights = zip(capture.frames, light.per_frame)
+    per_frame = tuple(own for frame, own in lights if frame.name in kept)
+    with fault_of("lighting.per_frame"):
+        return KnownLight(light.environment, light.directional, per_frame)
+
+
+def _find(config: RunConfig, loaded: Loaded, clock: Clock) -> Finding:
+    settings = settings_of(config)
+    unknowns = unknowns_of(config, len(loaded.photographs))
+    with fault_of("samples"):
+        found = fit_brdf(
+            loaded.observations,
+            loaded.light,
+            unknowns,
+            variant_of(config.brdf),
+            settings,
+            clock.stage,
+        )
+    variants = ()
+    if config.solve.variants and config.brdf.model == "microfacet" and settings.refine:
+        with clock.stage("variants"):
+            variants = fit_variants(found, loaded.light, settings)
+    return Finding(
+        found,
+        variants,
+        loaded.light,
+        loaded.photographs,
+        config.brdf.model,
+        config.brdf.ks_per_channel,
+    )
+
+
+def _write(
+    folder: Path, config: RunConfig, finding: Finding, inputs: list[Path], clock: Clock
+) -> dict:
+    """Write everything of a result; ``result.json`` last, when all its seconds are known."""
+    result = result_of(finding)
+    result["provenance"] = provenance_of(inputs, config.samples.seed)
+    with clock.stage("predict"):
+        predictions = _predict(finding)
+    with clock.stage("write"):
+        (folder / "config.yaml").write_text(resolved_yaml(config), encoding="utf-8")
+        write_arrays(folder / "result.nc", finding)
+        if finding.light.environment is not None:
+            write_environment(folder / "lighting.exr", finding.light.environment)
+        if finding.fit.light.split is not None:
+            write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
+        (folder / "images").mkdir()
+        for photograph, predicted in zip(finding.photographs, predictions):
+            residual = np.where(photograph.covered[..., None], photograph.radiance - predicted, 0)
+            write_image(folder / "images" / f"{photograph.frame.name}_predicted.exr", predicted)
+            write_image(folder / "images" / f"{photograph.frame.name}_residual.exr", residual)
+    with clock.stage("report"):
+        from jaxrender.pipelines.report import FramePictures, ReportContents, write_report
+
+        shown = np.unique(np.linspace(0, len(predictions) - 1, _SHOWN).round().astype(int))
+        frames = tuple(
+            FramePictures(p.frame.name, p.radiance, q, p.selection.usable, p.covered)
+            for p, q in ((finding.photographs[k], predictions[k]) for k in shown)
+        )
+        result["seconds"] = clock.close()
+        contents = ReportContents(_name_of(config), result, finding.fit, finding.light, frames)
+        write_report(folder, contents)
+    result["seconds"] = clock.close()
+    write_json(folder / "result.json", result)
+    return result
+
+
+def _predict(finding: Finding) -> list[np.ndarray]:
+    """Render every photograph again with the recovered material, by the dual model."""
+    material, prepared = finding.fit.brdf, finding.fit.light
+    gains = np.asarray(finding.fit.parameters.value.gains)
+    scale = float(finding.fit.parameters.value.scale)
+    images = []
+    for number, photograph in enumerate(finding.photographs):
+        own = finding.light.of_frame(number).directional
+        split = prepared.split
+        light = dual_light(split, own, prepared.dual.band_limit)
+        image = render_view(material, photograph.view, DualForward(light))
+        images.append(image * scale * (gains[number] if len(gains) > 1 else 1.0))
+    return images
+
+
+def _inputs(config: RunConfig, capture) -> list[Path]:
+    photographs = [frame.image_path for frame in capture.frames]
+    masks = [frame.mask_path for frame in capture.frames if frame.mask_path is not None]
+    return sorted({*input_files(config), *photographs, *masks})
+
+
+def _name_of(config: RunConfig) -> str:
+    if config.capture.recipe is not None:
+        return config.capture.recipe.stem
+    assert config.capture.transforms is not None
+    return config.capture.transforms.parent.name or "capture"
+
+
+def _would_render(config: RunConfig) -> str:
+    recipe = load_recipe(config.capture.recipe)
+    return (
+        f"dry run: would render {recipe.views.count} photographs of "
+        f"{recipe.views.width} x {recipe.views.height} pixels from {config.capture.recipe}, "
+        "then fit them"
+    )
+
+
+def _would_fit(config: RunConfig, loaded: Loaded) -> str:
+    unknowns = unknowns_of(config, len(loaded.photographs))
+    free = [
+        name
+        for name, unknown in (
+            ("kd", unknowns.kd),
+            ("ks", unknowns.ks),
+            ("sigma", unknowns.sigma),
+            ("mu", unknowns.mu),
+        )
+        if unknown is not None and unknown.free
+    ]
+    return (
+        f"dry run: would fit {', '.join(free) or 'nothing'} to {loaded.observations.count} samples "
+        f"of {len(loaded.photographs)} photographs"
+    )

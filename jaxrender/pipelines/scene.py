@@ -1,0 +1,173 @@
+"""Configuration into objects: shape, material, light and unknowns.
+
+Configs are data that know no run-time class; here is where they meet.  What a class refuses by
+``ValueError`` is, at this boundary, the config's fault, and said so as ``InputError``.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.errors import InputError
+from jaxrender.geometry import Mesh, Shape, Sphere
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown
+from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
+from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
+from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.pipelines.config import RecipeConfig, RunConfig
+from jaxrender.pipelines.config.brdf import BrdfConfig
+from jaxrender.pipelines.config.geometry import GeometryConfig
+from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
+from jaxrender.pipelines.config.parameter import Parameter
+from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
+
+
+@contextmanager
+def fault_of(place: str) -> Iterator[None]:
+    """Report misuse inside the block as bad input at ``place``."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{place}: {error}") from error
+
+
+def shape_of(geometry: GeometryConfig) -> Shape:
+    """Build the object's shape; a mesh is read from its file."""
+    with fault_of("geometry"):
+        if geometry.sphere is not None:
+            return Sphere(np.array(geometry.sphere.center, float), float(geometry.sphere.radius))
+        if geometry.mesh is not None:
+            return read_mesh(geometry.mesh, geometry.scale)
+        ellipsoid = geometry.ellipsoid
+        return Mesh.ellipsoid(np.array(ellipsoid.radii, float), ellipsoid.subdivisions)
+
+
+def true_material(brdf: RecipeBrdfConfig) -> Microfacet:
+    """Build the material that a recipe states; Lambertian is a microfacet without specular part."""
+    mu = None if brdf.mu == "none" else float(brdf.mu)
+    with fault_of("brdf"):
+        return Microfacet(
+            np.array(brdf.kd, float),
+            np.array(brdf.ks, float),
+            float(brdf.sigma),
+            mu,
+            brdf.fresnel,
+            brdf.masking,
+        )
+
+
+def variant_of(brdf: BrdfConfig) -> Microfacet:
+    """Build the lobe that is to be fitted; its numbers do not matter."""
+    mu = None if brdf.mu == "none" or brdf.model == "lambertian" else 1.5
+    return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, brdf.fresnel, brdf.masking)
+
+
+def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
+    """Translate which parameters are free into the solver's unknowns."""
+    brdf, free_gains = config.brdf, photographs if config.solve.free_exposure else 0
+    with fault_of("brdf"):
+        if brdf.model == "lambertian":
+            return MicrofacetUnknowns(
+                kd=_unknown(brdf.kd, Unknown),
+                ks=Unknown(fixed=(0.0,)),
+                sigma=Unknown(fixed=(0.1,)),
+                mu=None,
+                free_gains=free_gains,
+                free_scale=config.lighting.free_scale,
+            )
+        return MicrofacetUnknowns(
+            kd=_unknown(brdf.kd, Unknown),
+            ks=_unknown(brdf.ks, Unknown),
+            sigma=_unknown(brdf.sigma, sigma_unknown),
+            mu=None if brdf.mu == "none" else _unknown(brdf.mu, mu_unknown),
+            ks_per_channel=brdf.ks_per_channel,
+            free_gains=free_gains,
+            free_scale=config.lighting.free_scale,
+        )
+
+
+def settings_of(config: RunConfig) -> FitSettings:
+    """Translate how the fit is to be done."""
+    solve = config.solve
+    noise = None
+    if solve.noise != "estimate":
+        noise = NoiseModel(float(solve.noise.relative), float(solve.noise.floor))
+    return FitSettings(
+        split=config.lighting.split,
+        band_limit=None if solve.band_limit == "auto" else solve.band_limit,
+        transfer=solve.transfer,
+        refine=solve.refine == "exact",
+        refine_samples=solve.refine_samples,
+        method=solve.method,
+        loss=solve.loss,
+        noise=noise,
+        starts=solve.starts,
+        seed=config.samples.seed,
+    )
+
+
+def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
+    """Read the light that a config names."""
+    environment = None
+    if lighting.environment is not None:
+        given = lighting.environment
+        environment = read_environment(given.path, given.convention, given.scale, given.height)
+    per_frame = None
+    if lighting.per_frame is not None:
+        per_frame = read_per_frame_lights(lighting.per_frame, frame_names)
+    with fault_of("lighting"):
+        return KnownLight(environment, directional_of(lighting.directional), per_frame)
+
+
+def directional_of(sources: tuple[DirectionalConfig, ...]) -> DirectionalSources:
+    """Build directional sources."""
+    with fault_of("lighting.directional"):
+        if not sources:
+            return DirectionalSources.none()
+        return DirectionalSources(
+            np.array([source.direction for source in sources], float),
+            np.array([source.irradiance for source in sources], float),
+        )
+
+
+def recipe_environment(recipe: RecipeConfig) -> Environment | None:
+    """Read a recipe's environment image at its full resolution."""
+    given = recipe.lighting.environment
+    if given is None:
+        return None
+    return read_environment(given.path, given.convention, given.scale, given.height)
+
+
+def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
+    """List the files that a config names and that exist: what its fingerprint hashes."""
+    found: list[Path] = []
+
+    def collect(value: object) -> None:
+        if isinstance(value, Path):
+            found.append(value)
+        elif isinstance(value, dict):
+            for item in value.values():
+                collect(item)
+        elif isinstance(value, list | tuple):
+            for item in value:
+                collect(item)
+
+    collect(config.model_dump(exclude={"output"}))
+    return [path for path in found if path.is_file()]
+
+
+def _unknown(parameter: Parameter, make) -> Unknown:
+    if parameter.fixed is not None:
+        return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(parameter.fixed)))
+    given = {}
+    if parameter.bounds is not None:
+        given["lower"], given["upper"] = (float(bound) for bound in parameter.bounds)
+    if parameter.start is not None:
+        given["start"] = float(np.mean(parameter.start))
+    return make(**given)

@@ -1,0 +1,214 @@
+"""Synthetic photographs from a recipe: the exact integral, noise, and all that a fit needs.
+
+Smooth lobes are integrated as the functions that they are, by a polar quadrature about each normal;
+environment images and sources by their point masses.  No part of the model that fits are made with
+is used, and the environment image that a fit is given is coarser than what the photographs saw.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from ruamel.yaml import YAML
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Camera, Mesh, Pinhole, Shape, look_at, observe
+from jaxrender.imaging import NoiseModel
+from jaxrender.io import write_environment, write_image, write_mesh
+from jaxrender.lighting import Environment, LightNodes, SmoothLobes
+from jaxrender.pipelines.config import RecipeConfig
+from jaxrender.pipelines.config.recipe import ViewsConfig
+from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
+from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.scene import (
+    directional_of,
+    input_files,
+    recipe_environment,
+    shape_of,
+    true_material,
+)
+from jaxrender.reflection import ExactForward, render_view
+from jaxrender.shapes import Float
+
+# Gauss nodes in the cosine for the smooth part: good to 1e-4 for lobes of roughness .08 and above.
+_POLAR_NODES = 48
+
+
+def synthesise(
+    recipe: RecipeConfig,
+    recipe_path: Path,
+    folder: Path,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Render a recipe's photographs into ``folder`` and return it.
+
+    Writes ``images/*.exr`` (alpha = coverage), ``transforms.json``, ``environment.exr`` where the
+    light has a part that is no source, ``truth.json`` and a ``config.yaml`` that fits them.  An
+    identical capture that is there already is left alone.  Raises ``InputError``.
+    """
+    progress = progress or SilentProgress()
+    digest = fingerprint(recipe, input_files(recipe), purpose="synth")
+    if prepare(folder, digest, force) is FolderState.FINISHED:
+        progress.note(f"photographs of {recipe_path.name}: rendered before, in {folder}")
+        return folder
+    with progress.stage("render photographs"), result_folder(folder, digest, force) as into:
+        _write_capture(recipe, recipe_path, into, progress)
+    return folder
+
+
+def cameras_of(views: ViewsConfig, centre: Float[np.ndarray, "3"]) -> list[Camera]:
+    """Place cameras on a circle about ``axis`` through the object's centre, looking at it."""
+    axis = np.array(views.axis, float)
+    axis /= np.linalg.norm(axis)
+    aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    aside /= np.linalg.norm(aside)
+    ahead = np.cross(axis, aside)
+    elevation = np.radians(views.elevation_degrees)
+    focal = views.width / 2 / np.tan(np.radians(views.field_of_view_degrees) / 2)
+    cameras: list[Camera] = []
+    for view in range(views.count):
+        angle = np.radians(views.start_degrees + view * views.step_degrees)
+        level = np.cos(angle) * aside + np.sin(angle) * ahead
+        position = centre + views.distance * (np.cos(elevation) * level + np.sin(elevation) * axis)
+        pose = look_at(position, centre, axis)
+        cameras.append(Pinhole(views.width, views.height, pose, fl_x=float(focal)))
+    return cameras
+
+
+def _write_capture(
+    recipe: RecipeConfig, recipe_path: Path, folder: Path, progress: Progress
+) -> None:
+    shape, material = shape_of(recipe.geometry), true_material(recipe.brdf)
+    light = _light_of(recipe)
+    centre = np.asarray(shape.bounds()).mean(axis=0)
+    cameras = cameras_of(recipe.views, centre)
+    noise = NoiseModel(float(recipe.noise.relative), float(recipe.noise.floor))
+    rng = np.random.default_rng(recipe.seed)
+    (folder / "images").mkdir()
+    frames = []
+    for number, camera in enumerate(cameras):
+        name = f"images/view_{number:03d}.exr"
+        write_image(folder / name, _photograph(camera, shape, material, light, (noise, rng)))
+        frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
+        progress.advance((number + 1) / len(cameras))
+    first = cameras[0]
+    intrinsics = {"w": first.width, "h": first.height, "fl_x": first.fl_x, "fl_y": first.fl_y}
+    _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
+    _write_json(folder / "truth.json", recipe.model_dump(mode="json"))
+    lighting = _write_light(recipe, folder)
+    _write_config(recipe, recipe_path, folder, (shape, lighting))
+
+
+def _photograph(
+    camera: Camera,
+    shape: Shape,
+    material: Microfacet,
+    light: ExactForward,
+    noise: tuple[NoiseModel, np.random.Generator],
+) -> Float[np.ndarray, "row column 4"]:
+    view = observe(camera, shape)
+    covered = view.hit
+    exact = render_view(material, view, light)[covered]
+    model, rng = noise
+    image = np.zeros((*covered.shape, 4))
+    # A sensor reads no negative light.
+    image[covered, :3] = np.maximum(model.add(exact, rng), 0)
+    image[..., 3] = covered
+    return image
+
+
+def _light_of(recipe: RecipeConfig) -> ExactForward:
+    parts = [directional_of(recipe.lighting.directional).nodes()]
+    environment = recipe_environment(recipe)
+    if environment is not None:
+        nodes = environment.nodes()
+        lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
+        parts.append(LightNodes(*(np.asarray(a)[lit] for a in nodes)))
+    nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
+    return ExactForward(nodes, _lobes_of(recipe), _POLAR_NODES)
+
+
+def _lobes_of(recipe: RecipeConfig) -> SmoothLobes | None:
+    area = recipe.lighting.area
+    if not area:
+        return None
+    return SmoothLobes(
+        np.array([lobe.direction for lobe in area], float),
+        np.radians([lobe.width_degrees for lobe in area]),
+        np.array([lobe.radiance for lobe in area], float),
+    )
+
+
+def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
+    """Write the environment image that a fit is given, and return the config's lighting section."""
+    lighting: dict = {}
+    image = 0.0
+    lobes, environment = _lobes_of(recipe), recipe_environment(recipe)
+    if lobes is not None:
+        image = image + np.asarray(lobes.to_environment(recipe.environment_height).radiance)
+    if environment is not None:
+        image = image + _coarser(environment, recipe.environment_height)
+    if isinstance(image, np.ndarray):
+        write_environment(folder / "environment.exr", Environment(image))
+        lighting["environment"] = {"path": "environment.exr", "convention": "z-up"}
+    if recipe.lighting.directional:
+        lighting["directional"] = [
+            {"direction": list(source.direction), "irradiance": list(source.irradiance)}
+            for source in recipe.lighting.directional
+        ]
+    return lighting
+
+
+def _coarser(environment: Environment, height: int) -> Float[np.ndarray, "row column channel"]:
+    """Average an environment over larger texels, energy conserved."""
+    rows = environment.grid.shape[0]
+    if rows <= height:
+        return _repeat(np.asarray(environment.radiance), height)
+    radiance_, weights = np.asarray(environment.radiance), environment.grid.weights()[..., None]
+    row = np.arange(rows) * height // rows
+    column = np.arange(2 * rows) * height // rows
+    index = (row[:, None] * 2 * height + column[None, :]).ravel()
+    totals = [
+        np.bincount(index, values.ravel(), 2 * height**2)
+        for values in np.moveaxis(np.broadcast_to(weights, radiance_.shape) * radiance_, -1, 0)
+    ]
+    solid_angle = np.bincount(index, np.broadcast_to(weights[..., 0], (rows, 2 * rows)).ravel())
+    return (np.stack(totals, -1) / solid_angle[:, None]).reshape(height, 2 * height, -1)
+
+
+def _repeat(image: Float[np.ndarray, "row column channel"], height: int) -> np.ndarray:
+    rows = np.arange(height) * image.shape[0] // height
+    columns = np.arange(2 * height) * image.shape[1] // (2 * height)
+    return image[rows[:, None], columns[None, :]]
+
+
+def _write_config(
+    recipe: RecipeConfig, recipe_path: Path, folder: Path, made: tuple[Shape, dict]
+) -> None:
+    """Write a config that fits the photographs, with everything free that the recipe states."""
+    shape, lighting = made
+    geometry = recipe.geometry.model_dump(mode="json", exclude_none=True, exclude={"scale"})
+    if isinstance(shape, Mesh):
+        write_mesh(folder / "shape.ply", shape)
+        geometry = {"mesh": "shape.ply"}
+    brdf: dict = {"model": recipe.brdf.model}
+    if recipe.brdf.model == "microfacet":
+        brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
+        if recipe.brdf.mu == "none":
+            brdf["mu"] = "none"
+    config = {
+        "task": "brdf",
+        "capture": {"transforms": "transforms.json", "geometry": geometry},
+        "lighting": lighting,
+        "brdf": brdf,
+        "output": f"runs/{recipe_path.stem}",
+    }
+    with (folder / "config.yaml").open("w", encoding="utf-8") as stream:
+        YAML(typ="safe").dump(config, stream)
+
+
+def _write_json(path: Path, content: dict) -> None:
+    path.write_text(json.dumps(content, indent=1) + os.linesep, encoding="utf-8")

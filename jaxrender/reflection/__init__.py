@@ -1,0 +1,65 @@
+"""The forward model: what a surface of a known BRDF sends to the camera under a known light.
+
+``integral``
+    the reference: the reflection integral as a sum over the light's nodes, or by a polar quadrature
+``irradiance``
+    the diffuse part as a sum of harmonics of the normal (T 4.10)
+``dual``
+    the model of T 6.9: diffuse and slow light in frequency, fast light in angle
+``tabulated``
+    the dual model as a table over roughness, for solvers
+``render``
+    camera to image with either model
+
+Every model returns *columns*: the radiance of each lobe of the BRDF at amplitude one, so that
+radiance = columns times amplitudes is linear in what a fit can eliminate.
+"""
+
+from jaxrender.reflection.dual import (
+    DualGoal,
+    DualLight,
+    SourcesNeeded,
+    dual_columns,
+    dual_light,
+    sources_needed,
+)
+from jaxrender.reflection.integral import (
+    FrameNodes,
+    integral_columns,
+    integral_columns_by_frame,
+    polar_columns,
+    radiance,
+)
+from jaxrender.reflection.irradiance import irradiance
+from jaxrender.reflection.render import (
+    DualForward,
+    ExactForward,
+    ForwardModel,
+    render,
+    render_samples,
+    render_view,
+)
+from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
+
+__all__ = [
+    "DualForward",
+    "DualGoal",
+    "DualLight",
+    "ExactForward",
+    "ForwardModel",
+    "FrameNodes",
+    "RoughnessTable",
+    "SourcesNeeded",
+    "dual_columns",
+    "dual_light",
+    "integral_columns",
+    "integral_columns_by_frame",
+    "irradiance",
+    "polar_columns",
+    "radiance",
+    "render",
+    "render_samples",
+    "render_view",
+    "roughness_table",
+    "sources_needed",
+]

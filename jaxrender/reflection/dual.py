@@ -1,0 +1,167 @@
+"""The dual model of T 6.9: diffuse and slow light in frequency, fast light in angle.
+
+B = K_d E(n) + K_s [ sum_l h_l(t_o) sum_m L_lm Y_lm(R)  +  sum_j F S(t_h,j) / (4 cos t_o) E_j ]
+
+The slow part of the light is known by its coefficients and filtered; the sources are summed
+exactly, like in the integral.  What the model gets wrong is therefore known in closed form: each
+point mass left in the slow part contributes its energy times (lobe - azimuthal mean of the lobe).
+``sources_needed`` adds that up, so a split is as fine as the error asked for, and no finer.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import BRDF, Microfacet
+from jaxrender.geometry import Components, SurfaceSamples, world_from_local
+from jaxrender.harmonics import band_limit_of, degree_table, legendre
+from jaxrender.lighting import DirectionalSources, Environment, LightNodes, LightSplit
+from jaxrender.reflection.integral import (
+    FrameNodes,
+    integral_columns,
+    integral_columns_by_frame,
+)
+from jaxrender.reflection.irradiance import irradiance
+from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.spectra import light_coefficients, transfer_of_samples
+
+
+class DualGoal(NamedTuple):
+    """What a split is to reach: the dual model's relative error, and at what cost."""
+
+    error: float
+    most_sources: int
+    band_limit: int
+
+
+class SourcesNeeded(NamedTuple):
+    """How many sources meet a goal, the error with them, and the error with none."""
+
+    count: int
+    error: float
+    error_without: float
+
+
+class DualLight(eqx.Module):
+    """Light as the dual model sees it: coefficients of the slow part, and directional sources.
+
+    ``frames`` holds what is a different source in each photograph (moving light).
+    """
+
+    slow: Float[AnyArray, "coefficient channel"]
+    sources: DirectionalSources
+    frames: FrameNodes | None = None
+
+    @property
+    def band_limit(self) -> int:
+        """The highest degree of the slow part."""
+        return band_limit_of(self.slow.shape[0])
+
+
+def dual_light(
+    split: LightSplit | None,
+    directional: DirectionalSources,
+    band_limit: int,
+    frames: FrameNodes | None = None,
+) -> DualLight:
+    """Join a split environment and given directional sources.
+
+    The slow coefficients are those of the whole environment less those of the sources taken out of
+    it, so what the sources' cells blurred is put right in every degree that the model keeps.
+    """
+    channels = directional.irradiance.shape[-1]
+    if split is None:
+        dark = jnp.zeros((1, channels), directional.irradiance.dtype)
+        return DualLight(dark, directional, frames)
+    whole = light_coefficients(split.environment, band_limit)
+    slow = whole - light_coefficients(split.sources, band_limit)
+    sources = DirectionalSources(
+        np.concatenate([split.sources.directions, directional.directions]),
+        np.concatenate([split.sources.irradiance, directional.irradiance]),
+    )
+    return DualLight(slow, sources, frames)
+
+
+def dual_columns(
+    brdf: BRDF, samples: SurfaceSamples, light: DualLight, transfer: str = "exit-cosine"
+) -> Float[Array, "sample lobe channel"]:
+    """Evaluate T 6.9 with the named transfer: the columns of kd and, for a microfacet, of ks."""
+    fast = integral_columns(brdf, samples, light.sources.nodes())
+    if light.frames is not None:
+        fast = fast + integral_columns_by_frame(brdf, samples, light.frames)
+    slow = [irradiance(light.slow, samples.normals)]
+    if isinstance(brdf, Microfacet):
+        slow.append(slow_specular(brdf, samples, light.slow, transfer))
+    return jnp.stack(slow, axis=1) + fast
+
+
+def slow_specular(
+    brdf: Microfacet,
+    samples: SurfaceSamples,
+    slow: Float[AnyArray, "coefficient channel"],
+    transfer: str = "exit-cosine",
+) -> Float[Array, "sample channel"]:
+    """Filter the slow light by the lobe and look it up at R: sum_l h_l(t_o) sum_m L_lm Y_lm(R)."""
+    table = degree_table(jnp.asarray(slow), samples.reflected)
+    band_limit = table.shape[1] - 1
+    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)
+    return jnp.einsum("sl,slc->sc", passed, table, precision="highest")
+
+
+def sources_needed(
+    environment: Environment,
+    candidates: DirectionalSources,
+    brdf: Microfacet,
+    samples: SurfaceSamples,
+    goal: DualGoal,
+) -> SourcesNeeded:
+    """Count the strongest candidates that must be sources for the dual model to meet the goal.
+
+    The error is that of the specular column, root mean square over the samples relative to the
+    column itself, against the exact sum over the environment's nodes.
+    """
+    count = min(goal.most_sources, candidates.directions.shape[0])
+    directions = jnp.asarray(candidates.directions[:count])
+    energies = jnp.asarray(candidates.irradiance[:count])
+    whole = light_coefficients(environment, goal.band_limit)
+    nodes = environment.nodes()
+    errors = _errors_by_count(brdf, samples, whole, nodes, LightNodes(directions, energies))
+    errors = np.asarray(errors)
+    enough = np.flatnonzero(errors <= goal.error)
+    needed = int(enough[0]) if enough.size else int(np.argmin(errors))
+    return SourcesNeeded(needed, float(errors[needed]), float(errors[0]))
+
+
+@eqx.filter_jit
+def _errors_by_count(
+    brdf: Microfacet,
+    samples: SurfaceSamples,
+    whole: Float[Array, "coefficient channel"],
+    nodes: LightNodes,
+    candidates: LightNodes,
+) -> Float[Array, "count"]:
+    exact = integral_columns(brdf, samples, nodes)[:, 1, :]
+    error = exact - slow_specular(brdf, samples, whole)
+    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit_of(whole.shape[0]))
+    degrees = jnp.arange(passed.shape[1], dtype=passed.dtype)
+    zonal = passed * ((2 * degrees + 1) / (4 * jnp.pi))[None, :]
+
+    def gains(sample: tuple) -> Float[Array, "node"]:
+        surface, reflected, filtered = sample
+        frame = world_from_local(surface.normals)
+        incoming = Components.of(candidates.directions).in_frame(frame)
+        outgoing = Components.of(surface.outgoing).in_frame(frame)
+        lobe = brdf.transfer(incoming, outgoing)[1]
+        cosines = jnp.matmul(candidates.directions, reflected, precision="highest")
+        polynomials = legendre(cosines, filtered.shape[0] - 1)
+        return lobe - jnp.matmul(polynomials, filtered, precision="highest")
+
+    gain = jax.lax.map(gains, (samples, samples.reflected, zonal), batch_size=16)
+    taken = jnp.cumsum(gain[:, :, None] * candidates.irradiance[None], axis=1)
+    left = jnp.concatenate([error[:, None], error[:, None] - taken], axis=1)
+    scale = jnp.mean(exact**2)
+    # Where nothing is reflected there is nothing to be wrong about.
+    return jnp.sqrt(jnp.mean(left**2, axis=(0, 2)) / jnp.where(scale > 0, scale, 1))

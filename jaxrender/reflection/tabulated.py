@@ -1,0 +1,188 @@
+"""The dual model as a table over roughness: what a solver evaluates in a fraction of a millisecond.
+
+For given samples and light the specular column of T 6.9 is a smooth function of log sigma (and,
+with the Fresnel ratio at the half angle, of log(mu - 1)).  It is evaluated once at equally spaced
+knots by the dual model's own parts and interpolated by cubic B-splines, so that value and
+derivative cost four rows of the table whatever the number of sources or degrees.
+:func:`jaxrender.reflection.dual.dual_columns` is the slow twin.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import degree_table
+from jaxrender.lighting import DirectionalSources
+from jaxrender.reflection.dual import DualLight
+from jaxrender.reflection.integral import integral_columns, integral_columns_by_frame
+from jaxrender.reflection.irradiance import irradiance
+from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.spectra import transfer_of_samples
+
+# Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
+# factor of 1.8 to either side the step is .07, and a cubic spline good to 1e-4 of the lobe's peak.
+_SIGMA_KNOTS = 24
+# The ratio of half-angle to exit-angle Fresnel is far smoother in log(mu - 1).
+_MU_KNOTS = 14
+_FEWEST_SOURCES = 64
+# Knots beyond the range, so that the spline's end conditions do not reach into it.
+_EXTRA_KNOTS = 3
+
+
+class KnotRange(eqx.Module):
+    """Equally spaced knots: ``count`` from ``first`` by ``step``."""
+
+    first: Float[np.ndarray, ""]
+    step: Float[np.ndarray, ""]
+    count: int = eqx.field(static=True)
+
+    @classmethod
+    def over(cls, low: float, high: float, count: int) -> "KnotRange":
+        """Cover [low, high] with ``count`` knots, some of them to spare on either side."""
+        step = (high - low) / (count - 1 - 2 * _EXTRA_KNOTS)
+        return cls(np.asarray(low - _EXTRA_KNOTS * step), np.asarray(step), count)
+
+    def values(self) -> Float[np.ndarray, "knot"]:
+        """List the knots."""
+        return np.asarray(self.first + self.step * np.arange(self.count))
+
+    def spline_from_values(self) -> Float[np.ndarray, "coefficient knot"]:
+        """The matrix that turns values at the knots into B-spline coefficients (natural ends)."""
+        if self.count == 1:
+            return np.ones((1, 1))
+        size = self.count + 2
+        system = np.zeros((size, size))
+        for k in range(self.count):
+            system[k, k : k + 3] = [1 / 6, 4 / 6, 1 / 6]
+        system[self.count, :3] = system[self.count + 1, -3:] = [1, -2, 1]
+        return np.linalg.inv(system)[:, : self.count]
+
+    def locate(self, x: Float[Array, ""]) -> tuple[Array, Float[Array, "four"]]:
+        """Find the first of the four coefficients that matter at ``x``, and their weights."""
+        if self.count == 1:
+            return jnp.zeros((), int), jnp.ones(1, x.dtype)
+        first, step = (jnp.asarray(a, x.dtype) for a in (self.first, self.step))
+        position = (x - first) / step
+        cell = jnp.clip(jnp.floor(position), 0, self.count - 2)
+        t = position - cell
+        weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
+        return cell.astype(int), jnp.stack(weights) / 6
+
+
+_ONE_KNOT = KnotRange(np.zeros(()), np.ones(()), 1)
+
+
+class RoughnessTable(eqx.Module):
+    """The dual model's columns for fixed samples and light, as functions of sigma and mu."""
+
+    diffuse: Float[AnyArray, "sample channel"]
+    spline: Float[AnyArray, "mu_knot sigma_knot sample channel"]
+    exit_cosines: Float[AnyArray, "sample"]
+    log_sigma: KnotRange
+    log_mu: KnotRange
+
+    def specular(
+        self, sigma: Float[Array, ""], mu: Float[Array, ""] | None
+    ) -> Float[Array, "sample channel"]:
+        """Look up the column of ks; differentiable in sigma and mu."""
+        first, weights = self.log_sigma.locate(jnp.log(sigma))
+        if mu is None or self.log_mu.count == 1:
+            mu_first, mu_weights = jnp.zeros((), int), jnp.ones(1, weights.dtype)
+        else:
+            mu_first, mu_weights = self.log_mu.locate(jnp.log(mu - 1))
+        size = (mu_weights.shape[0], 4, *self.spline.shape[2:])
+        zero = jnp.zeros((), int)
+        rows = jax.lax.dynamic_slice(self.spline, (mu_first, first, zero, zero), size)
+        column = jnp.einsum("m,k,mksc->sc", mu_weights, weights, rows, precision="highest")
+        return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
+
+
+def roughness_table(
+    brdf: Microfacet,
+    samples: SurfaceSamples,
+    light: DualLight,
+    sigma_range: tuple[float, float],
+    mu_range: tuple[float, float] = (1.1, 4.0),
+    transfer: str = "exit-cosine",
+) -> RoughnessTable:
+    """Tabulate the dual model over a range of sigma (and of mu, where the lobe depends on it).
+
+    Of ``brdf`` only the variant counts: metal or dielectric, Fresnel angle, masking.
+    """
+    log_sigma = KnotRange.over(*np.log(sigma_range).tolist(), _SIGMA_KNOTS)
+    dtype = jnp.asarray(samples.normals).dtype
+    samples = SurfaceSamples(jnp.asarray(samples.normals), jnp.asarray(samples.outgoing))
+    light = jax.tree.map(lambda x: _cast(x, dtype), _padded(light))
+    half = brdf.mu is not None and brdf.fresnel == "half"
+    low, high = np.log(np.asarray(mu_range) - 1).tolist()
+    log_mu = KnotRange.over(low, high, _MU_KNOTS) if half else _ONE_KNOT
+    # A Fresnel ratio at the exit angle is a factor of the column, so it stays out of the table.
+    variant = brdf if half else brdf.as_metal()
+    sigmas = jnp.exp(jnp.asarray(log_sigma.values(), dtype))
+    mus = 1 + jnp.exp(jnp.asarray(log_mu.values(), dtype))
+    with jax.default_matmul_precision("highest"):
+        diffuse, values = _tabulate(variant, samples, light, (mus, sigmas), transfer)
+        spline = jnp.einsum(
+            "am,bk,mksc->absc",
+            jnp.asarray(log_mu.spline_from_values(), dtype),
+            jnp.asarray(log_sigma.spline_from_values(), dtype),
+            values,
+        )
+    return RoughnessTable(diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
+
+
+@eqx.filter_jit
+def _tabulate(
+    variant: Microfacet,
+    samples: SurfaceSamples,
+    light: DualLight,
+    knots: tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]],
+    transfer: str,
+) -> tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]:
+    """Evaluate the diffuse column, and the specular one over exit-angle Fresnel at every knot."""
+    mus, sigmas = knots
+    metal = variant.mu is None
+
+    def fast(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
+        brdf = variant.with_roughness(sigma, None if metal else mu)
+        columns = integral_columns(brdf, samples, light.sources.nodes())
+        if light.frames is not None:
+            columns = columns + integral_columns_by_frame(brdf, samples, light.frames)
+        return columns
+
+    def relative_fresnel(mu: Float[Array, ""]) -> Float[Array, "sample 1"]:
+        return normalised_fresnel(None if metal else mu, samples.exit_cosines)[:, None]
+
+    def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
+        def slow(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
+            brdf = variant.with_roughness(sigma, None if metal else mu)
+            passed = transfer_of_samples(brdf, samples.exit_cosines, light.band_limit, transfer)
+            return jnp.einsum("sl,slc->sc", passed, by_degree)
+
+        column = jax.vmap(lambda sigma: fast(sigma, mu)[:, 1])(sigmas) + jax.lax.map(slow, sigmas)
+        return column / relative_fresnel(mu)[None]
+
+    by_degree = degree_table(jnp.asarray(light.slow), samples.reflected)
+    diffuse = fast(sigmas[0], mus[0])[:, 0] + irradiance(jnp.asarray(light.slow), samples.normals)
+    return diffuse, jax.lax.map(row, mus)
+
+
+def _padded(light: DualLight) -> DualLight:
+    """Fill up with dark sources to a power of two, so that few shapes are ever compiled."""
+    count = light.sources.directions.shape[0]
+    missing = max(_FEWEST_SOURCES, 1 << max(count - 1, 0).bit_length()) - count
+    dark = np.tile([[0.0, 0.0, 1.0]], (missing, 1))
+    channels = light.sources.irradiance.shape[1]
+    sources = DirectionalSources(
+        np.concatenate([light.sources.directions, dark]),
+        np.concatenate([light.sources.irradiance, np.zeros((missing, channels))]),
+    )
+    return DualLight(light.slow, sources, light.frames)
+
+
+def _cast(x: AnyArray, dtype) -> Array:
+    x = jnp.asarray(x)
+    return x.astype(dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x

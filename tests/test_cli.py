@@ -1,0 +1,297 @@
+"""The command line: what reaches the pipelines, what is printed where, and the exit codes.
+
+- Commands hand over config, paths and flags; summaries go to stdout, trouble to stderr.
+- 0 done, 1 not converged with --strict, 2 bad input and bad usage (no traceback), 130 interrupted.
+- ``--help`` imports neither JAX nor NumPy nor pydantic.
+- Float64 and the compilation cache are set before the numerics start; the cache is the user's own.
+- ``configs/...`` and ``data_synth/...`` are found in the package if the working directory has none.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+import jaxrender
+from jaxrender import cli
+from jaxrender.errors import InputError
+from jaxrender.pipelines.config import Parameter
+from jaxrender.pipelines.progress import PlainProgress
+
+CONFIG = "task: brdf\ncapture: {recipe: a.yaml}\noutput: runs/a\n"
+RECIPE = """\
+geometry: {sphere: {}}
+brdf: {kd: 0.1, ks: 0.2, sigma: 0.1, mu: 1.5}
+lighting: {directional: [{direction: [0, 0, 1], irradiance: 3}]}
+"""
+
+
+class Calls(dict):
+    """What the stand-ins of the pipelines were called with, and what they shall do."""
+
+    outcome = "converged"
+    error: BaseException | None = None
+
+
+@pytest.fixture
+def calls(monkeypatch, tmp_path):
+    """Stand-ins for the pipelines, in a working directory with a config and a recipe."""
+    calls = Calls()
+
+    def answer(**arguments):
+        calls.update(arguments)
+        if calls.error is not None:
+            raise calls.error
+
+    def fit(config, force, dry_run, progress):
+        answer(config=config, force=force, dry_run=dry_run, progress=progress)
+        return types.SimpleNamespace(
+            outcome=calls.outcome, folder=Path("/out/a"), summary="the summary"
+        )
+
+    def synthesise(recipe, recipe_path, folder, force, progress):
+        answer(recipe=recipe, recipe_path=recipe_path, folder=folder, force=force)
+        return folder
+
+    def render_config(result_folder, out, model, force, progress):
+        answer(result_folder=result_folder, out=out, model=model, force=force)
+        return out
+
+    for name, function in {"run": fit, "synth": synthesise, "render": render_config}.items():
+        module = types.ModuleType(f"jaxrender.pipelines.{name}")
+        setattr(module, function.__name__, function)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(cli, "_set_up_jax", lambda: calls.update(set_up=True))
+    monkeypatch.chdir(tmp_path)
+    Path("fit.yaml").write_text(CONFIG)
+    Path("recipe.yaml").write_text(RECIPE)
+    return calls
+
+
+def run_process(*arguments, **environment):
+    return subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **environment},
+        timeout=120,
+        check=False,
+    )
+
+
+# ---------------------------------------------------------------- commands
+
+
+def test_fit_hands_over_config_and_flags(calls, capsys, tmp_path):
+    assert cli.main(["fit", "fit.yaml", "brdf.mu=1.5", "solve.starts=2", "--force"]) == 0
+    assert calls["config"].brdf.mu == Parameter(fixed=1.5)
+    assert calls["config"].solve.starts == 2
+    assert calls["config"].output == tmp_path / "runs" / "a"
+    assert (calls["force"], calls["dry_run"]) == (True, False)
+    assert isinstance(calls["progress"], PlainProgress)
+    assert calls["set_up"]
+    assert capsys.readouterr() == ("the summary\nresult: /out/a\n", "")
+
+
+def test_dry_run(calls, capsys):
+    calls.outcome = "not run"
+    assert cli.main(["fit", "--dry-run", "--strict", "fit.yaml"]) == 0
+    assert (calls["force"], calls["dry_run"]) == (False, True)
+    assert capsys.readouterr().out == "the summary\n"
+
+
+@pytest.mark.parametrize(
+    ("outcome", "strict", "code"),
+    [
+        ("converged", False, 0),
+        ("converged", True, 0),
+        ("not_converged", False, 0),
+        ("not_converged", True, 1),
+        ("at_bound", True, 1),
+        ("not_identifiable", True, 1),
+    ],
+)
+def test_strict(calls, outcome, strict, code):
+    calls.outcome = outcome
+    assert cli.main(["fit", "fit.yaml", *["--strict"][: int(strict)]]) == code
+
+
+def test_synth(calls, capsys, tmp_path):
+    assert cli.main(["synth", "recipe.yaml", "--out", "photos"]) == 0
+    assert calls["recipe"].brdf.mu == 1.5
+    assert calls["recipe_path"] == tmp_path / "recipe.yaml"
+    assert calls["folder"] == tmp_path / "photos"
+    assert calls["force"] is False
+    assert capsys.readouterr().out == f"capture: {tmp_path / 'photos'}\n"
+
+
+def test_render(calls, capsys, tmp_path):
+    assert cli.main(["render", "runs/a", "--out", "b", "--model", "dual", "--force"]) == 0
+    assert calls["result_folder"] == tmp_path / "runs" / "a"
+    assert (calls["out"], calls["model"], calls["force"]) == (tmp_path / "b", "dual", True)
+    assert capsys.readouterr().out == f"images: {tmp_path / 'b'}\n"
+    assert cli.main(["render", "runs/a", "--out", "b"]) == 0
+    assert (calls["model"], calls["force"]) == ("integral", False)
+
+
+def test_schema(calls, capsys):
+    assert cli.main(["schema"]) == 0
+    assert "capture" in json.loads(capsys.readouterr().out)["properties"]
+    assert cli.main(["schema", "--recipe"]) == 0
+    assert "views" in json.loads(capsys.readouterr().out)["properties"]
+    assert "set_up" not in calls
+
+
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"{jaxrender.__version__}\n"
+
+
+# ---------------------------------------------------------------- trouble
+
+
+def test_a_bad_config_is_said_and_ends_with_2(calls, capsys):
+    Path("bad.yaml").write_text(CONFIG + "ligting: {}\n")
+    assert cli.main(["fit", "bad.yaml", "brdf.m=2"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        "bad.yaml:4:1: unknown key 'ligting', did you mean 'lighting'?\n"
+        "command line: brdf.m=2: unknown key 'm', did you mean 'mu'?\n",
+    )
+    assert not calls
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["fit", "nope.yaml"], ["synth", "nope.yaml", "--out", "x"], ["fit", "configs/nope.yaml"]],
+)
+def test_a_missing_file_ends_with_2(calls, capsys, arguments):
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr() == ("", f"{arguments[1]}: no such file\n")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fit", "fit.yaml"],
+        ["synth", "recipe.yaml", "--out", "x"],
+        ["render", "runs/a", "--out", "x"],
+    ],
+)
+def test_trouble_in_a_pipeline(calls, capsys, arguments):
+    calls.error = InputError("a.exr: channel R, pixel (3, 4): NaN; set capture.invalid: mask")
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr() == ("", f"{calls.error}\n")
+    calls.error = KeyboardInterrupt()
+    assert cli.main(arguments) == 130
+    assert capsys.readouterr() == ("", "interrupted\n")
+    calls.error = RuntimeError("a mistake of ours keeps its traceback")
+    with pytest.raises(RuntimeError):
+        cli.main(arguments)
+
+
+USAGE = {
+    "fitt a.yaml": 'Did you mean "fit"?',
+    "fit": "CONFIG requires an argument",
+    "fit fit.yaml --forc": "Did you mean --force?",
+    "render a --out b --model dul": 'Did you mean "dual"?',
+    "synth recipe.yaml": "--out",
+    "synth recipe.yaml --out a b": "b",
+    "--bogus": "--bogus",
+}
+
+
+@pytest.mark.parametrize("line", USAGE)
+def test_wrong_usage_ends_with_2(calls, capsys, line):
+    assert cli.main(line.split()) == 2
+    out, err = capsys.readouterr()
+    words = re.sub(r"[│╭╮╰╯─\s]+", " ", err)
+    assert (out, calls) == ("", {})
+    assert USAGE[line] in words
+
+
+def test_a_process_shows_no_traceback(tmp_path):
+    found = run_process("-m", "jaxrender", "fit", str(tmp_path / "nope.yaml"))
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr == f"{tmp_path / 'nope.yaml'}: no such file\n"
+
+
+# ---------------------------------------------------------------- start
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; from jaxrender import cli; code = cli.main(['--help']);"
+        "heavy = {'jax', 'numpy', 'scipy', 'equinox', 'pydantic', 'matplotlib', 'ruamel'};"
+        "sys.exit(f'{code} {sorted(heavy & set(sys.modules))}')"
+    )
+    found = run_process("-c", code)
+    assert found.stderr.strip() == "0 []"
+    for command in ("fit", "render", "synth", "schema"):
+        assert command in found.stdout
+
+
+def test_jax_is_set_up_in_the_users_own_cache(tmp_path):
+    code = (
+        "from jaxrender import cli; cli._set_up_jax(); import jax, jax.numpy as jnp;"
+        "print(jnp.zeros(1).dtype, jax.config.jax_compilation_cache_dir,"
+        "jax.config.jax_persistent_cache_min_compile_time_secs <= 0.1,"
+        "jax.config.jax_persistent_cache_min_entry_size_bytes)"
+    )
+    found = run_process("-c", code, XDG_CACHE_HOME=str(tmp_path), JAX_COMPILATION_CACHE_DIR="")
+    folder = tmp_path / "jaxrender"
+    assert found.stdout.split() == ["float64", str(folder), "True", "-1"]
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_the_cache_folder_may_be_chosen(monkeypatch, tmp_path):
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "mine"))
+    assert cli._cache_folder() == tmp_path / "mine"
+
+
+def test_a_cache_that_others_may_write_to_is_not_used(monkeypatch, tmp_path, caplog):
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "jaxrender").mkdir()
+    (tmp_path / "jaxrender").chmod(0o777)
+    assert cli._cache_folder() is None
+    assert "others may write to it" in caplog.text
+    (tmp_path / "jaxrender").chmod(0o755)
+    assert cli._cache_folder() == tmp_path / "jaxrender"
+
+
+def test_no_cache_where_none_can_be_made(monkeypatch, tmp_path, caplog):
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    (tmp_path / "file").write_text("")
+    assert cli._cache_folder() is None
+    assert "no compilation cache" in caplog.text
+
+
+def test_a_relative_cache_home_is_ignored(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert cli._user_cache() == tmp_path / ".cache"
+
+
+def test_bundled_examples(calls, monkeypatch, tmp_path):
+    package = tmp_path / "installed"
+    (package / "package_data" / "configs").mkdir(parents=True)
+    example = package / "package_data" / "configs" / "teflon.yaml"
+    example.write_text(CONFIG.replace("a.yaml", "../data_synth/teflon.yaml"))
+    monkeypatch.setattr(cli.resources, "files", lambda name: package)
+    assert cli.main(["fit", "configs/teflon.yaml"]) == 0
+    recipe = package / "package_data" / "data_synth" / "teflon.yaml"
+    assert calls["config"].capture.recipe == recipe
+    assert calls["config"].output == tmp_path / "runs" / "a"
+    # The working directory's own file goes first, and other folders are not looked up.
+    Path("configs").mkdir()
+    Path("configs/teflon.yaml").write_text(CONFIG)
+    assert cli._bundled(Path("configs/teflon.yaml")) == Path("configs/teflon.yaml")
+    assert cli._bundled(Path("other/teflon.yaml")) == Path("other/teflon.yaml")
