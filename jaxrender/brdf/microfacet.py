@@ -10,6 +10,7 @@ is taken at the half angle, and it exceeds 1 at grazing exit (ERRATA 25: directi
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.core import Tracer
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
@@ -23,17 +24,27 @@ Scalar = Float[AnyArray, ""] | float
 _SMALLEST_COSINE = 1e-6
 
 
+def _scalar(value: Scalar | int | None) -> Float[AnyArray, ""] | None:
+    """Make a number an array, still weak in type: as a plain float each would be compiled anew."""
+    return jnp.asarray(float(value)) if isinstance(value, float | int) else value
+
+
+def _known(value: Scalar) -> bool:
+    """Say whether there is a number to look at: inside a traced function there is none."""
+    return not isinstance(value, Tracer)
+
+
 class Microfacet(BRDF):
     """T 6.2 with ``kd`` and ``ks`` per channel, roughness ``sigma`` (radians) and index ``mu``.
 
     ``mu=None`` sets F = 1 (metals).  Raises ``ValueError`` for an unknown Fresnel angle or masking
-    and, for plain numbers, for sigma <= 0 and mu <= 1.
+    and, outside traced functions, for sigma <= 0 and mu <= 1.
     """
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
-    sigma: Scalar
-    mu: Scalar | None
+    sigma: Scalar = eqx.field(converter=_scalar)
+    mu: Scalar | None = eqx.field(converter=_scalar)
     fresnel: str = eqx.field(static=True, default="exit")
     masking: str = eqx.field(static=True, default="none")
 
@@ -42,11 +53,11 @@ class Microfacet(BRDF):
             raise ValueError(f"fresnel={self.fresnel!r}: choose one of {', '.join(FRESNEL_ANGLES)}")
         if self.masking not in MASKINGS:
             raise ValueError(f"masking={self.masking!r}: choose one of {', '.join(MASKINGS)}")
-        if isinstance(self.sigma, float | int) and not self.sigma > 0:
+        if _known(self.sigma) and not self.sigma > 0:
             raise ValueError(
                 f"sigma={self.sigma}: the roughness must be above 0 (mirror: use a small one)"
             )
-        if isinstance(self.mu, float | int) and not self.mu > 1:
+        if self.mu is not None and _known(self.mu) and not self.mu > 1:
             raise ValueError(
                 f"mu={self.mu}: the refractive index must be above 1, or None for a metal"
             )

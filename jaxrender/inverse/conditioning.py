@@ -1,9 +1,9 @@
 """What the photographs say about sigma, and from where: the light's spectrum or grazing angles.
 
-The frequency model tells sigma apart only by how it damps degrees above zero; under uniform light it
-has no sensitivity at all (T 3.2.7, 6.4.4).  The exact model also sees the horizon cut the lobe at
-grazing exit, which a little light of any kind reveals.  A standard error that rests on one of the
-two deserves to be known as such: grazing pixels are those whose geometry is trusted least.
+The frequency model tells sigma apart only by how it damps degrees above zero; under uniform light
+it has no sensitivity at all (T 3.2.7, 6.4.4).  The exact model also sees the horizon cut the lobe
+at grazing exit, which a little light of any kind reveals.  A standard error that rests on one
+of the two deserves to be known as such: grazing pixels are trusted least in their geometry.
 """
 
 from typing import NamedTuple
@@ -21,6 +21,8 @@ from jaxrender.shapes import Array, Float
 GRAZING_COSINE = 0.7
 # The evidence counts as resting on grazing angles when it is this many times weaker without them.
 _MUCH_WEAKER = 4.0
+# A relative standard error above this says that the evidence is no evidence.
+_HARDLY = 0.15
 # A relative standard error above this is reported as no information at all.
 _HOPELESS = 10.0
 
@@ -48,9 +50,11 @@ class SigmaEvidence(NamedTuple):
             f"{_percent(self.without_grazing)} without exit cosines below {GRAZING_COSINE:g}, "
             f"{_percent(self.spectrum)} from the light's spectrum alone"
         )
+        if not self.all < _HARDLY:
+            return f"nothing determines sigma well: {figures}"
         if self.rests_on_grazing:
             return f"sigma rests on grazing angles: {figures}"
-        return f"sigma rests on the light's spectrum: {figures}"
+        return f"sigma rests on the light's detail: {figures}"
 
 
 def sigma_standard_error(

@@ -3,7 +3,7 @@
 The model B = gain (kd D + ks S(sigma, mu)) is linear in kd and ks.  For given sigma and mu they are
 the solution of normal equations of a handful of unknowns, within their bounds; what remains is a
 least-squares problem in sigma and mu alone (and the gains), whose derivative goes through the inner
-solution.  The columns D and S may come from any model: the dual model's table or the exact integral.
+solution.  The columns D and S may come from any model: the dual model's table, the exact integral.
 """
 
 from typing import NamedTuple
@@ -144,7 +144,7 @@ def residuals(
 
 @eqx.filter_jit
 def cost_at(
-    problem: Problem, model: Model, data: Data, point: Float[AnyArray, "unknown"]
+    problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> Float[Array, ""]:
     """Half the sum of squared weighted residuals at a point."""
     return jnp.sum(residuals(point, (problem, model, data)) ** 2) / 2

@@ -99,7 +99,8 @@ def solve_in_box(
     kept = jnp.where(active[:, None] | active[None, :], jnp.eye(len(vector), dtype=vector.dtype), 0)
     kept = jnp.where((active[:, None] | active[None, :]), kept, matrix)
     right = jnp.where(active, pinned, vector - matrix @ pinned)
-    return _solve(kept, right)
+    # Exactly at the bound, so that whoever asks can see it; the ridge would leave a rounding.
+    return jnp.clip(jnp.where(active, pinned, _solve(kept, right)), lower, upper)
 
 
 def _values_held_at_bounds(matrix, vector, lower, upper) -> Float[Array, "unknown"]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
 # Half the width of a 90 % interval of the normal distribution, in standard errors.
 _NORMAL_90 = 1.6448536269514722
@@ -27,12 +27,12 @@ IDENTIFIABLE_WITHIN = 0.25
 class Parameters(NamedTuple):
     """A material in its own units: kd and ks per channel, sigma, mu (NaN: metal), gains, scale."""
 
-    kd: Float[Array, "channel"]
-    ks: Float[Array, "channel"]
-    sigma: Float[Array, ""]
-    mu: Float[Array, ""]
-    gains: Float[Array, "frame"]
-    scale: Float[Array, ""]
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    sigma: Float[AnyArray, ""]
+    mu: Float[AnyArray, ""]
+    gains: Float[AnyArray, "frame"]
+    scale: Float[AnyArray, ""]
 
 
 class Uncertain(NamedTuple):
@@ -76,6 +76,7 @@ def within_reach(uncertain: Uncertain, name: str) -> bool:
     return bool(np.all(high - value <= reach) and np.all(value - low <= reach))
 
 
+@eqx.filter_jit
 def to_parameters(
     problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
 ) -> Parameters:
@@ -118,11 +119,25 @@ def _propagate(
         freedom = left.size - jnp.sum(~held)
         variance = jnp.sum(left**2) / freedom
         variance = jnp.maximum(variance, 1) if noise_given else variance
-        covariance = variance * _inverse(jacobian.T @ jacobian)
+        information = jacobian.T @ jacobian / variance + jnp.diag(_prior(problem, vector))
+        covariance = _inverse(information)
         spread = jax.jacfwd(parameters)(vector) * ~held[None, :]
         return to_parameters(
             problem, vector[:split], vector[split:]
         ), spread @ covariance @ spread.T
+
+
+def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
+    """Say what the bounds of sigma and mu alone tell about their search variables.
+
+    Spread evenly between its bounds (in the logarithm) a parameter's logit has the variance
+    pi^2 / 3.  It matters only where the data say nothing: the error of such a parameter stays that
+    of its range, and does not leak into the others through a linearisation far beyond its reach.
+    """
+    bounded = np.array([not name.startswith("gain") for name in problem.unknowns.names], bool)
+    prior = np.zeros(vector.shape[0])
+    prior[: len(bounded)] = bounded * 3 / np.pi**2
+    return jnp.asarray(prior, vector.dtype)
 
 
 def _inverse(matrix: Float[Array, "all all"]) -> Float[Array, "all all"]:

@@ -42,16 +42,18 @@ class Unknown(eqx.Module):
         return self.fixed is None
 
 
-def sigma_unknown(**given) -> Unknown:
-    """A roughness, free within ``SIGMA_BOUNDS`` unless said otherwise."""
-    low, high = SIGMA_BOUNDS
-    return Unknown(**{"lower": low, "upper": high} | given)
+def sigma_unknown(
+    lower: float = SIGMA_BOUNDS[0], upper: float = SIGMA_BOUNDS[1], start: float | None = None
+) -> Unknown:
+    """A free roughness, within ``SIGMA_BOUNDS`` unless said otherwise."""
+    return Unknown(None, lower, upper, start)
 
 
-def mu_unknown(**given) -> Unknown:
-    """A refractive index, free within ``MU_BOUNDS`` unless said otherwise."""
-    low, high = MU_BOUNDS
-    return Unknown(**{"lower": low, "upper": high} | given)
+def mu_unknown(
+    lower: float = MU_BOUNDS[0], upper: float = MU_BOUNDS[1], start: float | None = None
+) -> Unknown:
+    """A free refractive index, within ``MU_BOUNDS`` unless said otherwise."""
+    return Unknown(None, lower, upper, start)
 
 
 class Physical(eqx.Module):
@@ -84,6 +86,7 @@ class MicrofacetUnknowns(eqx.Module):
         names = [name for name, unknown in searched if unknown is not None and unknown.free]
         return (*names, *(f"gain {frame}" for frame in range(1, self.free_gains)))
 
+    @eqx.filter_jit
     def unpack(self, point: Float[Array, "unknown"]) -> Physical:
         """Turn a search vector into parameters in their own units."""
         values = dict(zip(self.names, point))
@@ -130,6 +133,7 @@ def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) 
     if unknown.fixed is not None:
         return jnp.log(jnp.asarray(unknown.fixed[0] - origin, dtype))
     low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
+    assert x is not None
     return low + (high - low) * jax.nn.sigmoid(x)
 
 

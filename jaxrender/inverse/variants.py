@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet
-from jaxrender.inverse.brdf import BRDFFit, FitSettings, Stop, descend
+from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import stratified_subset
+from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Parameters, to_parameters
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
@@ -22,7 +23,7 @@ _REJECTED_ABOVE = 10.0
 # Differences between variants show on few samples and a coarse light: all see the same.
 _SAMPLES = 500
 _CELL_ANGLE_PER_SIGMA = 0.5
-_TOLERANCE = 1e-3
+_TOLERANCE = 1e-2
 
 
 class Variant(NamedTuple):

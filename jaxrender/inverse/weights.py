@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxrender.shapes import Float
 
-# Tuning constants at which each loss keeps 95 % of the efficiency of least squares on Gaussian noise.
+# At these constants each loss keeps 95 % of the efficiency of least squares on Gaussian noise.
 _HUBER = 1.345
 _CAUCHY = 2.385
 

@@ -19,7 +19,7 @@ from jaxtyping import Bool
 
 from jaxrender.errors import InputError
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole
-from jaxrender.io.images import Image, image_size, read_image
+from jaxrender.io.images import MEND, Image, image_size, read_image
 from jaxrender.io.jsonfiles import number, read_json
 
 # What file_path may leave out, in the order of preference: linear formats first.
@@ -55,8 +55,8 @@ def read_capture(
 
     ``images``: the folder in which paths are looked up instead of the file's own.
     ``require_images=False``: the cameras alone are wanted, the pictures need not exist.
-    A frame is named by its file without folder and suffix, or, where two would share that name,
-    by the whole relative path with ``_`` between folders.
+    A frame is named by its file without folder and suffix; where two would share that name, by the
+    whole path with ``_`` between folders; where that does not help, by number and file.
     Raises InputError that names the file, the frame and the key.
     """
     path = Path(path)
@@ -86,7 +86,7 @@ def read_mask(frame: Frame) -> Bool[np.ndarray, "row column"] | None:
     """Read a frame's mask file, True where the mean of the channels exceeds one half."""
     if frame.mask_path is None:
         return None
-    image = read_image(frame.mask_path)
+    image = read_image(frame.mask_path, remedy=MEND)
     _check_size(frame, frame.mask_path, image)
     return image.pixels.mean(axis=-1) > 0.5
 
@@ -105,19 +105,28 @@ class _Source(NamedTuple):
             raise InputError(f"{place}: `{key}` is {value!r}; wanted the path of a picture")
         wanted = self.folder / value
         # Before anything is looked at: even whether a file exists is told only below the folder.
-        if not self.allow_outside and not _below(wanted, self.folder):
+        self._check_inside(place, key, wanted)
+        candidates = [wanted]
+        if wanted.suffix.lower() not in suffixes:
+            candidates += [wanted.with_name(wanted.name + suffix) for suffix in suffixes]
+        for candidate in candidates:
+            if candidate.is_file():
+                self._check_inside(place, key, candidate)
+                return candidate
+        if self.require_images:
+            tried = f", nor with one of {', '.join(suffixes)}" if len(candidates) > 1 else ""
+            raise InputError(
+                f"{place}: `{key}`: {wanted} does not exist{tried}; mend the path, or name the "
+                "folder that it starts from as `images`"
+            )
+        return wanted
+
+    def _check_inside(self, place: str, key: str, path: Path) -> None:
+        if not self.allow_outside and not _below(path, self.folder):
             raise InputError(
                 f"{place}: `{key}` leads outside {self.folder}; move the file, name its folder as "
                 "`images`, or allow paths outside (allow_outside)"
             )
-        candidates = [wanted, *(wanted.with_name(wanted.name + suffix) for suffix in suffixes)]
-        for candidate in candidates:
-            if candidate.is_file():
-                return candidate
-        if self.require_images:
-            tried = ", ".join(suffixes)
-            raise InputError(f"{place}: {wanted} does not exist, nor with one of {tried}")
-        return wanted
 
 
 def _below(path: Path, folder: Path) -> bool:
@@ -141,7 +150,9 @@ def _names(path: Path, entries: list[Any]) -> list[str]:
             )
         paths.append(stem)
     short = [stem.name for stem in paths]
-    return short if len(set(short)) == len(short) else ["_".join(stem.parts) for stem in paths]
+    whole = ["_".join(stem.relative_to(stem.anchor).parts) for stem in paths]
+    numbered = [f"{i}_{name}" for i, name in enumerate(short)]
+    return next(names for names in (short, whole, numbered) if len(set(names)) == len(names))
 
 
 def _frame(source: _Source, place: str, name: str, keys: dict[str, Any]) -> Frame:
@@ -180,7 +191,9 @@ def _camera(place: str, keys: dict[str, Any], image_path: Path) -> Camera:
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(f"{place}: {error}") from None
+        # What a camera calls world_from_camera is `transform_matrix` in the file.
+        message = str(error).replace("world_from_camera", "transform_matrix")
+        raise InputError(f"{place}: {message}") from None
 
 
 def _pinhole(place: str, keys: dict[str, Any], image_path: Path, pose: np.ndarray) -> Pinhole:

@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.imaging import Curve
+from jaxrender.io.jsonfiles import read_text
 
 
 def read_curve(path: str | Path) -> Curve:
@@ -14,13 +15,8 @@ def read_curve(path: str | Path) -> Curve:
     Values are on the image's scale from 0 to 1; ``#`` starts a comment.  Raises InputError for a
     missing file, a line that is not two numbers, and a table that does not ascend.
     """
-    path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a response curve: {error}") from None
     rows = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         words = line.split("#")[0].replace(",", " ").split()
         if not words:
             continue

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.io.images import read_image, write_image
+from jaxrender.io.images import MEND, read_image, write_image
 from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.layouts import panorama_named
 from jaxrender.lighting.panoramas import to_latlong
@@ -24,7 +24,7 @@ def read_environment(
     panorama_named(convention)
     if not (math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale is {scale}: it must be positive and finite")
-    image = read_image(path)
+    image = read_image(path, remedy=MEND)
     if image.metadata["is_integer"]:
         raise InputError(
             f"{path}: a panorama of integer values is not linear radiance; use EXR, HDR or PFM"

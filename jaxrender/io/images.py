@@ -24,6 +24,9 @@ from jaxrender.shapes import AnyArray
 LARGEST_IMAGE_MB = 4096
 
 INVALID_RULES = ("refuse", "mask")
+_MEND_OR_MASK = "mend the picture, or leave such pixels out with `invalid: mask`"
+# For pictures that are needed whole.
+MEND = "mend the picture"
 
 # How each format stores what write_image is given.  EXR in full float: half precision would turn
 # everything above 65504, such as the sun, into infinity without a word.
@@ -56,10 +59,11 @@ class Image(NamedTuple):
     invalid: Bool[np.ndarray, "row column"]
 
 
-def read_image(path: str | Path, invalid: str = "refuse") -> Image:
+def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR_MASK) -> Image:
     """Read one picture, grey repeated to three channels.
 
-    ``invalid``: what happens to pixels that are not finite or negative, "refuse" or "mask".
+    ``invalid``: what happens to pixels that are not finite or negative, "refuse" or "mask";
+    ``remedy`` is what the user is told to do about those that are refused.
     Raises InputError when the file is missing, damaged, turned, cropped, too large, or has pixels
     that are refused.
     """
@@ -68,7 +72,9 @@ def read_image(path: str | Path, invalid: str = "refuse") -> Image:
     file, spec = _open(Path(path))
     values = _values(Path(path), file, spec)
     colours, alpha = _split_channels(Path(path), spec, values)
-    broken = _invalid_pixels(Path(path), colours, alpha, invalid)
+    broken, complaint = _invalid_pixels(Path(path), colours, alpha)
+    if complaint and invalid == "refuse":
+        raise InputError(f"{complaint}: {remedy}")
     colours[broken] = 0
     if alpha is not None:
         alpha[broken] = 0
@@ -170,22 +176,22 @@ def _split_channels(
 
 
 def _invalid_pixels(
-    path: Path, colours: np.ndarray, alpha: np.ndarray | None, rule: str
-) -> np.ndarray:
-    """Find the pixels with a value that is not finite or negative, and refuse them if told to."""
+    path: Path, colours: np.ndarray, alpha: np.ndarray | None
+) -> tuple[np.ndarray, str]:
+    """Find the pixels with a value that is not finite or negative, and say where the first is."""
     channels = dict(zip("RGB" if colours.shape[-1] == 3 else "Y", np.moveaxis(colours, -1, 0)))
     if alpha is not None:
         channels["alpha"] = alpha
     broken = {name: ~(np.isfinite(values) & (values >= 0)) for name, values in channels.items()}
     anywhere = np.logical_or.reduce(list(broken.values()))
-    if rule == "mask" or not anywhere.any():
-        return anywhere
+    if not anywhere.any():
+        return anywhere, ""
     row, column = np.argwhere(anywhere)[0]
     name = next(name for name, where in broken.items() if where[row, column])
-    raise InputError(
+    return anywhere, (
         f"{path}: channel {name}, pixel (row {row}, column {column}): the value is "
         f"{channels[name][row, column]:g}; {anywhere.sum()} of {anywhere.size} pixels are negative "
-        "or not finite: mend the picture, or leave such pixels out with `invalid: mask`"
+        "or not finite"
     )
 
 

@@ -22,13 +22,17 @@ def read_json(path: str | Path) -> Any:
     try:
         return json.loads(text, object_pairs_hook=unique)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+        raise InputError(
+            f"{path}:{error.lineno}:{error.colno}: {error.msg}; mend the JSON there"
+        ) from None
     except RecursionError:
         raise InputError(f"{path}: nested too deeply") from None
 
 
 def read_text(path: str | Path) -> str:
     """Read a text file in UTF-8; InputError if it is missing or something else."""
+    if Path(path).is_dir():
+        raise InputError(f"{path}: a folder; give the path of the file inside it")
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; mend the path")
     try:

@@ -50,8 +50,10 @@ def write_mesh(path: str | Path, mesh: Mesh) -> None:
     solid = trimesh.Trimesh(
         mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False, validate=False
     )
-    options = {"vertex_normal": True} if path.suffix.lower() == ".ply" else {}
-    solid.export(path, **options)
+    if path.suffix.lower() == ".ply":
+        solid.export(path, vertex_normal=True)
+    else:
+        solid.export(path)
 
 
 def _parts(path: Path) -> list[trimesh.Trimesh]:

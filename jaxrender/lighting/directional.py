@@ -28,7 +28,13 @@ class DirectionalSources(Light):
         # At least float32, and what JAX is set to hold.
         wanted = np.result_type(directions.dtype, irradiance.dtype, np.float32)
         dtype = jax.dtypes.canonicalize_dtype(wanted)
-        self.directions = normalise(jnp.asarray(directions, dtype))
+        if isinstance(directions, Tracer):
+            self.directions = normalise(jnp.asarray(directions, dtype))
+        else:
+            # On the host: every number of sources would be one more program to compile.
+            vectors = np.asarray(directions, dtype)
+            lengths = np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
+            self.directions = jnp.asarray(vectors / lengths)
         self.irradiance = jnp.asarray(irradiance, dtype)
 
     @classmethod

@@ -16,14 +16,23 @@ _COMPILING = "/jax/core/compile/"
 
 
 class Clock:
-    """Times the stages of one run and passes their names on to a progress display."""
+    """Times the stages of one run and passes their names on to a progress display.
+
+    JAX is listened to inside the ``with`` block.
+    """
 
     def __init__(self, progress: Progress):
         self._progress = progress
         self._compiled = 0.0
         self.seconds: dict[str, float] = {"compile": 0.0}
-        self.started = time.perf_counter()
+        self._started = time.perf_counter()
+
+    def __enter__(self) -> "Clock":
         jax.monitoring.register_event_duration_secs_listener(self._listen)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        jax.monitoring.unregister_event_duration_listener(self._listen)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -39,12 +48,11 @@ class Clock:
                 self.seconds["compile"] += compiling
                 self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - compiling
 
-    def close(self) -> dict[str, float]:
-        """Stop listening and return the seconds of all stages and the total."""
-        jax.monitoring.unregister_event_duration_listener(self._listen)
-        self.seconds["total"] = time.perf_counter() - self.started
-        return {name: round(seconds, 4) for name, seconds in self.seconds.items()}
+    def taken(self) -> dict[str, float]:
+        """Return the seconds of all stages so far, and of everything since the start."""
+        seconds = {**self.seconds, "total": time.perf_counter() - self._started}
+        return {name: round(value, 4) for name, value in seconds.items()}
 
-    def _listen(self, event: str, seconds: float, **_: object) -> None:
+    def _listen(self, event: str, duration_secs: float, **_: str | int) -> None:
         if event.startswith(_COMPILING):
-            self._compiled += seconds
+            self._compiled += duration_secs

@@ -1,4 +1,4 @@
-"""Photographs into observations: read, traced, linearised, and every unusable pixel accounted for."""
+"""Photographs into observations: read, traced, linearised, every unusable pixel accounted for."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceSamples, SurfaceView, observe
 from jaxrender.imaging import (
+    Curve,
     Response,
     Selection,
     below_black,
@@ -57,9 +58,13 @@ def read_photographs(config: CaptureConfig, capture: Capture, progress: Progress
     images = []
     for number, frame in enumerate(capture.frames):
         image = read_photograph(frame, config.invalid)
+        _check_response_stated(config, frame, image)
         masked = int(np.count_nonzero(image.invalid))
         if masked:
-            progress.note(f"{frame.image_path}: {masked} invalid pixels masked")
+            progress.note(
+                f"{frame.image_path}: masked {masked} of {image.invalid.size} pixels that are "
+                "negative or not finite"
+            )
         images.append(image)
         progress.advance((number + 1) / len(capture.frames))
     return images
@@ -75,8 +80,8 @@ def trace_photographs(
 ) -> list[Photograph]:
     """Find the surface behind every pixel and select the usable ones.
 
-    A photograph that sees nothing of the object is skipped with a warning; raises ``InputError``
-    when none sees anything, or none has a usable pixel.
+    A photograph that sees nothing of the object, or has no usable pixel, is skipped with a warning;
+    raises ``InputError`` when that leaves none.
     """
     response = _response(config)
     found = []
@@ -101,7 +106,12 @@ def trace_photographs(
             f"removed: {rules}; loosen capture.erode, capture.saturation, capture.black_level, "
             "samples.min_cosine or the masks"
         )
-    return found
+    return [photograph for photograph in found if _is_usable(photograph, progress)]
+
+
+def camera_samples(view: SurfaceView) -> SurfaceSamples:
+    """List what a camera sees of the surface, pixel by pixel."""
+    return SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
 
 
 def observations_of(photographs: list[Photograph]) -> Observations:
@@ -151,10 +161,50 @@ def _photograph(
                 f"{frame.image_path}: no exposure time in its metadata; "
                 "give frames[].exposure and capture.exposure: given"
             )
-    radiance = np.asarray(response.linearise(image.pixels), float)
+    radiance = _linearised(response, frame, image, selection.usable)
     if exposure is not None:
         radiance = to_radiance(radiance, float(exposure))
     return Photograph(frame, radiance, view, covered, selection)
+
+
+def _is_usable(photograph: Photograph, progress: Progress) -> bool:
+    """Whether any pixel is left; a photograph without could have no exposure of its own."""
+    if photograph.selection.usable.any():
+        return True
+    progress.note(
+        f"{photograph.frame.image_path}: warning: no pixel is usable (removed: "
+        f"{_removed([photograph])}); skipped"
+    )
+    return False
+
+
+def _check_response_stated(config: CaptureConfig, frame: Frame, image: Image) -> None:
+    if image.metadata["is_integer"] and "response" not in config.model_fields_set:
+        raise InputError(
+            f"{frame.image_path}: integer pixel values are radiance only after the camera's "
+            "response is undone; state capture.response: srgb (what cameras write), linear, or "
+            "{curve: FILE}"
+        )
+
+
+def _linearised(
+    response: Response, frame: Frame, image: Image, usable: Bool[np.ndarray, "row column"]
+) -> Float[np.ndarray, "row column channel"]:
+    """Undo the response; only what is measured must lie on a measured curve."""
+    values = image.pixels
+    if isinstance(response, Curve):
+        low, high = response.values[0], response.values[-1]
+        outside = usable & ((values < low) | (values > high)).any(axis=-1)
+        if outside.any():
+            row, column = np.argwhere(outside)[0]
+            raise InputError(
+                f"{frame.image_path}: pixel (row {row}, column {column}): the values "
+                f"{values[row, column]} leave the response curve, which covers {low:g} to "
+                f"{high:g}; {outside.sum()} of {usable.sum()} usable pixels do: extend the curve, "
+                "or leave them out with capture.black_level and capture.saturation"
+            )
+        values = np.clip(values, low, high)
+    return np.asarray(response.linearise(values), float)
 
 
 def _response(config: CaptureConfig) -> Response:

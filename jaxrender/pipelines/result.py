@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender import __version__
+from jaxrender.errors import InputError
 from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
-from jaxrender.inverse.brdf import Stop, values_of
+from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.uncertainty import Parameters
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.pipelines.photographs import Photograph
@@ -95,8 +96,14 @@ def write_json(path: Path, result: dict[str, Any]) -> None:
 
 
 def read_result(folder: Path) -> dict[str, Any]:
-    """Read the summary of a finished run."""
-    return json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    """Read the summary of a finished run; ``InputError`` where it has gone or is damaged."""
+    path = folder / "result.json"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({error}); make the result anew with fit --force"
+        ) from None
 
 
 def write_arrays(path: Path, finding: Finding) -> None:

@@ -5,11 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.errors import InputError
 from jaxrender.inverse import KnownLight, Observations, fit_brdf
+from jaxrender.inverse.brdf import check_enough
+from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.observations import random_subset
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment, write_image
-from jaxrender.pipelines.caches import capture_folder
+from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, load_recipe, load_run_config, resolved_yaml
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
@@ -36,6 +39,7 @@ from jaxrender.pipelines.scene import (
     known_light,
     settings_of,
     shape_of,
+    sources_of_frame,
     unknowns_of,
     variant_of,
 )
@@ -76,33 +80,31 @@ def fit(
     """
     progress = progress or SilentProgress()
     folder = config.output or Path.cwd() / "runs" / _name_of(config)
-    clock = Clock(progress)
-    try:
+    with Clock(progress) as clock:
         config = _with_photographs(config, clock, progress, dry_run)
         if config.capture.recipe is not None:
             return FitReport("dry run", folder, _would_render(config))
         capture = read_frames(config.capture)
         inputs = _inputs(config, capture)
         digest = fingerprint(config, inputs)
-        if not dry_run and prepare(folder, digest, force) is FolderState.FINISHED:
+        if prepare(folder, digest, force) is FolderState.FINISHED:
             progress.note(f"{folder}: an identical run has finished here; reused (--force: anew)")
             found = read_result(folder)
             return FitReport(found["outcome"], folder, summary_of(found))
         loaded = _load(config, capture, inputs, clock, progress)
+        _check_samples(config, loaded)
         if dry_run:
             return FitReport("dry run", folder, _would_fit(config, loaded))
         finding = _find(config, loaded, clock)
         with result_folder(folder, digest, force) as into:
-            result = _write(into, config, finding, inputs, clock)
+            result = _write(into, (folder.name, config, inputs), finding, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
-    finally:
-        clock.close()
 
 
 def _with_photographs(
     config: RunConfig, clock: Clock, progress: Progress, dry_run: bool
 ) -> RunConfig:
-    """Render a recipe's photographs first (or find them in the cache) and point the config at them."""
+    """Render a recipe's photographs, or find them in the cache, and point the config at them."""
     if config.capture.recipe is None:
         return config
     recipe = load_recipe(config.capture.recipe)
@@ -110,7 +112,8 @@ def _with_photographs(
     if dry_run and not place.exists():
         return config
     with clock.stage("synth"):
-        synthesise(recipe, config.capture.recipe, place, progress=progress)
+        force = not is_whole(recipe, place)
+        synthesise(recipe, config.capture.recipe, place, force, progress)
     made = load_run_config(place / "config.yaml")
     capture = config.capture.model_copy(
         update={
@@ -161,18 +164,43 @@ def _light_of_kept(light: KnownLight, capture, photographs: list[Photograph]) ->
         return KnownLight(light.environment, light.directional, per_frame)
 
 
+def _check_samples(config: RunConfig, loaded: Loaded) -> None:
+    """Refuse samples that no fit can be made from."""
+    observations = loaded.observations
+    photographs, drawn = loaded.photographs, config.samples.count
+    usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
+    problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
+    with fault_of(f"samples.count is {drawn}, and {usable} pixels are usable"):
+        check_enough(observations, problem)
+    if config.solve.refine == "exact" and config.solve.refine_samples < observations.count:
+        refined = config.solve.refine_samples
+        with fault_of(f"solve.refine_samples is {refined}; give more, or refine: off"):
+            check_enough(observations.take(np.arange(refined)), problem)
+    if not np.any(observations.radiance > 0):
+        raise InputError(
+            f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
+            "the position of capture.geometry"
+        )
+    unseen = set(range(len(photographs))) - set(observations.frame.tolist())
+    if config.solve.free_exposure and unseen:
+        name = photographs[min(unseen)].frame.image_path
+        raise InputError(
+            f"{name}: none of its pixels is among the {observations.count} samples drawn, so "
+            "solve.free_exposure cannot tell its exposure; raise samples.count"
+        )
+
+
 def _find(config: RunConfig, loaded: Loaded, clock: Clock) -> Finding:
     settings = settings_of(config)
     unknowns = unknowns_of(config, len(loaded.photographs))
-    with fault_of("samples"):
-        found = fit_brdf(
-            loaded.observations,
-            loaded.light,
-            unknowns,
-            variant_of(config.brdf),
-            settings,
-            clock.stage,
-        )
+    found = fit_brdf(
+        loaded.observations,
+        loaded.light,
+        unknowns,
+        variant_of(config.brdf),
+        settings,
+        clock.stage,
+    )
     variants = ()
     if config.solve.variants and config.brdf.model == "microfacet" and settings.refine:
         with clock.stage("variants"):
@@ -188,9 +216,10 @@ def _find(config: RunConfig, loaded: Loaded, clock: Clock) -> Finding:
 
 
 def _write(
-    folder: Path, config: RunConfig, finding: Finding, inputs: list[Path], clock: Clock
+    folder: Path, run: tuple[str, RunConfig, list[Path]], finding: Finding, clock: Clock
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
+    title, config, inputs = run
     result = result_of(finding)
     result["provenance"] = provenance_of(inputs, config.samples.seed)
     with clock.stage("predict"):
@@ -215,10 +244,10 @@ def _write(
             FramePictures(p.frame.name, p.radiance, q, p.selection.usable, p.covered)
             for p, q in ((finding.photographs[k], predictions[k]) for k in shown)
         )
-        result["seconds"] = clock.close()
-        contents = ReportContents(_name_of(config), result, finding.fit, finding.light, frames)
+        result["seconds"] = clock.taken()
+        contents = ReportContents(title, result, finding.fit, finding.light, frames)
         write_report(folder, contents)
-    result["seconds"] = clock.close()
+    result["seconds"] = clock.taken()
     write_json(folder / "result.json", result)
     return result
 
@@ -230,7 +259,7 @@ def _predict(finding: Finding) -> list[np.ndarray]:
     scale = float(finding.fit.parameters.value.scale)
     images = []
     for number, photograph in enumerate(finding.photographs):
-        own = finding.light.of_frame(number).directional
+        own = sources_of_frame(finding.light, number)
         split = prepared.split
         light = dual_light(split, own, prepared.dual.band_limit)
         image = render_view(material, photograph.view, DualForward(light))
@@ -252,6 +281,7 @@ def _name_of(config: RunConfig) -> str:
 
 
 def _would_render(config: RunConfig) -> str:
+    assert config.capture.recipe is not None
     recipe = load_recipe(config.capture.recipe)
     return (
         f"dry run: would render {recipe.views.count} photographs of "

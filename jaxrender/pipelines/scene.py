@@ -20,7 +20,7 @@ from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
 from jaxrender.pipelines.config.brdf import BrdfConfig
-from jaxrender.pipelines.config.geometry import GeometryConfig
+from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
 from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
@@ -44,8 +44,10 @@ def shape_of(geometry: GeometryConfig) -> Shape:
             return Sphere(np.array(geometry.sphere.center, float), float(geometry.sphere.radius))
         if geometry.mesh is not None:
             return read_mesh(geometry.mesh, geometry.scale)
-        ellipsoid = geometry.ellipsoid
-        return Mesh.ellipsoid(np.array(ellipsoid.radii, float), ellipsoid.subdivisions)
+        assert isinstance(geometry, RecipeGeometryConfig)
+        assert geometry.ellipsoid is not None
+        radii, subdivisions = geometry.ellipsoid.radii, geometry.ellipsoid.subdivisions
+        return Mesh.ellipsoid(np.array(radii, float), subdivisions)
 
 
 def true_material(brdf: RecipeBrdfConfig) -> Microfacet:
@@ -71,25 +73,24 @@ def variant_of(brdf: BrdfConfig) -> Microfacet:
 def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
     """Translate which parameters are free into the solver's unknowns."""
     brdf, free_gains = config.brdf, photographs if config.solve.free_exposure else 0
-    with fault_of("brdf"):
-        if brdf.model == "lambertian":
-            return MicrofacetUnknowns(
-                kd=_unknown(brdf.kd, Unknown),
-                ks=Unknown(fixed=(0.0,)),
-                sigma=Unknown(fixed=(0.1,)),
-                mu=None,
-                free_gains=free_gains,
-                free_scale=config.lighting.free_scale,
-            )
+    if brdf.model == "lambertian":
         return MicrofacetUnknowns(
-            kd=_unknown(brdf.kd, Unknown),
-            ks=_unknown(brdf.ks, Unknown),
-            sigma=_unknown(brdf.sigma, sigma_unknown),
-            mu=None if brdf.mu == "none" else _unknown(brdf.mu, mu_unknown),
-            ks_per_channel=brdf.ks_per_channel,
+            kd=_unknown("kd", brdf.kd, Unknown),
+            ks=Unknown(fixed=(0.0,)),
+            sigma=Unknown(fixed=(0.1,)),
+            mu=None,
             free_gains=free_gains,
             free_scale=config.lighting.free_scale,
         )
+    return MicrofacetUnknowns(
+        kd=_unknown("kd", brdf.kd, Unknown),
+        ks=_unknown("ks", brdf.ks, Unknown),
+        sigma=_unknown("sigma", brdf.sigma, sigma_unknown),
+        mu=None if brdf.mu == "none" else _unknown("mu", brdf.mu, mu_unknown),
+        ks_per_channel=brdf.ks_per_channel,
+        free_gains=free_gains,
+        free_scale=config.lighting.free_scale,
+    )
 
 
 def settings_of(config: RunConfig) -> FitSettings:
@@ -114,15 +115,28 @@ def settings_of(config: RunConfig) -> FitSettings:
 
 def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
     """Read the light that a config names."""
-    environment = None
+    environment, files = None, []
     if lighting.environment is not None:
         given = lighting.environment
+        files.append(str(given.path))
         environment = read_environment(given.path, given.convention, given.scale, given.height)
     per_frame = None
     if lighting.per_frame is not None:
+        files.append(str(lighting.per_frame))
         per_frame = read_per_frame_lights(lighting.per_frame, frame_names)
-    with fault_of("lighting"):
+    with fault_of(f"lighting ({', '.join(files)})" if files else "lighting"):
         return KnownLight(environment, directional_of(lighting.directional), per_frame)
+
+
+def sources_of_frame(light: KnownLight, frame: int) -> DirectionalSources:
+    """Join the sources that all photographs share and those of one photograph, if any."""
+    if light.per_frame is None:
+        return light.directional
+    parts = (light.directional, light.per_frame[frame])
+    return DirectionalSources(
+        np.concatenate([part.directions for part in parts]),
+        np.concatenate([part.irradiance for part in parts]),
+    )
 
 
 def directional_of(sources: tuple[DirectionalConfig, ...]) -> DirectionalSources:
@@ -162,7 +176,7 @@ def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
     return [path for path in found if path.is_file()]
 
 
-def _unknown(parameter: Parameter, make) -> Unknown:
+def _unknown(name: str, parameter: Parameter, make) -> Unknown:
     if parameter.fixed is not None:
         return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(parameter.fixed)))
     given = {}
@@ -170,4 +184,5 @@ def _unknown(parameter: Parameter, make) -> Unknown:
         given["lower"], given["upper"] = (float(bound) for bound in parameter.bounds)
     if parameter.start is not None:
         given["start"] = float(np.mean(parameter.start))
-    return make(**given)
+    with fault_of(f"brdf.{name}"):
+        return make(**given)

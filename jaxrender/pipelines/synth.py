@@ -14,6 +14,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from jaxrender.brdf import Microfacet
+from jaxrender.errors import InputError
 from jaxrender.geometry import Camera, Mesh, Pinhole, Shape, look_at, observe
 from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
@@ -24,6 +25,7 @@ from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.scene import (
     directional_of,
+    fault_of,
     input_files,
     recipe_environment,
     shape_of,
@@ -59,7 +61,16 @@ def synthesise(
     return folder
 
 
-def cameras_of(views: ViewsConfig, centre: Float[np.ndarray, "3"]) -> list[Camera]:
+def written_files(recipe: RecipeConfig) -> list[str]:
+    """List the files of a recipe's capture, relative to its folder."""
+    names = [_image_name(number) for number in range(recipe.views.count)]
+    names += ["transforms.json", "truth.json", "config.yaml"]
+    if recipe.lighting.area or recipe.lighting.environment:
+        names.append("environment.exr")
+    return names + (["shape.ply"] if recipe.geometry.sphere is None else [])
+
+
+def cameras_of(views: ViewsConfig, centre: Float[np.ndarray, "3"]) -> list[Pinhole]:
     """Place cameras on a circle about ``axis`` through the object's centre, looking at it."""
     axis = np.array(views.axis, float)
     axis /= np.linalg.norm(axis)
@@ -68,7 +79,7 @@ def cameras_of(views: ViewsConfig, centre: Float[np.ndarray, "3"]) -> list[Camer
     ahead = np.cross(axis, aside)
     elevation = np.radians(views.elevation_degrees)
     focal = views.width / 2 / np.tan(np.radians(views.field_of_view_degrees) / 2)
-    cameras: list[Camera] = []
+    cameras = []
     for view in range(views.count):
         angle = np.radians(views.start_degrees + view * views.step_degrees)
         level = np.cos(angle) * aside + np.sin(angle) * ahead
@@ -83,14 +94,19 @@ def _write_capture(
 ) -> None:
     shape, material = shape_of(recipe.geometry), true_material(recipe.brdf)
     light = _light_of(recipe)
+    if not any(np.any(np.asarray(energy) > 0) for energy in _energies(light)):
+        raise InputError(f"{recipe_path}: lighting: the light is zero; give a radiance above 0")
     centre = np.asarray(shape.bounds()).mean(axis=0)
-    cameras = cameras_of(recipe.views, centre)
+    with fault_of(f"{recipe_path}: views"):
+        cameras = cameras_of(recipe.views, centre)
+        if not any(observe(camera, shape).hit.any() for camera in cameras):
+            raise ValueError("no camera sees the object; change distance or field_of_view_degrees")
     noise = NoiseModel(float(recipe.noise.relative), float(recipe.noise.floor))
     rng = np.random.default_rng(recipe.seed)
     (folder / "images").mkdir()
     frames = []
     for number, camera in enumerate(cameras):
-        name = f"images/view_{number:03d}.exr"
+        name = _image_name(number)
         write_image(folder / name, _photograph(camera, shape, material, light, (noise, rng)))
         frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
         progress.advance((number + 1) / len(cameras))
@@ -100,6 +116,10 @@ def _write_capture(
     _write_json(folder / "truth.json", recipe.model_dump(mode="json"))
     lighting = _write_light(recipe, folder)
     _write_config(recipe, recipe_path, folder, (shape, lighting))
+
+
+def _image_name(number: int) -> str:
+    return f"images/view_{number:03d}.exr"
 
 
 def _photograph(
@@ -129,6 +149,10 @@ def _light_of(recipe: RecipeConfig) -> ExactForward:
         parts.append(LightNodes(*(np.asarray(a)[lit] for a in nodes)))
     nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
     return ExactForward(nodes, _lobes_of(recipe), _POLAR_NODES)
+
+
+def _energies(light: ExactForward) -> list:
+    return [light.nodes.irradiance] + ([] if light.lobes is None else [light.lobes.middle])
 
 
 def _lobes_of(recipe: RecipeConfig) -> SmoothLobes | None:
@@ -197,6 +221,7 @@ def _write_config(
     brdf: dict = {"model": recipe.brdf.model}
     if recipe.brdf.model == "microfacet":
         brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
+        brdf |= {"fresnel": recipe.brdf.fresnel, "masking": recipe.brdf.masking}
         if recipe.brdf.mu == "none":
             brdf["mu"] = "none"
     config = {

@@ -25,7 +25,7 @@ from jaxrender.reflection.integral import (
     integral_columns_by_frame,
 )
 from jaxrender.reflection.irradiance import irradiance
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, Int
 from jaxrender.spectra import light_coefficients, transfer_of_samples
 
 
@@ -59,6 +59,13 @@ class DualLight(eqx.Module):
     def band_limit(self) -> int:
         """The highest degree of the slow part."""
         return band_limit_of(self.slow.shape[0])
+
+    def for_frames(self, frame_of_sample: Int[AnyArray, "sample"]) -> "DualLight":
+        """Make the same light ready for other samples, of the given photographs."""
+        frames = self.frames
+        if frames is not None:
+            frames = frames._replace(frame_of_sample=frame_of_sample)
+        return DualLight(self.slow, self.sources, frames)
 
 
 def dual_light(
@@ -124,12 +131,15 @@ def sources_needed(
     column itself, against the exact sum over the environment's nodes.
     """
     count = min(goal.most_sources, candidates.directions.shape[0])
-    directions = jnp.asarray(candidates.directions[:count])
-    energies = jnp.asarray(candidates.irradiance[:count])
+    # Filled up with dark candidates: one compiled program serves every light.
+    short = ((0, max(goal.most_sources, 1) - count), (0, 0))
+    unit = 3**-0.5
+    directions = np.pad(np.asarray(candidates.directions)[:count], short, constant_values=unit)
+    energies = np.pad(np.asarray(candidates.irradiance)[:count], short)
     whole = light_coefficients(environment, goal.band_limit)
     nodes = environment.nodes()
-    errors = _errors_by_count(brdf, samples, whole, nodes, LightNodes(directions, energies))
-    errors = np.asarray(errors)
+    padded = LightNodes(jnp.asarray(directions), jnp.asarray(energies))
+    errors = np.asarray(_errors_by_count(brdf, samples, whole, nodes, padded))[: count + 1]
     enough = np.flatnonzero(errors <= goal.error)
     needed = int(enough[0]) if enough.size else int(np.argmin(errors))
     return SourcesNeeded(needed, float(errors[needed]), float(errors[0]))

@@ -34,6 +34,7 @@ class DualForward(ForwardModel):
     transfer: str = eqx.field(static=True, default="exit-cosine")
 
     def columns(self, brdf: BRDF, samples: SurfaceSamples) -> Float[Array, "sample lobe channel"]:
+        """Evaluate T 6.9."""
         return dual_columns(brdf, samples, self.light, self.transfer)
 
 
@@ -45,6 +46,7 @@ class ExactForward(ForwardModel):
     polar_nodes: int = eqx.field(static=True, default=48)
 
     def columns(self, brdf: BRDF, samples: SurfaceSamples) -> Float[Array, "sample lobe channel"]:
+        """Sum over the nodes and integrate the lobes."""
         columns = integral_columns(brdf, samples, self.nodes)
         if self.lobes is None:
             return columns

@@ -112,7 +112,7 @@ def roughness_table(
 
     Of ``brdf`` only the variant counts: metal or dielectric, Fresnel angle, masking.
     """
-    log_sigma = KnotRange.over(*np.log(sigma_range).tolist(), _SIGMA_KNOTS)
+    log_sigma = KnotRange.over(np.log(sigma_range[0]), np.log(sigma_range[1]), _SIGMA_KNOTS)
     dtype = jnp.asarray(samples.normals).dtype
     samples = SurfaceSamples(jnp.asarray(samples.normals), jnp.asarray(samples.outgoing))
     light = jax.tree.map(lambda x: _cast(x, dtype), _padded(light))
@@ -160,7 +160,7 @@ def _tabulate(
         def slow(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
             brdf = variant.with_roughness(sigma, None if metal else mu)
             passed = transfer_of_samples(brdf, samples.exit_cosines, light.band_limit, transfer)
-            return jnp.einsum("sl,slc->sc", passed, by_degree)
+            return jnp.einsum("sl,slc->sc", passed, by_degree, precision="highest")
 
         column = jax.vmap(lambda sigma: fast(sigma, mu)[:, 1])(sigmas) + jax.lax.map(slow, sigmas)
         return column / relative_fresnel(mu)[None]

@@ -4,6 +4,8 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 
 from jaxrender.harmonics import analyse, real_basis
 from jaxrender.lighting import DirectionalSources, Environment
@@ -20,7 +22,14 @@ def light_coefficients(
     """
     if isinstance(light, Environment):
         return analyse(light.grid, jnp.asarray(light.radiance), band_limit)
-    return _sum_of_basis(jnp.asarray(light.directions), jnp.asarray(light.irradiance), band_limit)
+    if isinstance(light.directions, Tracer):
+        return _sum_of_basis(light.directions, light.irradiance, band_limit)
+    # Filled up with dark sources to a power of two, so that few shapes are ever compiled.
+    count = light.directions.shape[0]
+    missing = ((0, (1 << max(count - 1, 0).bit_length()) - count), (0, 0))
+    directions = np.pad(np.asarray(light.directions), missing, constant_values=1)
+    irradiance = np.pad(np.asarray(light.irradiance), missing)
+    return _sum_of_basis(jnp.asarray(directions), jnp.asarray(irradiance), band_limit)
 
 
 @partial(jax.jit, static_argnames="band_limit")

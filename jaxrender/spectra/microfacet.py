@@ -140,7 +140,8 @@ def transfer_of_samples(
     position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (_EXIT_COSINE_KNOTS - 1)
     first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, _EXIT_COSINE_KNOTS - 4)
     weights = _cubic_lagrange(position - first.astype(cosines.dtype))
-    return sum(weights[k][:, None] * table[first + k] for k in range(4))
+    terms = (weights[k][:, None] * table[first + k] for k in range(4))
+    return sum(terms, start=jnp.zeros((), table.dtype))
 
 
 def _cubic_lagrange(x: Float[Array, "sample"]) -> list[Float[Array, "sample"]]:

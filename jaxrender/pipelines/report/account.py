@@ -1,4 +1,4 @@
-"""The account of a run: how it ended, how well it fits, where the time went, what it was made from."""
+"""The account of a run: how it ended, how well it fits, where the time went, what made it."""
 
 from typing import Any, NamedTuple
 

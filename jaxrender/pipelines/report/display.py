@@ -8,10 +8,11 @@ import base64
 import io
 
 import numpy as np
+from jaxtyping import UInt8
 from PIL import Image
 
 from jaxrender.imaging import SRGB
-from jaxrender.shapes import AnyArray, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Bool, Float
 
 Picture = Float[np.ndarray, "row column channel"]
 
@@ -31,7 +32,9 @@ def as_rgb(picture: AnyArray) -> Float[np.ndarray, "*batch 3"]:
     return values
 
 
-def shrunk(picture: Picture, longest: int = LONGEST_SIDE) -> Picture:
+def shrunk(
+    picture: Picture, longest: int = LONGEST_SIDE
+) -> Float[np.ndarray, "shown_row shown_column channel"]:
     """Average neighbouring pixels until the longest side fits."""
     rows, columns = picture.shape[:2]
     factor = min(1.0, longest / max(rows, columns))
@@ -39,7 +42,9 @@ def shrunk(picture: Picture, longest: int = LONGEST_SIDE) -> Picture:
         return picture
     size = (max(1, round(columns * factor)), max(1, round(rows * factor)))
     channels = [
-        Image.fromarray(np.ascontiguousarray(channel, np.float32)).resize(size, Image.Resampling.BOX)
+        Image.fromarray(np.ascontiguousarray(channel, np.float32)).resize(
+            size, Image.Resampling.BOX
+        )
         for channel in np.moveaxis(picture, -1, 0)
     ]
     return np.stack([np.asarray(channel, float) for channel in channels], axis=-1)
@@ -52,7 +57,7 @@ def exposure_for(radiance: Float[np.ndarray, "*batch"]) -> float:
     return _BRIGHT / bright if bright > 0 else 1.0
 
 
-def exposed(picture: Picture, exposure: float) -> Int[np.ndarray, "row column 3"]:
+def exposed(picture: Picture, exposure: float) -> UInt8[np.ndarray, "row column 3"]:
     """Encode a picture for the display: linear up to white, then clipped."""
     return _codes(SRGB().encode(np.clip(as_rgb(picture) * exposure, 0, 1)))
 
@@ -66,7 +71,7 @@ def tone_key(radiance: Picture) -> float:
     return _MIDDLE_GREY / float(np.exp(np.mean(np.log(luminance + floor))))
 
 
-def tone_mapped(radiance: Picture, key: float) -> Int[np.ndarray, "row column 3"]:
+def tone_mapped(radiance: Picture, key: float) -> UInt8[np.ndarray, "row column 3"]:
     """Compress a picture of any contrast, hue kept: L -> L / (1 + L) of its brightness."""
     rgb = np.maximum(as_rgb(radiance), 0) * key
     bright = rgb.mean(axis=-1, keepdims=True)
@@ -74,13 +79,13 @@ def tone_mapped(radiance: Picture, key: float) -> Int[np.ndarray, "row column 3"
 
 
 def with_alpha(
-    codes: Int[np.ndarray, "row column 3"], opacity: Float[np.ndarray, "row column"]
-) -> Int[np.ndarray, "row column 4"]:
+    codes: UInt8[np.ndarray, "row column 3"], opacity: Float[np.ndarray, "row column"]
+) -> UInt8[np.ndarray, "row column 4"]:
     """Let the page show through where a picture has nothing to show."""
     return np.concatenate([codes, _codes(np.clip(opacity, 0, 1))[..., None]], axis=-1)
 
 
-def data_uri(codes: Int[np.ndarray, "row column channel"]) -> str:
+def data_uri(codes: UInt8[np.ndarray, "row column channel"]) -> str:
     """Write 8-bit pixels (three channels, or four with opacity) as a PNG within the page."""
     stream = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(codes, np.uint8)).save(stream, "PNG")
@@ -97,7 +102,7 @@ def bounding_box(covered: Bool[np.ndarray, "row column"]) -> tuple[slice, slice]
     """Crop to what is covered, with a margin; everything where nothing is."""
     if not covered.any():
         return slice(None), slice(None)
-    return _extent(covered.any(axis=1)), _extent(covered.any(axis=0))
+    return _extent(np.any(covered, axis=1)), _extent(np.any(covered, axis=0))
 
 
 def _extent(occupied: Bool[np.ndarray, "line"]) -> slice:
@@ -106,5 +111,5 @@ def _extent(occupied: Bool[np.ndarray, "line"]) -> slice:
     return slice(max(0, int(lines[0]) - margin), int(lines[-1]) + 1 + margin)
 
 
-def _codes(values: Float[np.ndarray, "*batch"]) -> Int[np.ndarray, "*batch"]:
+def _codes(values: Float[np.ndarray, "*batch"]) -> UInt8[np.ndarray, "*batch"]:
     return np.rint(values * 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The light: the environment, its slow part, and sources as circles of area in proportion to energy.
+"""The light: the environment, its slow part, and sources as circles whose area tells their energy.
 
 The environment is drawn on its own latitude-longitude map, one unit a degree; sources without an
 environment on two discs, the upper and the lower half of the sphere of directions in the equal-area
@@ -55,19 +55,20 @@ def environment_map(light: KnownLight, prepared: PreparedLight) -> Map | None:
     key = tone_key(radiance)
     split = prepared.split
     taken = DirectionalSources.none() if split is None else split.sources
-    divided = split is not None and taken.directions.shape[0] > 0
-    slow = np.asarray(split.slow.radiance, float) if divided else None
+    slow = None
+    if split is not None and taken.directions.shape[0]:
+        slow = _picture(np.asarray(split.slow.radiance, float), key)
     strongest = max(_strongest(taken), _strongest(light.directional))
     return Map(
         _picture(radiance, key),
-        None if slow is None else _picture(slow, key),
+        slow,
         _on_map(taken, strongest),
         _on_map(light.directional, strongest),
     )
 
 
 def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
-    """Draw sources that no map shows: all without an environment, and those of single photographs."""
+    """Draw the sources that no map shows: all without an environment, and those of one frame."""
     groups = [("", light.directional)] if light.environment is None else []
     groups += [(str(number), own) for number, own in enumerate(light.per_frame or (), 1)]
     groups = [(label, group) for label, group in groups if group.directions.shape[0]]
@@ -81,17 +82,12 @@ def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
     if len(labels) > _NUMBERED:
         labels = np.full(len(labels), "")
     radius = _LARGEST_ON_DISC * np.sqrt(energy / max(energy.max(), 1e-300))
-    place = _equal_area(directions)
+    rows = np.column_stack([_equal_area(directions), radius]).round(4).tolist()
+    circles = [Circle(x, y, size, str(label)) for (x, y, size), label in zip(rows, labels)]
     upper = directions[:, 2] >= 0
     halves = (("upper half (light from above)", upper), ("lower half (light from below)", ~upper))
     return tuple(
-        Disc(
-            name,
-            tuple(
-                Circle(*place[k].round(4).tolist(), round(float(radius[k]), 4), str(labels[k]))
-                for k in np.flatnonzero(half)
-            ),
-        )
+        Disc(name, tuple(circles[k] for k in np.flatnonzero(half)))
         for name, half in halves
         if half.any()
     )
@@ -119,7 +115,7 @@ def _on_map(sources: DirectionalSources, strongest: float) -> tuple[Circle, ...]
 
 
 def _equal_area(directions: Float[np.ndarray, "source 3"]) -> Float[np.ndarray, "source 2"]:
-    """Project each half of the sphere to the unit disc, +X to the right and +Y up (y grows down)."""
+    """Project each half of the sphere to the unit disc, +X right and +Y up (y grows down)."""
     x, y, z = directions.T
     along = np.hypot(x, y)
     stretch = np.sqrt(1 - np.abs(z).clip(0, 1)) / np.where(along > 0, along, 1)

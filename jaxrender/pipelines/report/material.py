@@ -73,7 +73,7 @@ def with_arrays(brdf: Microfacet, dtype=np.float32) -> Microfacet:
 def _columns(
     brdf: Microfacet, view: _View, light: KnownLight
 ) -> Float[np.ndarray, "sample lobe channel"]:
-    """Evaluate both lights at once: the lamp is one more channel beside those of the given light."""
+    """Evaluate both lights at once: the lamp is one channel more than the given light has."""
     given = _nodes(light, float(brdf.sigma))
     count, channels = given.irradiance.shape
     size = max(_FEWEST_NODES, 2 ** int(np.ceil(np.log2(count + 1))))

@@ -62,7 +62,7 @@ class Variants(NamedTuple):
 
 
 class EvidenceBar(NamedTuple):
-    """One standard error of sigma: ``width`` in per cent of the largest, None for no information."""
+    """One standard error of sigma: ``width`` in per cent of the largest, None if there is none."""
 
     name: str
     error: str
@@ -77,7 +77,7 @@ class Evidence(NamedTuple):
 
 
 def parameters(contents: ReportContents) -> tuple[Parameter, ...]:
-    """List the parameters in the order of T 6.2; those that the material does not have are absent."""
+    """List the parameters that the material has, in the order of T 6.2."""
     given = contents.result.get("brdf", {})
     names = [name for name in _MEANINGS if name in given]
     if not names:
@@ -199,14 +199,15 @@ def evidence(contents: ReportContents) -> Evidence | None:
         "spectrum": "the light's detail alone (Gaussian transfer)",
     }
     errors = {name: given.get(key) for key, name in names.items()}
-    largest = max((e for e in errors.values() if is_number(e)), default=0.0)
-    bars = tuple(
-        EvidenceBar(name, percent(error), 100 * error / largest if largest > 0 else 0.0)
-        if is_number(error)
-        else EvidenceBar(name, "no information", None)
-        for name, error in errors.items()
-    )
+    largest = max([0.0, *(e for error in errors.values() for e in numbers(error))])
+    bars = tuple(_bar(name, error, largest) for name, error in errors.items())
     return Evidence(str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars)
+
+
+def _bar(name: str, error: Any, largest: float) -> EvidenceBar:
+    if not is_number(error):
+        return EvidenceBar(name, "no information", None)
+    return EvidenceBar(name, percent(error), 100 * error / largest if largest > 0 else 0.0)
 
 
 def in_degrees(contents: ReportContents) -> str | None:

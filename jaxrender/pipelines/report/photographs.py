@@ -2,8 +2,10 @@
 
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
+from jaxtyping import UInt8
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from jaxrender.pipelines.report.contents import FramePictures
 from jaxrender.pipelines.report.display import (
@@ -15,7 +17,7 @@ from jaxrender.pipelines.report.display import (
     shrunk,
     with_alpha,
 )
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import Float
 
 # At most this many frames, spread over the capture.
 _SHOWN = 6
@@ -102,16 +104,18 @@ def _frame(frame: FramePictures, scale: _Scale) -> Frame:
     )
 
 
-def _inside(picture: Picture, covered: Picture) -> Picture:
+def _inside(
+    picture: Picture, covered: Float[np.ndarray, "row column 1"]
+) -> Float[np.ndarray, "shown_row shown_column channel"]:
     """Shrink a picture without mixing in what lies beside the object."""
     return shrunk(picture * covered) / np.maximum(shrunk(covered), 1e-6)
 
 
-def _residual_map(frame: FramePictures, scale: _Scale) -> Int[np.ndarray, "row column 4"]:
+def _residual_map(frame: FramePictures, scale: _Scale) -> UInt8[np.ndarray, "row column 4"]:
     box = bounding_box(frame.covered)
     covered = frame.covered[box].astype(float)[..., None]
     percent = 100 * _inside(_difference(frame)[box][..., None], covered)[..., 0] / scale.mean
-    colours = matplotlib.colormaps[_COLOURS](np.clip(0.5 + percent / (2 * scale.limit), 0, 1))
+    colours = colormaps[_COLOURS](np.clip(0.5 + percent / (2 * scale.limit), 0, 1))
     opacity = np.where(frame.usable[box], 1.0, _FADED)[..., None] * covered
     return with_alpha(np.rint(255 * colours[..., :3]).astype(np.uint8), shrunk(opacity)[..., 0])
 
@@ -125,5 +129,5 @@ def _rms(frame: FramePictures) -> float | None:
 
 def _gradient() -> str:
     """List the residual's colours from its lower to its upper limit, as CSS wants them."""
-    colours = matplotlib.colormaps[_COLOURS](np.linspace(0, 1, 9))
-    return ", ".join(matplotlib.colors.to_hex(colour) for colour in colours)
+    colours = colormaps[_COLOURS](np.linspace(0, 1, 9))
+    return ", ".join(to_hex(colour) for colour in colours)

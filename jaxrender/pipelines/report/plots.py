@@ -8,6 +8,7 @@ The same data give the same bytes: ids are salted with the figure's name, and no
 import io
 import re
 from collections.abc import Callable
+from typing import Any
 
 from markupsafe import Markup, escape
 from matplotlib import rc_context
@@ -52,7 +53,8 @@ _STYLE = {
 def plot(name: str, description: str, paint: Callable[[Axes], None]) -> Markup:
     """Draw one pair of axes; ``description`` is what a screen reader says instead."""
     stream = io.StringIO()
-    with rc_context(_STYLE | {"svg.hashsalt": name}):
+    style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
+    with rc_context(style):
         figure = Figure(figsize=_SIZE)
         paint(figure.add_axes(_PLACE))
         figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None})

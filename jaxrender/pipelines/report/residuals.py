@@ -6,8 +6,8 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
-from jaxrender.inverse.brdf import Stop
 from jaxrender.inverse.conditioning import GRAZING_COSINE
+from jaxrender.inverse.passes import Stop
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.shapes import Float
 
@@ -36,10 +36,11 @@ class ResidualPlots(NamedTuple):
 
 
 def residual_plots(stop: Stop) -> ResidualPlots | None:
-    """Plot photograph - prediction of the samples that the final fit used, all channels together."""
+    """Plot photograph - prediction of the samples of the final fit, all channels together."""
     predicted = np.asarray(stop.fit.predicted, float)
     residual = np.asarray(stop.data.radiance, float) - predicted
-    cosines = np.asarray(stop.observations.samples.exit_cosines, float)
+    normals, outgoing = (np.asarray(array, float) for array in stop.observations.samples)
+    cosines = np.sum(normals * outgoing, axis=1)
     angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
     scale = float(np.abs(predicted).mean())
     noise = np.asarray(stop.noise.standard_deviation(np.maximum(predicted, 0)), float)
@@ -74,7 +75,9 @@ def residual_plots(stop: Stop) -> ResidualPlots | None:
     )
 
 
-def binned(angles: Float[np.ndarray, "sample"], values: Float[np.ndarray, "sample channel"]) -> Bins:
+def binned(
+    angles: Float[np.ndarray, "sample"], values: Float[np.ndarray, "sample channel"]
+) -> Bins:
     """Take percentiles in equal steps of the angle, leaving out bins with too few values."""
     edges = np.linspace(angles.min(), np.nextafter(angles.max(), np.inf), _BINS + 1)
     index = np.clip(np.searchsorted(edges, angles, side="right") - 1, 0, _BINS - 1)

@@ -1,4 +1,4 @@
-"""Light and material by degree: what there is to see, and how much of it the material lets through."""
+"""Light and material by degree: what there is to see, and how much of it gets through."""
 
 import math
 from typing import NamedTuple
@@ -55,7 +55,7 @@ class _Transfer(NamedTuple):
 
 
 def spectrum_plots(contents: ReportContents) -> SpectrumPlots:
-    """Plot T 3.46 as it applies here: light times transfer, degree by degree."""
+    """Plot light, transfer and their product by degree: B_lm = Lambda_l rho_l L_lm (T 3.10)."""
     band_limit = _band_limit(contents)
     energies = _energies(contents, band_limit)
     transfer = _transfer(contents, band_limit)
@@ -94,7 +94,7 @@ def _band_limit(contents: ReportContents) -> int:
 
 
 def _energies(contents: ReportContents, band_limit: int) -> _Energies:
-    """Sum the squares of the coefficients; a light of each photograph's own counts as the first's."""
+    """Sum the squares of the coefficients; of moving light, those of the first photograph."""
     light = contents.light.of_frame(0)
     total = np.zeros(((band_limit + 1) ** 2, light.directional.irradiance.shape[1]))
     if light.environment is not None:
@@ -103,11 +103,14 @@ def _energies(contents: ReportContents, band_limit: int) -> _Energies:
         total = total + np.asarray(light_coefficients(light.directional, band_limit))
     slow = None
     if light.environment is not None and contents.fit.light.split is not None:
-        slow = _by_degree(contents.fit.light.dual.slow)
-    return _Energies(_by_degree(total), slow)
+        slow = energy_by_degree(contents.fit.light.dual.slow)
+    return _Energies(energy_by_degree(total), slow)
 
 
-def _by_degree(coefficients: AnyArray) -> Float[np.ndarray, "degree"]:
+def energy_by_degree(
+    coefficients: Float[AnyArray, "coefficient channel"],
+) -> Float[np.ndarray, "degree"]:
+    """Sum the squares of a light's coefficients over the orders, the mean of the channels."""
     values = np.asarray(coefficients, float)
     band_limit = math.isqrt(values.shape[0]) - 1
     return np.bincount(degrees(band_limit), np.mean(values**2, axis=1))
@@ -119,30 +122,30 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
         return _Transfer({"clamped cosine / π": curve}, None)
     brdf = with_arrays(contents.fit.brdf).as_metal()
     cosines = jnp.asarray(_EXIT_COSINES, np.float32)
-    curves = np.asarray(_exit_cosine_transfer(brdf, cosines, band_limit), float)
-    gaussian = np.asarray(gaussian_transfer(brdf, cosines[:1], band_limit), float)[0]
+    curves, twin = _both_transfers(brdf, cosines, band_limit)
     names = [f"exit angle {math.degrees(math.acos(c)):.0f}°" for c in _EXIT_COSINES]
-    return _Transfer(dict(zip(names, curves)), gaussian)
+    return _Transfer(dict(zip(names, np.asarray(curves, float))), np.asarray(twin[0], float))
 
 
 @eqx.filter_jit
-def _exit_cosine_transfer(brdf: Microfacet, cosines: Float[AnyArray, "bin"], band_limit: int):
-    return exit_cosine_transfer(brdf, cosines, band_limit)
+def _both_transfers(brdf: Microfacet, cosines: Float[AnyArray, "bin"], band_limit: int):
+    return tuple(
+        transfer(brdf, cosines, band_limit)
+        for transfer in (exit_cosine_transfer, gaussian_transfer)
+    )
 
 
-def _paint_energy(
-    axes: Axes, energies: _Energies, passed: Float[np.ndarray, "degree"]
-) -> None:
+def _paint_energy(axes: Axes, energies: _Energies, passed: Float[np.ndarray, "degree"]) -> None:
     top = max(float(energies.total.max()), 1e-300)
     floor = top * 10.0**-_DECADES
     degree = np.arange(len(energies.total))
     style = {"marker": "o", "markersize": 2.5}
-    axes.plot(degree, np.maximum(energies.total, floor), color=INK, label="all light", **style)
+    axes.plot(degree, _above(energies.total, floor), color=INK, label="all light", **style)
     if energies.slow is not None:
-        slow = np.maximum(energies.slow, floor)
+        slow = _above(energies.slow, floor)
         axes.plot(np.arange(len(slow)), slow, color=SERIES[1], label="its slow part", **style)
     label = "all light after the blur, seen head-on"
-    axes.plot(degree, np.maximum(passed, floor), color=SERIES[0], label=label, **style)
+    axes.plot(degree, _above(passed, floor), color=SERIES[0], label=label, **style)
     axes.set_yscale("log")
     axes.set_ylim(floor, 4 * top)
     highest = math.floor(math.log10(top))
@@ -170,6 +173,11 @@ def _finish(axes: Axes) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     axes.set_xlim(left=0)
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+
+
+def _above(energy: Float[np.ndarray, "degree"], floor: float) -> Float[np.ndarray, "degree"]:
+    """Leave out of a curve what is no more than rounding."""
+    return np.where(energy >= floor, energy, np.nan)
 
 
 def _power(value: float, _position: int) -> str:

@@ -1,0 +1,98 @@
+"""The account at the end of a fit: error bars, what is identifiable, and why not."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
+from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.inverse.models import LinearisedModel, TabulatedModel
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.passes import FitSettings, Stop
+from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
+from jaxrender.reflection import roughness_table
+
+
+class Account(NamedTuple):
+    """The error bars of a fit, and what the one of sigma rests on."""
+
+    parameters: Uncertain
+    evidence: SigmaEvidence
+
+
+def account_for(
+    stop: Stop, variant: Microfacet, prepared: PreparedLight, settings: FitSettings
+) -> Account:
+    """Put error bars on the end of a fit, and say what they rest on."""
+    unknowns, fit = stop.problem.unknowns, stop.fit
+    physical = unknowns.unpack(fit.solution.point)
+    near = stop.model
+    if not isinstance(near, LinearisedModel):
+        near = LinearisedModel.about(stop.model, physical.sigma, physical.mu)
+    uncertain = uncertain_parameters(stop.problem, near, stop.data, fit, settings.noise is not None)
+    at = (fit.solution.point, fit.linear.eliminated)
+    steep = np.asarray(stop.observations.samples.exit_cosines) >= GRAZING_COSINE
+    without_grazing = stop.data._replace(weights=stop.data.weights * steep[:, None])
+    sigma = float(physical.sigma)
+    spectral = TabulatedModel(
+        roughness_table(
+            variant,
+            stop.observations.samples,
+            prepared.dual.for_frames(stop.data.frame),
+            (sigma, 1.01 * sigma),
+            transfer="gaussian",
+        )
+    )
+    spectrum = LinearisedModel.about(spectral, physical.sigma, physical.mu)
+    evidence = SigmaEvidence(
+        sigma_standard_error(stop.problem, near, stop.data, at),
+        sigma_standard_error(stop.problem, near, without_grazing, at),
+        sigma_standard_error(stop.problem, spectrum, stop.data, at),
+    )
+    return Account(uncertain, evidence)
+
+
+def judge(stop: Stop, account: Account) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
+    """Decide what is identifiable, how the fit ended, and why, in words."""
+    unknowns = stop.problem.unknowns
+    eliminated = np.asarray(stop.fit.linear.eliminated)
+    bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
+    lower, upper = np.asarray(stop.problem.lower), np.asarray(stop.problem.upper)
+    mixed = np.asarray(stop.problem.mix) @ ((eliminated <= lower) | (eliminated >= upper))
+    bound["kd"], bound["ks"] = (bool(half.any()) for half in np.split(mixed > 0, 2))
+    free = {"kd": unknowns.kd, "ks": unknowns.ks, "sigma": unknowns.sigma, "mu": unknowns.mu}
+    names = [name for name, unknown in free.items() if unknown is not None and unknown.free]
+    identifiable, reasons = {}, []
+    for name in names:
+        reached = within_reach(account.parameters, name)
+        identifiable[name] = reached and not bound[name]
+        if bound[name]:
+            reasons.append(f"{name} is at a bound of its range")
+        elif not reached:
+            reasons.append(_why(name, account))
+    if not bool(stop.fit.solution.converged):
+        return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
+    if any(bound[name] for name in names):
+        return Outcome.AT_BOUND, identifiable, tuple(reasons)
+    outcome = Outcome.CONVERGED if all(identifiable.values()) else Outcome.NOT_IDENTIFIABLE
+    return outcome, identifiable, tuple(reasons)
+
+
+def _why(name: str, account: Account) -> str:
+    """Say why a parameter is not identifiable."""
+    low, high = (np.ravel(getattr(bound, name)) for bound in account.parameters[1:3])
+    intervals = dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high))
+    sentence = f"{name} is not identifiable: its 90 % interval is {', '.join(intervals)}"
+    if name not in ("sigma", "mu"):
+        return sentence
+    # Where the light is silent about any gloss, however strong, ks is lost along with the others.
+    silent = not np.isfinite(account.evidence.spectrum)
+    if not silent and not within_reach(account.parameters, "ks"):
+        return f"{sentence}; the gloss is too weak beside what the model leaves unexplained"
+    if name == "mu":
+        return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
+    return (
+        f"{sentence}; the light has too little detail for the roughness to blur, and too few "
+        f"grazing samples show the horizon ({account.evidence.sentence()})"
+    )

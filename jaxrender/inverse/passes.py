@@ -1,0 +1,174 @@
+"""One pass of a fit: least squares, noise and robust weights in turn, until they agree.
+
+``fit_in_rounds`` works on a model that is cheap to evaluate; ``descend`` on an expensive one, by
+working on its linearisation again and again.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.elimination import Data, Fit, Problem, cost_at, search
+from jaxrender.inverse.models import LinearisedModel, Model
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.uncertainty import Parameters, to_parameters
+from jaxrender.inverse.weights import robust_weights
+from jaxrender.shapes import Float
+
+# Noise is never taken to be less than this part of the mean radiance: exact data have none.
+_LEAST_NOISE = 1e-6
+# A descent gives up after so many steps.
+_STEPS = 20
+# The noise has settled when its standard deviation changes by less than this.
+_NOISE_SETTLED = 0.02
+# Reweighting rounds: the noise settles in two or three, a robust loss in a few more.
+_ROUNDS = {"squares": 3, "huber": 7, "cauchy": 7}
+
+
+class FitSettings(NamedTuple):
+    """How a fit is done; the defaults are those of the command line."""
+
+    split: str | float = "auto"
+    band_limit: int | None = None
+    transfer: str = "exit-cosine"
+    refine: bool = True
+    refine_samples: int = 2000
+    method: str = "variable-projection"
+    loss: str = "squares"
+    noise: NoiseModel | None = None
+    starts: int = 8
+    seed: int = 0
+
+
+DEFAULTS = FitSettings()
+
+
+class Stop(NamedTuple):
+    """Where one pass ended: the fit, the observations, weights and model it ended with."""
+
+    fit: Fit
+    problem: Problem
+    model: Model
+    data: Data
+    observations: Observations
+    noise: NoiseModel
+
+    @property
+    def relative_rms(self) -> float:
+        """sqrt(sum r^2 / sum B^2), unweighted."""
+        residual = np.asarray(self.data.radiance) - np.asarray(self.fit.predicted)
+        return float(np.sqrt(np.sum(residual**2) / np.sum(np.asarray(self.data.radiance) ** 2)))
+
+
+class Begin(NamedTuple):
+    """Where a pass begins: the noise and the prediction known so far, and the starting points."""
+
+    noise: NoiseModel | None
+    predicted: Float[np.ndarray, "sample channel"] | None
+    starts: Float[np.ndarray, "start unknown"]
+
+
+def fit_in_rounds(
+    problem: Problem,
+    model: Model,
+    observations: Observations,
+    begin: Begin,
+    settings: FitSettings,
+) -> Stop:
+    """Fit, estimate the noise from what is left, weigh by it (and by the loss), fit again."""
+    radiance = np.asarray(observations.radiance)
+    scale = float(np.sqrt(np.mean(radiance**2)))
+    noise, predicted, starts = begin
+    settled = settings.noise or NoiseModel(0.0, 0.0)
+    weights = np.full_like(radiance, 1 / scale)
+    for turn in range(_ROUNDS[settings.loss]):
+        if noise is not None and predicted is not None:
+            weights = _weights(noise, predicted, scale)
+            weights *= robust_weights((radiance - predicted) * weights, settings.loss)
+        data = Data(radiance, weights, np.asarray(observations.frame))
+        fit = search(problem, model, data, starts, settings.method)
+        predicted = np.asarray(fit.predicted)
+        starts = np.asarray(fit.solution.point)[None]
+        before, settled = noise, settings.noise or estimate_noise(radiance - predicted, predicted)
+        noise = settled
+        if turn > 0 and settings.loss == "squares" and _close(before, settled, predicted):
+            break
+    return Stop(fit, problem, model, data, observations, settled)
+
+
+def descend(
+    frequency: Stop,
+    model: Model,
+    observations: Observations,
+    predicted: Float[np.ndarray, "sample channel"],
+    settings: FitSettings,
+    tolerance: float = 1e-5,
+) -> Stop:
+    """Minimise over an expensive model: Levenberg-Marquardt on its linearisation, again and again.
+
+    The model and its derivatives are evaluated once a step; everything else, the noise and the
+    weights included, is solved to the end on the linearised columns.  A step that makes the true
+    residual larger is halved until it does not.  Ends when no search variable moves by more than
+    ``tolerance``.
+    """
+    problem, noise = frequency.problem, settings.noise or frequency.noise
+    point = np.asarray(frequency.fit.solution.point)
+    before: _Step | None = None
+    stop = frequency
+    for _ in range(_STEPS):
+        physical = problem.unknowns.unpack(jnp.asarray(point))
+        near = LinearisedModel.about(model, physical.sigma, physical.mu)
+        if before is not None and _cost(problem, near, before.stop.data, point) > before.cost:
+            point = (point + before.point) / 2
+            continue
+        begin = Begin(noise, predicted, point[None])
+        stop = fit_in_rounds(problem, near, observations, begin, settings)
+        before = _Step(point, stop, _cost(problem, near, stop.data, point))
+        noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
+        point = np.asarray(stop.fit.solution.point)
+        if np.all(np.abs(point - before.point) < tolerance):
+            return stop
+    return _not_converged(stop)
+
+
+def values_of(stop: Stop) -> Parameters:
+    """Put the end of a pass into the material's own units."""
+    return to_parameters(stop.problem, stop.fit.solution.point, stop.fit.linear.eliminated)
+
+
+class _Step(NamedTuple):
+    """One linearisation: where, what it led to, and the true cost there."""
+
+    point: Float[np.ndarray, "unknown"]
+    stop: Stop
+    cost: float
+
+
+def _cost(problem: Problem, model: Model, data: Data, point: Float[np.ndarray, "unknown"]) -> float:
+    """Weigh up a model exactly at a point, with a rounding's tolerance."""
+    return float(cost_at(problem, model, data, jnp.asarray(point))) * (1 + 1e-9)
+
+
+def _not_converged(stop: Stop) -> Stop:
+    solution = stop.fit.solution._replace(converged=jnp.zeros((), bool))
+    return stop._replace(fit=stop.fit._replace(solution=solution))
+
+
+def _weights(
+    noise: NoiseModel, predicted: Float[np.ndarray, "sample channel"], scale: float
+) -> Float[np.ndarray, "sample channel"]:
+    """Weigh by the predicted, not the measured radiance: the latter would favour dark noise."""
+    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
+    return 1 / np.hypot(deviation, _LEAST_NOISE * scale)
+
+
+def _close(
+    before: NoiseModel | None, after: NoiseModel, predicted: Float[np.ndarray, "sample channel"]
+) -> bool:
+    if before is None:
+        return False
+    level = np.sqrt(np.mean(predicted**2))
+    ratio = before.standard_deviation(level) / max(after.standard_deviation(level), 1e-300)
+    return bool(abs(np.log(max(ratio, 1e-300))) < _NOISE_SETTLED)

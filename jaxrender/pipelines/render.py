@@ -1,0 +1,102 @@
+"""A finished result's views rendered again, by either forward model."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.errors import InputError
+from jaxrender.geometry import observe
+from jaxrender.inverse import KnownLight
+from jaxrender.inverse.known_light import exact_nodes, prepare_light
+from jaxrender.inverse.observations import Observations
+from jaxrender.io import read_capture, write_image
+from jaxrender.lighting import LightNodes
+from jaxrender.pipelines.config import RunConfig, load_run_config
+from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
+from jaxrender.pipelines.photographs import camera_samples
+from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.result import read_result
+from jaxrender.pipelines.scene import known_light, shape_of, sources_of_frame
+from jaxrender.reflection import DualForward, ExactForward, ForwardModel, render_view
+
+MODELS = ("integral", "dual")
+
+
+def render_config(
+    result: Path,
+    out: Path,
+    model: str = "integral",
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Render every view of a finished result into ``out`` as EXR, with alpha = coverage.
+
+    Raises ``InputError`` for a folder that holds no result and for input that has gone since.
+    """
+    progress = progress or SilentProgress()
+    if model not in MODELS:
+        raise ValueError(f"model={model!r}: choose one of {', '.join(MODELS)}")
+    if not (result / "result.json").is_file():
+        raise InputError(f"{result}: holds no finished result (no result.json); run fit first")
+    config, found = load_run_config(result / "config.yaml"), read_result(result)
+    digest = fingerprint(config, [result / "result.json"], purpose=f"render {model}")
+    if prepare(out, digest, force) is FolderState.FINISHED:
+        progress.note(f"{out}: rendered before; reused (--force: anew)")
+        return out
+    with progress.stage("render"), result_folder(out, digest, force) as folder:
+        _render_views(config, found, model, (folder, progress))
+    return out
+
+
+def material_of(brdf: dict) -> Microfacet:
+    """Build the material that a ``result.json`` holds."""
+    kd = np.array(brdf["kd"], float)
+    if brdf["model"] == "lambertian":
+        return Microfacet(kd, np.zeros_like(kd), 0.1, None)
+    ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
+    mu = None if brdf["mu"] == "none" else float(brdf["mu"])
+    return Microfacet(kd, ks, float(brdf["sigma"]), mu, brdf["fresnel"], brdf["masking"])
+
+
+def _render_views(config: RunConfig, found: dict, model: str, into: tuple[Path, Progress]) -> None:
+    folder, progress = into
+    assert config.capture.transforms is not None
+    assert config.capture.geometry is not None
+    capture = read_capture(
+        config.capture.transforms,
+        images=config.capture.images,
+        allow_outside=config.capture.allow_outside,
+        require_images=False,
+    )
+    shape, material = shape_of(config.capture.geometry), material_of(found["brdf"])
+    light = known_light(config.lighting, [frame.name for frame in capture.frames])
+    scale = float(found.get("scale", 1.0))
+    shared: ForwardModel | None = None
+    for number, frame in enumerate(capture.frames):
+        view = observe(frame.camera, shape)
+        sources = sources_of_frame(light, number)
+        lit = light.environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
+        image = np.zeros((*view.hit.shape, 4))
+        image[..., 3] = view.hit
+        if lit and view.hit.any():
+            if light.per_frame is not None or shared is None:
+                own = KnownLight(light.environment, sources)
+                shared = _forward(own, material, model, view)
+            gain = scale * float(found.get("gains", {}).get(frame.name, 1.0))
+            image[..., :3] = gain * render_view(material, view, shared)
+        write_image(folder / f"{frame.name}.exr", image)
+        progress.advance((number + 1) / len(capture.frames))
+
+
+def _forward(light: KnownLight, material: Microfacet, model: str, view) -> ForwardModel:
+    """Prepare one photograph's light for either model."""
+    if model == "integral":
+        parts = exact_nodes(light, np.zeros(0, int), float(material.sigma))
+        nodes = parts[0]
+        assert isinstance(nodes, LightNodes)
+        return ExactForward(LightNodes(*(jnp.asarray(a) for a in nodes)))
+    samples = camera_samples(view)
+    observed = Observations(samples, np.zeros((len(samples.normals), 3)), np.zeros(0, int))
+    return DualForward(prepare_light(light, observed, material, "auto", None).dual)

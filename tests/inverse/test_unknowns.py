@@ -1,0 +1,109 @@
+"""Which parameters are free, and their search variables.
+
+- ``unpack`` undoes ``pack`` for any subset of free parameters.
+- Whatever the search variable, the parameter is within its bounds.
+- All starting points are inside the bounds, distinct, the user's own first.
+- Only a parameter next to its bound counts as at its bound; a gain never does.
+- The first photograph's gain is 1; fixed values pass through; wrong bounds are refused.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxrender.inverse import MicrofacetUnknowns, Unknown
+from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS, mu_unknown, sigma_unknown
+
+# Logarithms and a logit there and back again, in float64.
+ROUND_TRIP = 1e-12
+
+
+def fixed(value):
+    return Unknown(fixed=(value,))
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.16, 0.7])
+@pytest.mark.parametrize("mu", [1.1, 1.5, 4.0])
+def test_unpack_undoes_pack(sigma, mu):
+    found = MicrofacetUnknowns().unpack(jnp.asarray(MicrofacetUnknowns().pack(sigma, mu)))
+    assert float(found.sigma) == pytest.approx(sigma, rel=ROUND_TRIP)
+    assert float(found.mu) == pytest.approx(mu, rel=ROUND_TRIP)
+
+
+def test_unpack_undoes_pack_with_some_fixed():
+    unknowns = MicrofacetUnknowns(sigma=fixed(0.3))
+    assert unknowns.names == ("mu",)
+    found = unknowns.unpack(jnp.asarray(unknowns.pack(0.1, 1.7)))
+    assert float(found.sigma) == pytest.approx(0.3, rel=ROUND_TRIP)
+    assert float(found.mu) == pytest.approx(1.7, rel=ROUND_TRIP)
+    unknowns = MicrofacetUnknowns(mu=fixed(1.4))
+    assert unknowns.names == ("sigma",)
+    found = unknowns.unpack(jnp.asarray(unknowns.pack(0.1, 1.7)))
+    assert float(found.sigma) == pytest.approx(0.1, rel=ROUND_TRIP)
+    assert float(found.mu) == pytest.approx(1.4, rel=ROUND_TRIP)
+
+
+def test_a_metal_has_no_index():
+    unknowns = MicrofacetUnknowns(mu=None)
+    assert unknowns.names == ("sigma",)
+    assert unknowns.unpack(jnp.asarray(unknowns.pack(0.2, None))).mu is None
+
+
+@pytest.mark.parametrize("x", [-50.0, -3.0, 0.0, 3.0, 50.0])
+def test_parameters_stay_within_bounds(x):
+    unknowns = MicrofacetUnknowns(sigma=sigma_unknown(lower=0.1, upper=0.4))
+    found = unknowns.unpack(jnp.array([x, x]))
+    assert 0.1 * (1 - ROUND_TRIP) <= float(found.sigma) <= 0.4 * (1 + ROUND_TRIP)
+    assert MU_BOUNDS[0] * (1 - ROUND_TRIP) <= float(found.mu) <= MU_BOUNDS[1] * (1 + ROUND_TRIP)
+
+
+def test_parameters_grow_with_their_search_variables():
+    unknowns = MicrofacetUnknowns()
+    low, high = (unknowns.unpack(jnp.array([x, x])) for x in (-1.0, 1.0))
+    assert float(low.sigma) < float(high.sigma)
+    assert float(low.mu) < float(high.mu)
+
+
+def test_starts_are_inside_and_distinct_the_users_first():
+    unknowns = MicrofacetUnknowns(
+        sigma=sigma_unknown(start=0.31), mu=mu_unknown(start=1.9), free_gains=3
+    )
+    starts = unknowns.starts(8)
+    assert starts.shape == (8, 4)
+    assert len(np.unique(starts[:, 0])) == 8
+    first = unknowns.unpack(jnp.asarray(starts[0]))
+    assert float(first.sigma) == pytest.approx(0.31, rel=ROUND_TRIP)
+    assert float(first.mu) == pytest.approx(1.9, rel=ROUND_TRIP)
+    found = [unknowns.unpack(jnp.asarray(start)) for start in starts]
+    sigmas = np.array([float(physical.sigma) for physical in found])
+    assert np.all((sigmas > SIGMA_BOUNDS[0]) & (sigmas < SIGMA_BOUNDS[1]))
+    # They cover the bounds, not a corner of them.
+    assert sigmas.max() / sigmas.min() > 5
+    np.testing.assert_array_equal(starts[:, 2:], 0)
+
+
+def test_a_start_outside_narrow_bounds_is_moved_inside():
+    unknowns = MicrofacetUnknowns(sigma=sigma_unknown(lower=0.3, upper=0.5))
+    sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).sigma)
+    assert 0.3 < sigma < 0.5
+
+
+def test_only_what_is_next_to_a_bound_is_at_it():
+    unknowns = MicrofacetUnknowns(free_gains=2)
+    assert unknowns.at_bound(jnp.array([12.0, 0.0, -40.0])).tolist() == [True, False, False]
+    assert unknowns.at_bound(jnp.array([0.0, -12.0, 40.0])).tolist() == [False, True, False]
+    assert unknowns.at_bound(jnp.array([4.0, -4.0, 0.0])).tolist() == [False, False, False]
+
+
+def test_gains_are_relative_to_the_first_photograph():
+    unknowns = MicrofacetUnknowns(free_gains=3)
+    assert unknowns.names == ("sigma", "mu", "gain 1", "gain 2")
+    point = jnp.concatenate([jnp.zeros(2), jnp.log(jnp.array([2.0, 0.5]))])
+    np.testing.assert_allclose(unknowns.unpack(point).gains, [1, 2, 0.5], rtol=ROUND_TRIP)
+
+
+def test_wrong_bounds_and_starts_are_refused():
+    with pytest.raises(ValueError, match="the lower must be below the upper"):
+        Unknown(lower=0.5, upper=0.5)
+    with pytest.raises(ValueError, match=r"start 2.0 is outside \[0.0, 1.0\]"):
+        Unknown(upper=1.0, start=2.0)

@@ -1,0 +1,122 @@
+"""Small captures that the tests of the pipelines share, rendered by T 6.2 in plain NumPy.
+
+A ball of known material under directional sources, one list of them for each photograph: the sum
+over sources is the whole reflection integral, so nothing of the program's forward model is used.
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.geometry import Pinhole, Sphere, look_at, observe
+from jaxrender.io import write_image
+
+KD, KS, SIGMA, MU = (0.2, 0.15, 0.1), 0.12, 0.25, 1.6
+# Two sources that all photographs share: (direction, irradiance).
+SUNS = (((0.7, 0.6, 0.6), (2.0, 1.9, 1.7)), ((-0.3, -0.2, 1.0), (0.8, 0.9, 1.0)))
+# One moving source: the light of each photograph.
+MOVING = tuple(
+    [((np.cos(angle), np.sin(angle), 0.5), (2.0, 2.0, 2.0))] for angle in (0.3, 1.1, 1.9, 2.6)
+)
+CONFIG = """\
+task: brdf
+capture: {transforms: transforms.json, geometry: {sphere: {radius: 1}}}
+lighting: {per_frame: lights.json}
+solve: {starts: 2, variants: false, refine_samples: 300}
+samples: {count: 600}
+"""
+
+
+class Ball(NamedTuple):
+    """How a capture is made; ``gains`` multiply the pictures and are told to nobody."""
+
+    views: int = 4
+    size: int = 32
+    lights: tuple = MOVING
+    noise: float = 0.005
+    gains: tuple = (1.0, 1.0, 1.0, 1.0)
+
+
+def write_ball(folder: Path, ball: Ball = Ball()) -> Path:
+    """Write pictures, transforms.json, lights.json and config.yaml; returns the config."""
+    (folder / "images").mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    frames = []
+    for number, camera in enumerate(cameras(ball)):
+        name = f"images/{number}.exr"
+        radiance, covered = picture(camera, ball.lights[number % len(ball.lights)])
+        radiance *= 1 + ball.noise * rng.normal(size=radiance.shape)
+        image = np.concatenate([ball.gains[number] * radiance, covered[..., None]], axis=-1)
+        write_image(folder / name, image)
+        frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
+    intrinsics = {"w": ball.size, "h": ball.size, "fl_x": focal_length(ball.size)}
+    write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
+    lights = [ball.lights[number % len(ball.lights)] for number in range(ball.views)]
+    write_json(folder / "lights.json", [[source(*one) for one in several] for several in lights])
+    (folder / "config.yaml").write_text(CONFIG)
+    return folder / "config.yaml"
+
+
+def cameras(ball: Ball) -> list[Pinhole]:
+    """Cameras about the equator, 40 degrees apart."""
+    found = []
+    for angle in np.radians(40 * np.arange(ball.views)):
+        position = 10 * np.array([np.cos(angle), np.sin(angle), 0.2])
+        pose = look_at(position, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+        found.append(Pinhole(ball.size, ball.size, pose, fl_x=focal_length(ball.size)))
+    return found
+
+
+def focal_length(size: int) -> float:
+    """The ball fills most of the picture."""
+    return 4.6 * size
+
+
+def picture(camera: Pinhole, lights) -> tuple[np.ndarray, np.ndarray]:
+    """Radiance of the unit ball under directional sources, and which pixels it covers."""
+    view = observe(camera, Sphere(np.zeros(3), 1.0))
+    image = np.zeros((*view.hit.shape, 3))
+    image[view.hit] = reflected(view.normals[view.hit], view.outgoing[view.hit], lights)
+    return image, view.hit
+
+
+def reflected(normals: np.ndarray, outgoing: np.ndarray, lights) -> np.ndarray:
+    """T 6.2 with Fresnel at the exit angle: sum over sources of (kd cos + ks F S / 4 cos_o) E."""
+    exit_cosine = np.sum(normals * outgoing, axis=1)
+    total = np.zeros((len(normals), 3))
+    for direction, irradiance in lights:
+        incoming = np.array(direction) / np.linalg.norm(direction)
+        cosine = np.maximum(normals @ incoming, 0)
+        half = outgoing + incoming
+        half /= np.linalg.norm(half, axis=1, keepdims=True)
+        angle = np.arccos(np.clip(np.sum(half * normals, axis=1), -1, 1))
+        lobe = np.exp(-((angle / SIGMA) ** 2)) / (np.pi * SIGMA**2) * (cosine > 0)
+        gloss = KS * fresnel(exit_cosine) * lobe / (4 * exit_cosine)
+        total += (cosine[:, None] * np.array(KD) + gloss[:, None]) * np.array(irradiance)
+    return total
+
+
+def fresnel(cosine: np.ndarray) -> np.ndarray:
+    """Unpolarised Fresnel reflectance relative to normal incidence."""
+    refracted = np.sqrt(1 - (1 - cosine**2) / MU**2)
+    across = (cosine - MU * refracted) / (cosine + MU * refracted)
+    along = (refracted - MU * cosine) / (refracted + MU * cosine)
+    return (across**2 + along**2) / 2 * ((MU + 1) / (MU - 1)) ** 2
+
+
+def source(direction, irradiance) -> dict:
+    """One source as lights.json has it."""
+    return {"direction": [float(x) for x in direction], "irradiance": list(irradiance)}
+
+
+def write_json(path: Path, content) -> None:
+    path.write_text(json.dumps(content))
+
+
+def edit_json(path: Path, change) -> None:
+    """Change a JSON file in place."""
+    content = json.loads(path.read_text())
+    change(content)
+    write_json(path, content)
