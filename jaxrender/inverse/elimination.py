@@ -6,6 +6,7 @@ least-squares problem in sigma and mu alone (and the gains), whose derivative go
 solution.  The columns D and S may come from any model: the dual model's table, the exact integral.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.inverse.models import Model
+from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.solvers import Solution, least_squares, simplex, solve_in_box
 from jaxrender.inverse.unknowns import MicrofacetUnknowns, Physical, Unknown
 from jaxrender.shapes import AnyArray, Array, Float, Int
@@ -142,6 +143,36 @@ def residuals(
     return (jnp.asarray(data.weights) * (data.radiance - predicted)).ravel()
 
 
+def condensed_residuals(
+    point: Float[Array, "unknown"], args: tuple[Problem, Model, Data]
+) -> Float[Array, "residual"]:
+    """The same residuals in another basis: five a channel, whatever the number of samples.
+
+    Near a point every residual is a combination of five columns a channel: both lobes, the specular
+    one's derivatives, and the measured radiance.  With Q R their factorization, R has all their
+    inner products and takes the samples' place.  The mean square and its Gauss-Newton model at the
+    point are those of ``residuals``, its twin, for one pass over the samples.
+    """
+    problem, model, data = args
+    here = problem.unknowns.unpack(jax.lax.stop_gradient(point))
+    near = LinearisedModel.about(model, here.sigma, here.mu)
+    return residuals(point, (problem, *condense(near, data)))
+
+
+def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
+    """Let at most five samples stand for all: their inner products are the means over all.
+
+    For photographs without gains of their own.
+    """
+    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu, data.radiance)
+    weighted = jnp.stack([jnp.asarray(part) * data.weights for part in parts], axis=-1)
+    triangle = jnp.linalg.qr(jnp.moveaxis(weighted, 0, 1), mode="r")
+    *columns, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
+    weights = jnp.full_like(radiance, 1 / math.sqrt(data.radiance.size))
+    frame = jnp.zeros(radiance.shape[0], int)
+    return LinearisedModel(*columns, model.sigma, model.mu), Data(radiance, weights, frame)
+
+
 @eqx.filter_jit
 def cost_at(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
@@ -173,13 +204,24 @@ def search(
 def _search(
     problem: Problem, model: Model, data: Data, start: Float[Array, "unknown"], method: str
 ) -> Fit:
+    args = (problem, model, _in_its_own_units(data))
     with jax.default_matmul_precision("highest"):
-        solution = METHODS[method](residuals, start, (problem, model, data))
+        # Gains differ between photographs, so then no few samples can stand for all.
+        condensable = method == "variable-projection" and not problem.unknowns.free_gains
+        solution = METHODS[method](condensed_residuals if condensable else residuals, start, args)
         physical = problem.unknowns.unpack(solution.point)
         diffuse, specular = problem.columns(model, data, physical)
         linear = problem.eliminate(diffuse, specular, data)
         predicted = linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
+        left = jnp.asarray(data.weights) * (data.radiance - predicted)
+        solution = solution._replace(cost=jnp.sum(left**2) / 2)
     return Fit(solution, linear, predicted)
+
+
+def _in_its_own_units(data: Data) -> Data:
+    """Scale the weights so that the weighted radiance has a mean square of one."""
+    size = jnp.sqrt(jnp.mean((jnp.asarray(data.weights) * data.radiance) ** 2))
+    return data._replace(weights=data.weights / jnp.maximum(size, jnp.finfo(size.dtype).tiny))
 
 
 def _per_channel(unknown: Unknown, channels: int) -> Float[np.ndarray, "channel"]:

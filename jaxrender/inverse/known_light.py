@@ -33,7 +33,7 @@ from jaxrender.shapes import Int
 _BAND_LIMIT_TIMES_SIGMA = 3.2
 _HIGHEST_BAND_LIMIT = 128
 # The dual model's specular column is to be this accurate (relative rms) ...
-_DUAL_ERROR = 0.015
+_DUAL_ERROR = 0.007
 # ... at no more than this many sources; the rough first pass makes do with fewer.
 _MOST_SOURCES = 1024
 _ROUGH_SOURCES = 64

@@ -169,6 +169,7 @@ def _close(
 ) -> bool:
     if before is None:
         return False
-    level = np.sqrt(np.mean(predicted**2))
-    ratio = before.standard_deviation(level) / max(after.standard_deviation(level), 1e-300)
+    level = np.sqrt(np.mean(predicted**2, keepdims=True))
+    one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
+    ratio = one / max(other, 1e-300)
     return bool(abs(np.log(max(ratio, 1e-300))) < _NOISE_SETTLED)

@@ -22,6 +22,10 @@ with warnings.catch_warnings():
     import jaxopt
 
 _MAX_STEPS = 64
+# The damping of Levenberg-Marquardt begins at 1 in units of the squared Jacobian.  With what is
+# measured of order one, steps in variables this much smaller are those of Gauss and Newton from the
+# first on, except along what the data hardly know.
+_VARIABLE_UNIT = 1e4
 _SIMPLEX_STEPS = 600
 _BOX_SWEEPS = 200
 
@@ -38,7 +42,10 @@ class Solution(NamedTuple):
 def least_squares(
     residuals: Callable, start: Float[Array, "unknown"], args, tolerance: float = 1e-8
 ) -> Solution:
-    """Minimise half the sum of squares of ``residuals(point, args)`` by Levenberg-Marquardt."""
+    """Minimise half the sum of squares of ``residuals(point, args)`` by Levenberg-Marquardt.
+
+    What is measured is to be of order one; ``tolerance`` is how far residuals move at the end.
+    """
     if start.shape[0] == 0:
         return _nothing_to_do(residuals, start, args)
     # Normal equations by Cholesky are ten times faster than QR and lose nothing in float64.
@@ -47,15 +54,15 @@ def least_squares(
     tolerance = tolerance if double else max(tolerance, 1e-5)
     solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=linear)
     found = optx.least_squares(
-        residuals,
+        lambda scaled, args: residuals(scaled * _VARIABLE_UNIT, args),
         solver,
-        start,
+        start / _VARIABLE_UNIT,
         args,
         options={"jac": "fwd"},
         max_steps=_MAX_STEPS,
         throw=False,
     )
-    return _solution(residuals, found, args)
+    return _solution(residuals, found, args, _VARIABLE_UNIT)
 
 
 def simplex(
@@ -128,10 +135,11 @@ def _half_sum_of_squares(residuals, point, args) -> Float[Array, ""]:
     return jnp.sum(residuals(point, args) ** 2) / 2
 
 
-def _solution(residuals, found, args) -> Solution:
-    cost = _half_sum_of_squares(residuals, found.value, args)
+def _solution(residuals, found, args, unit: float = 1.0) -> Solution:
+    point = found.value * unit
+    cost = _half_sum_of_squares(residuals, point, args)
     converged = (found.result == optx.RESULTS.successful) & jnp.isfinite(cost)
-    return Solution(found.value, cost, converged, jnp.asarray(found.stats["num_steps"]))
+    return Solution(point, cost, converged, jnp.asarray(found.stats["num_steps"]))
 
 
 def _nothing_to_do(residuals, start, args) -> Solution:

@@ -114,14 +114,14 @@ def _propagate(
         return jnp.concatenate([jnp.ravel(leaf) for leaf in found])
 
     with jax.default_matmul_precision("highest"):
-        jacobian = jax.jacfwd(residual)(vector) * ~held[None, :]
+        jacobian = jnp.where(held[None, :], 0, jax.jacfwd(residual)(vector))
         left = residual(vector)
-        freedom = left.size - jnp.sum(~held)
+        freedom = left.size - jnp.sum((~held).astype(left.dtype))
         variance = jnp.sum(left**2) / freedom
         variance = jnp.maximum(variance, 1) if noise_given else variance
         information = jacobian.T @ jacobian / variance + jnp.diag(_prior(problem, vector))
         covariance = _inverse(information)
-        spread = jax.jacfwd(parameters)(vector) * ~held[None, :]
+        spread = jnp.where(held[None, :], 0, jax.jacfwd(parameters)(vector))
         return to_parameters(
             problem, vector[:split], vector[split:]
         ), spread @ covariance @ spread.T

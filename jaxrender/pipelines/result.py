@@ -149,6 +149,8 @@ def summary_of(result: dict[str, Any]) -> str:
         f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
         f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
     )
+    if "scale" in result:
+        lines.append(f"scale of the light {result['scale']:.4g}, so that the mean of kd + ks is 1")
     if "frequency" in result:
         bias = result["frequency"]["bias"]
         moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())
@@ -178,7 +180,7 @@ def _shared(finding: Finding, name: str, parameters: Parameters) -> np.ndarray:
     """One number for a ks that all channels share."""
     value = np.asarray(getattr(parameters, name))
     if name == "ks" and not finding.ks_per_channel and np.ptp(value) == 0:
-        return value[0]
+        return np.asarray(value[0])
     return value
 
 
@@ -205,7 +207,8 @@ def _lighting(finding: Finding) -> dict[str, Any]:
     fit, light = finding.fit, finding.light
     dual, split = fit.light.dual, fit.light.split
     free = fit.final.problem.unknowns.free_scale
-    lighting: dict[str, Any] = {"gauge": "mean of kd + ks is 1" if free else "given"}
+    gauge = "mean of kd + ks is 1; the light as given, times scale, made the photographs"
+    lighting: dict[str, Any] = {"gauge": gauge if free else "given"}
     if light.environment is not None:
         sources = light_coefficients(dual.sources, dual.band_limit)
         lighting |= {

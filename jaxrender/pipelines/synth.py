@@ -97,10 +97,14 @@ def _write_capture(
     if not any(np.any(np.asarray(energy) > 0) for energy in _energies(light)):
         raise InputError(f"{recipe_path}: lighting: the light is zero; give a radiance above 0")
     centre = np.asarray(shape.bounds()).mean(axis=0)
-    with fault_of(f"{recipe_path}: views"):
+    # The one thing that placing cameras can refuse: straight above the circle nothing is upright.
+    with fault_of(f"{recipe_path}: views.elevation_degrees {recipe.views.elevation_degrees:g}"):
         cameras = cameras_of(recipe.views, centre)
-        if not any(observe(camera, shape).hit.any() for camera in cameras):
-            raise ValueError("no camera sees the object; change distance or field_of_view_degrees")
+    if not any(observe(camera, shape).hit.any() for camera in cameras):
+        raise InputError(
+            f"{recipe_path}: views: no camera sees the object; change distance or "
+            "field_of_view_degrees"
+        )
     noise = NoiseModel(float(recipe.noise.relative), float(recipe.noise.floor))
     rng = np.random.default_rng(recipe.seed)
     (folder / "images").mkdir()

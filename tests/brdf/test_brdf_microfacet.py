@@ -40,7 +40,7 @@ def t62(brdf, incoming, outgoing):
     lobe = np.exp(-((angle / sigma) ** 2)) / (np.pi * sigma**2)
     between = np.einsum("di,di->d", incoming, half) / np.linalg.norm(half, axis=1)
     cosine = outgoing[:, 2] if brdf.fresnel == "exit" else between
-    ratio = 1 if brdf.mu is None else fresnel_ratio(brdf.mu, cosine)
+    ratio = 1 if brdf.mu is None else fresnel_ratio(float(brdf.mu), cosine)
     specular = ratio * lobe / (4 * incoming[:, 2] * outgoing[:, 2])
     return KD + KS * specular[:, None]
 

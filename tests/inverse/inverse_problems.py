@@ -46,8 +46,9 @@ def toy_radiance(model, kd, ks, sigma, mu):
     lobe = np.exp(-((np.asarray(model.angles, float) / sigma) ** 2)) / (np.pi * sigma**2)
     if mu is not None:
         refracted = np.sqrt(1 - (1 - c**2) / mu**2)
-        s, p = (c - mu * refracted) / (c + mu * refracted), (mu * c - refracted) / (
-            mu * c + refracted
+        s, p = (
+            (c - mu * refracted) / (c + mu * refracted),
+            (mu * c - refracted) / (mu * c + refracted),
         )
         lobe = lobe * ((s**2 + p**2) / 2 * ((mu + 1) / (mu - 1)) ** 2)[:, None]
     return np.asarray(kd) * np.asarray(model.diffuse, float) + np.asarray(ks) * lobe

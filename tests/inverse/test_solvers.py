@@ -36,7 +36,9 @@ def normal_equations(matrix, target):
 
 def in_box(matrix, target, lower, upper):
     normal = normal_equations(matrix, target)
-    return np.asarray(jax.jit(solvers.solve_in_box)(*normal, jnp.asarray(lower), jnp.asarray(upper)))
+    return np.asarray(
+        jax.jit(solvers.solve_in_box)(*normal, jnp.asarray(lower), jnp.asarray(upper))
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -2,21 +2,24 @@
 
 A ball of known material under directional sources, one list of them for each photograph: the sum
 over sources is the whole reflection integral, so nothing of the program's forward model is used.
+Fits that several test files look at are made once a session.
 """
 
 import json
+import os
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 import numpy as np
 
-from jaxrender.geometry import Pinhole, Sphere, look_at, observe
+from jaxrender import cli
+from jaxrender.geometry import Pinhole, Shape, Sphere, look_at, observe
 from jaxrender.io import write_image
 
 KD, KS, SIGMA, MU = (0.2, 0.15, 0.1), 0.12, 0.25, 1.6
-# Two sources that all photographs share: (direction, irradiance).
-SUNS = (((0.7, 0.6, 0.6), (2.0, 1.9, 1.7)), ((-0.3, -0.2, 1.0), (0.8, 0.9, 1.0)))
-# One moving source: the light of each photograph.
+UNIT_BALL = Sphere(np.zeros(3), 1.0)
+# One moving source: the light (directions and irradiances) of each photograph.
 MOVING = tuple(
     [((np.cos(angle), np.sin(angle), 0.5), (2.0, 2.0, 2.0))] for angle in (0.3, 1.1, 1.9, 2.6)
 )
@@ -37,24 +40,28 @@ class Ball(NamedTuple):
     lights: tuple = MOVING
     noise: float = 0.005
     gains: tuple = (1.0, 1.0, 1.0, 1.0)
+    shape: Shape = UNIT_BALL
 
 
-def write_ball(folder: Path, ball: Ball = Ball()) -> Path:
+STANDARD = Ball()
+
+
+def write_ball(folder: Path, ball: Ball = STANDARD) -> Path:
     """Write pictures, transforms.json, lights.json and config.yaml; returns the config."""
     (folder / "images").mkdir(parents=True)
     rng = np.random.default_rng(0)
     frames = []
     for number, camera in enumerate(cameras(ball)):
         name = f"images/{number}.exr"
-        radiance, covered = picture(camera, ball.lights[number % len(ball.lights)])
+        radiance, covered = picture(camera, ball.lights[number], ball.shape)
         radiance *= 1 + ball.noise * rng.normal(size=radiance.shape)
         image = np.concatenate([ball.gains[number] * radiance, covered[..., None]], axis=-1)
         write_image(folder / name, image)
         frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
     intrinsics = {"w": ball.size, "h": ball.size, "fl_x": focal_length(ball.size)}
     write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
-    lights = [ball.lights[number % len(ball.lights)] for number in range(ball.views)]
-    write_json(folder / "lights.json", [[source(*one) for one in several] for several in lights])
+    lights = [[source(*one) for one in several] for several in ball.lights[: ball.views]]
+    write_json(folder / "lights.json", lights)
     (folder / "config.yaml").write_text(CONFIG)
     return folder / "config.yaml"
 
@@ -74,9 +81,9 @@ def focal_length(size: int) -> float:
     return 4.6 * size
 
 
-def picture(camera: Pinhole, lights) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance of the unit ball under directional sources, and which pixels it covers."""
-    view = observe(camera, Sphere(np.zeros(3), 1.0))
+def picture(camera: Pinhole, lights, shape: Shape = UNIT_BALL) -> tuple[np.ndarray, np.ndarray]:
+    """Radiance of a shape under directional sources, and which pixels it covers."""
+    view = observe(camera, shape)
     image = np.zeros((*view.hit.shape, 3))
     image[view.hit] = reflected(view.normals[view.hit], view.outgoing[view.hit], lights)
     return image, view.hit
@@ -120,3 +127,44 @@ def edit_json(path: Path, change) -> None:
     content = json.loads(path.read_text())
     change(content)
     write_json(path, content)
+
+
+def jaxrender(*arguments, cache: Path | None = None) -> int:
+    """Run the command line in this process, with the precision that the tests have set already."""
+    environment = {} if cache is None else {"XDG_CACHE_HOME": str(cache)}
+    with mock.patch.object(cli, "_set_up_jax"), mock.patch.dict(os.environ, environment):
+        return cli.main([str(argument) for argument in arguments])
+
+
+def read_result(folder: Path) -> dict:
+    """Read result.json as the strict JSON that it has to be."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads((folder / "result.json").read_text(), parse_constant=refuse)
+
+
+_FITTED: list[Path] = []
+
+
+def moving_light(factory) -> Path:
+    """A finished fit of a ball under a moving source, in ``out`` beside its ``capture``.
+
+    ``factory`` is pytest's ``tmp_path_factory``; the fit is made once a session.
+    """
+    if not _FITTED:
+        folder = factory.mktemp("moving")
+        config = write_ball(folder / "capture")
+        assert jaxrender("fit", config, f"output={folder / 'out'}") == 0
+        _FITTED.append(folder)
+    return _FITTED[0]
+
+
+def standard_errors_off(result: dict) -> dict[str, float]:
+    """How far each parameter is from the truth, in stated standard errors; the worst channel."""
+    truth = {"kd": np.array(KD), "ks": KS, "sigma": SIGMA, "mu": MU}
+    return {
+        name: float(np.max(np.abs(np.array(result["brdf"][name]) - truth[name]) / error))
+        for name, error in ((n, np.array(e)) for n, e in result["standard_error"].items())
+    }

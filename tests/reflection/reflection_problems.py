@@ -40,13 +40,14 @@ def lobes(brdf, normal, outgoing, incoming):
     cos_i, cos_o = float(normal @ incoming), float(normal @ outgoing)
     if cos_i <= 0:
         return 0.0, 0.0
+    sigma, mu = float(brdf.sigma), None if brdf.mu is None else float(brdf.mu)
     half = incoming + outgoing
     angle = math.atan2(np.linalg.norm(np.cross(normal, half)), normal @ half)
     between = float(outgoing @ half) / np.linalg.norm(half)
     ratio = 1.0
-    if brdf.mu is not None:
-        ratio = fresnel_ratio(brdf.mu, cos_o if brdf.fresnel == "exit" else between)
-    lobe = math.exp(-((angle / brdf.sigma) ** 2)) / (math.pi * brdf.sigma**2)
+    if mu is not None:
+        ratio = fresnel_ratio(mu, cos_o if brdf.fresnel == "exit" else between)
+    lobe = math.exp(-((angle / sigma) ** 2)) / (math.pi * sigma**2)
     return cos_i, ratio * lobe / (4 * cos_o)
 
 

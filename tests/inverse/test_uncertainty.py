@@ -1,0 +1,178 @@
+"""Error bars.
+
+- Standard errors are those of the full Jacobian of all unknowns, eliminated ones included, as a
+  numerical derivative in NumPy gives them.
+- They are in the parameters' own units, whatever the search variables.
+- With a given noise, they widen when the data scatter more, and never shrink.
+- Intervals are 1.645 standard errors to either side, symmetric in the logarithm for sigma, mu - 1.
+- What is fixed or at a bound has none; what the data say nothing of has that of its range.
+- Intervals hold the truth in 90 % of repetitions.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import parameter_vector, toy_data, toy_model, toy_radiance
+from scipy.stats import binom
+
+from jaxrender.inverse import MicrofacetUnknowns, Unknown
+from jaxrender.inverse.elimination import Problem, search
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.uncertainty import (
+    Parameters,
+    Uncertain,
+    uncertain_parameters,
+    within_reach,
+)
+
+MODEL = toy_model(200, seed=5)
+KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
+NOISE = 0.02
+# A numerical Jacobian by central differences, against exact derivatives and the weak prior.
+SAME_ERROR = 2e-3
+UNKNOWNS = MicrofacetUnknowns()
+PROBLEM = Problem.of(UNKNOWNS, 3)
+
+
+def noisy(seed, relative=NOISE):
+    clean = toy_radiance(MODEL, KD, KS, SIGMA, MU)
+    noise = np.random.default_rng(seed).normal(size=clean.shape)
+    return clean * (1 + relative * noise), 1 / (NOISE * clean)
+
+
+def account(seed, relative=NOISE, noise_given=False, weight=1.0):
+    radiance, weights = noisy(seed, relative)
+    data = toy_data(radiance, weight * weights)
+    fit = search(PROBLEM, MODEL, data, UNKNOWNS.pack(SIGMA, MU)[None])
+    physical = UNKNOWNS.unpack(fit.solution.point)
+    near = LinearisedModel.about(MODEL, physical.sigma, physical.mu)
+    return uncertain_parameters(PROBLEM, near, data, fit, noise_given), fit, data
+
+
+def numerical_errors(x, data):
+    """Of kd (3), ks, sigma, mu by central differences, with s^2 from the residual."""
+
+    def misfit(x):
+        predicted = toy_radiance(MODEL, x[:3], np.full(3, x[3]), x[4], x[5])
+        return (data.weights * (data.radiance - predicted)).ravel()
+
+    steps = 1e-6 * np.eye(6)
+    jacobian = np.stack([(misfit(x + h) - misfit(x - h)) / 2e-6 for h in steps], axis=1)
+    variance = np.sum(misfit(x) ** 2) / (misfit(x).size - 6)
+    return np.sqrt(np.diag(variance * np.linalg.inv(jacobian.T @ jacobian)))
+
+
+def test_errors_are_those_of_the_full_jacobian():
+    found, _, data = account(0)
+    value, error = parameter_vector(found.value), parameter_vector(found.standard_error)
+    np.testing.assert_allclose(error, numerical_errors(value, data), rtol=SAME_ERROR)
+
+
+def test_estimated_noise_does_not_depend_on_the_scale_of_the_weights():
+    one, tenfold = account(0)[0], account(0, weight=10.0)[0]
+    np.testing.assert_allclose(
+        parameter_vector(one.standard_error),
+        parameter_vector(tenfold.standard_error),
+        rtol=SAME_ERROR,
+    )
+
+
+def test_given_noise_widens_and_never_narrows():
+    errors = {
+        (scatter, given): parameter_vector(account(0, scatter * NOISE, given)[0].standard_error)
+        for scatter in (0.5, 2.0)
+        for given in (False, True)
+    }
+    np.testing.assert_allclose(errors[2.0, True], errors[2.0, False], rtol=1e-9)
+    # Data twice as good as their stated noise: the stated noise stands.
+    np.testing.assert_allclose(errors[0.5, True] / errors[0.5, False], 2, rtol=0.1)
+
+
+def test_intervals_are_ninety_per_cent():
+    found, _, _ = account(1)
+    value, low, high, error = (parameter_vector(part) for part in found)
+    np.testing.assert_allclose(high[:4] - value[:4], 1.6448536 * error[:4], rtol=1e-6)
+    np.testing.assert_allclose(value[:4] - low[:4], 1.6448536 * error[:4], rtol=1e-6)
+    origin = np.array([0.0, 1.0])
+    logs = [np.log(part[4:] - origin) for part in (low, value, high)]
+    np.testing.assert_allclose(logs[2] - logs[1], logs[1] - logs[0], rtol=1e-9)
+    relative = 1.6448536 * error[4:] / (value[4:] - origin)
+    np.testing.assert_allclose(logs[2] - logs[1], relative, rtol=1e-6)
+
+
+def test_what_is_fixed_has_no_error():
+    radiance, weights = noisy(2)
+    unknowns = MicrofacetUnknowns(ks=Unknown(fixed=(0.21,)), mu=Unknown(fixed=(MU,)))
+    problem = Problem.of(unknowns, 3)
+    data = toy_data(radiance, weights)
+    fit = search(problem, MODEL, data, unknowns.starts(1))
+    physical = unknowns.unpack(fit.solution.point)
+    near = LinearisedModel.about(MODEL, physical.sigma, physical.mu)
+    found = uncertain_parameters(problem, near, data, fit, False)
+    np.testing.assert_array_equal(found.standard_error.ks, 0)
+    assert float(found.standard_error.mu) == 0
+    assert float(found.lower.mu) == pytest.approx(MU)
+    assert float(found.upper.mu) == pytest.approx(MU)
+    assert np.all(found.standard_error.kd > 0)
+    assert float(found.standard_error.sigma) > 0
+
+
+def test_what_is_at_a_bound_is_held():
+    found, fit, data = account(2)
+    held = fit._replace(linear=fit.linear._replace(eliminated=fit.linear.eliminated.at[2].set(0.0)))
+    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    again = uncertain_parameters(PROBLEM, near, data, held, True)
+    assert float(again.standard_error.kd[2]) == 0
+    assert float(again.standard_error.kd[1]) > 0
+
+
+def test_a_parameter_without_evidence_has_the_error_of_its_range():
+    # A lobe that does not change with sigma: all that is known of it are its bounds.
+    found, fit, data = account(3)
+    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    silent = LinearisedModel(
+        near.diffuse,
+        near.specular,
+        jnp.zeros_like(near.by_sigma),
+        near.by_mu,
+        near.sigma,
+        near.mu,
+    )
+    blind = uncertain_parameters(PROBLEM, silent, data, fit, False)
+    assert not within_reach(blind, "sigma")
+    assert np.all(np.isfinite(parameter_vector(blind.upper)))
+    assert 0.005 < float(blind.lower.sigma) < 0.05
+    assert 0.4 < float(blind.upper.sigma) < 5
+    # The others are known no worse for it: better, as sigma is no longer confused with them.
+    assert np.all(np.asarray(blind.standard_error.kd) <= np.asarray(found.standard_error.kd) * 1.01)
+
+
+def interval(**half_widths):
+    """Parameters of 1 (mu: 2) with the given relative half widths of their intervals."""
+
+    def side(sign):
+        kd = np.full(3, 1 + sign * half_widths.get("kd", 0.0))
+        ks = np.full(3, 1 + sign * half_widths.get("ks", 0.0))
+        sigma = np.asarray(1 + sign * half_widths.get("sigma", 0.0))
+        mu = np.asarray(2 + sign * half_widths.get("mu", 0.0))
+        return Parameters(kd, ks, sigma, mu, np.ones(1), np.ones(()))
+
+    return Uncertain(side(0), side(-1), side(1), side(0))
+
+
+@pytest.mark.parametrize("name", ["kd", "ks", "sigma", "mu"])
+def test_identifiable_is_a_quarter_to_either_side(name):
+    # For mu a quarter of mu - 1.
+    assert within_reach(interval(**{name: 0.249}), name)
+    assert not within_reach(interval(**{name: 0.251}), name)
+
+
+def test_intervals_hold_the_truth():
+    truth = np.array([*KD, KS[0], SIGMA, MU])
+    inside, seeds = 0, 60
+    for seed in range(seeds):
+        found, _, _ = account(100 + seed)
+        low, high = parameter_vector(found.lower), parameter_vector(found.upper)
+        inside += int(np.sum((low <= truth) & (truth <= high)))
+    low, high = binom.interval(0.999, 6 * seeds, 0.9)
+    assert low <= inside <= high

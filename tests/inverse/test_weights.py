@@ -1,0 +1,43 @@
+"""Robust losses as weights: right values, the derivative of the loss, outliers counted less."""
+
+import numpy as np
+import pytest
+
+from jaxrender.inverse.weights import LOSSES, robust_weights
+
+RESIDUALS = np.linspace(-30, 30, 601)
+
+
+def test_squares_weigh_all_alike():
+    np.testing.assert_array_equal(robust_weights(RESIDUALS, "squares"), 1)
+
+
+def huber(r):
+    return np.where(np.abs(r) <= 1.345, r**2 / 2, 1.345 * np.abs(r) - 1.345**2 / 2)
+
+
+def cauchy(r):
+    return 2.385**2 / 2 * np.log1p((r / 2.385) ** 2)
+
+
+@pytest.mark.parametrize(("name", "loss"), [("huber", huber), ("cauchy", cauchy)])
+def test_squared_weights_are_the_loss_slope_over_the_residual(name, loss):
+    r, step = RESIDUALS[RESIDUALS != 0] + 1e-3, 1e-5
+    slope = (loss(r + step) - loss(r - step)) / (2 * step)
+    # Finite differences of second order: 1e-10, and rounding of losses up to 40 over the step.
+    np.testing.assert_allclose(robust_weights(r, name) ** 2, slope / r, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["huber", "cauchy"])
+def test_outliers_count_less_and_small_residuals_fully(name):
+    weights = robust_weights(RESIDUALS, name)
+    assert weights[300] == 1
+    assert np.all(np.diff(weights[300:]) <= 0)
+    assert weights[-1] < 0.25
+    np.testing.assert_allclose(weights, weights[::-1])
+
+
+def test_an_unknown_loss_lists_the_known():
+    with pytest.raises(ValueError, match="choose one of squares, huber, cauchy"):
+        robust_weights(RESIDUALS, "tukey")
+    assert set(LOSSES) == {"squares", "huber", "cauchy"}
