@@ -41,7 +41,7 @@ class Column(NamedTuple):
 
 
 class Material(NamedTuple):
-    """A ball of T fig. 6.7: its recipe, and what the thesis recovered under known and unknown light."""
+    """A ball of T fig. 6.7: its recipe, and what the thesis found under known and unknown light."""
 
     recipe: str
     known: Column

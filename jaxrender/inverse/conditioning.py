@@ -67,6 +67,8 @@ def sigma_standard_error(
     if "sigma" not in problem.unknowns.names:
         return 0.0
     information = np.asarray(_information(problem, model, data, unknowns))
+    if not information[0, 0] > 0:
+        return float("inf")
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     variance = np.sum(vectors[0] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[0] ** 2

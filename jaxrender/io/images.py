@@ -252,7 +252,7 @@ def _write(path: Path, aside: Path, values: np.ndarray) -> None:
     rows, columns, channels = values.shape
     spec = oiio.ImageSpec(columns, rows, channels, _STORED_AS[suffix])
     spec.attribute("oiio:UnassociatedAlpha", 1)
-    # Without the time of writing, equal pictures are equal files, and a run on them is the same run.
+    # Without the time of writing equal pictures are equal files, and runs on them the same run.
     spec.attribute("DateTime", "")
     if suffix == ".exr":
         # Named, because `scene_linear` means ACEScg to OpenImageIO.

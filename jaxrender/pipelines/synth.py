@@ -18,7 +18,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Camera, Mesh, Pinhole, Shape, look_at, observe
 from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
-from jaxrender.lighting import Environment, LightNodes, SmoothLobes
+from jaxrender.lighting import Environment, LightNodes, SmoothLobes, to_latlong
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
@@ -178,7 +178,8 @@ def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
     if lobes is not None:
         image = image + np.asarray(lobes.to_environment(recipe.environment_height).radiance)
     if environment is not None:
-        image = image + _coarser(environment, recipe.environment_height)
+        radiance = np.asarray(environment.radiance)
+        image = image + to_latlong(radiance, "z-up", recipe.environment_height)
     if isinstance(image, np.ndarray):
         write_environment(folder / "environment.exr", Environment(image))
         lighting["environment"] = {"path": "environment.exr", "convention": "z-up"}
@@ -188,29 +189,6 @@ def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
             for source in recipe.lighting.directional
         ]
     return lighting
-
-
-def _coarser(environment: Environment, height: int) -> Float[np.ndarray, "row column channel"]:
-    """Average an environment over larger texels, energy conserved."""
-    rows = environment.grid.shape[0]
-    if rows <= height:
-        return _repeat(np.asarray(environment.radiance), height)
-    radiance_, weights = np.asarray(environment.radiance), environment.grid.weights()[..., None]
-    row = np.arange(rows) * height // rows
-    column = np.arange(2 * rows) * height // rows
-    index = (row[:, None] * 2 * height + column[None, :]).ravel()
-    totals = [
-        np.bincount(index, values.ravel(), 2 * height**2)
-        for values in np.moveaxis(np.broadcast_to(weights, radiance_.shape) * radiance_, -1, 0)
-    ]
-    solid_angle = np.bincount(index, np.broadcast_to(weights[..., 0], (rows, 2 * rows)).ravel())
-    return (np.stack(totals, -1) / solid_angle[:, None]).reshape(height, 2 * height, -1)
-
-
-def _repeat(image: Float[np.ndarray, "row column channel"], height: int) -> np.ndarray:
-    rows = np.arange(height) * image.shape[0] // height
-    columns = np.arange(2 * height) * image.shape[1] // (2 * height)
-    return image[rows[:, None], columns[None, :]]
 
 
 def _write_config(

@@ -118,7 +118,7 @@ def test_what_is_fixed_has_no_error():
 
 
 def test_what_is_at_a_bound_is_held():
-    found, fit, data = account(2)
+    _, fit, data = account(2)
     held = fit._replace(linear=fit.linear._replace(eliminated=fit.linear.eliminated.at[2].set(0.0)))
     near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
     again = uncertain_parameters(PROBLEM, near, data, held, True)

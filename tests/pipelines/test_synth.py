@@ -9,6 +9,7 @@
   nothing.
 """
 
+import itertools
 import json
 
 import numpy as np
@@ -24,7 +25,7 @@ from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.config import RecipeConfig, ViewsConfig, load_run_config
 from jaxrender.pipelines.scene import shape_of, true_material
 from jaxrender.pipelines.synth import cameras_of, synthesise, written_files
-from jaxrender.reflection import ExactForward, render_samples
+from jaxrender.reflection import integral_columns, radiance
 
 SUN = ((0.35, 0.8, 0.5), (1.2, 1.15, 1.05))
 BRDF = {"kd": KD, "ks": KS, "sigma": SIGMA, "mu": MU}
@@ -71,7 +72,7 @@ def test_under_sources_they_are_the_formula(tmp_path):
 
 @pytest.mark.parametrize("sigma", [0.25, 0.05])
 def test_under_lobes_they_are_the_integral(tmp_path, sigma):
-    """Against the sum over a sphere of 512 rows, good to 1e-3 (its horizon)."""
+    """Against the sum over a sphere of 256 rows, good to 1e-3 (its horizon)."""
     recipe = recipe_of(lighting={"area": [LOBE]}, brdf={**BRDF, "sigma": sigma, "kd": 0.0})
     make(recipe, tmp_path / "capture")
     lobes = SmoothLobes(
@@ -79,13 +80,14 @@ def test_under_lobes_they_are_the_integral(tmp_path, sigma):
         np.radians([LOBE["width_degrees"]]),
         np.array([LOBE["radiance"]]),
     )
-    nodes = lobes.to_environment(512).nodes()
+    nodes = lobes.to_environment(256).nodes()
     photograph, view = next(views_of(recipe, tmp_path / "capture"))
     rows, columns = np.nonzero(view.hit & (view.exit_cosines > 0.3))
     chosen = np.argsort(-photograph.pixels[rows, columns, 0])[:6]
     rows, columns = rows[chosen], columns[chosen]
     samples = SurfaceSamples(view.normals[rows, columns], view.outgoing[rows, columns])
-    expected = render_samples(true_material(recipe.brdf), samples, ExactForward(nodes))
+    material = true_material(recipe.brdf)
+    expected = radiance(material, integral_columns(material, samples, nodes))
     np.testing.assert_allclose(photograph.pixels[rows, columns], expected, rtol=2e-3)
 
 
@@ -103,7 +105,7 @@ def test_noise_is_what_is_stated(tmp_path):
         for which in (0, 1)
     )
     # Where noise does not reach below zero, and so is not clipped.
-    lit = exact > 0.3
+    lit = exact > 0.12
     deviations = ((found - exact) / np.hypot(0.05 * exact, 0.02))[lit]
     count = deviations.size
     assert count > 1000
@@ -135,7 +137,7 @@ def test_cameras_stand_on_their_circle():
     np.testing.assert_allclose(offsets @ axis, 7 * np.sin(np.radians(30)))
     level = offsets - (offsets @ axis)[:, None] * axis
     level /= np.linalg.norm(level, axis=1, keepdims=True)
-    for one, other in zip(level, level[1:]):
+    for one, other in itertools.pairwise(level):
         np.testing.assert_allclose(one @ other, np.cos(np.radians(20)))
         # Anticlockwise seen from the axis.
         assert np.cross(one, other) @ axis > 0
@@ -192,8 +194,8 @@ def test_the_environment_that_is_handed_over_keeps_its_energy(tmp_path, rows):
     assert coarse.grid.shape == (8, 16)
     fine, found = (np.asarray(e).sum(axis=0) for e in (
         Environment(light).nodes().irradiance, coarse.nodes().irradiance))  # fmt: skip
-    # Fejer's weights are areas of texels to a few per cent at 8 rows.
-    np.testing.assert_allclose(found, fine, rtol=0.03)
+    # Averages over texels: Fejer's weights are their areas to a per cent or two at 8 rows.
+    np.testing.assert_allclose(found, fine, rtol=0.02)
     photograph, view = next(views_of(recipe, folder))
     assert photograph.pixels[view.hit].max() > 0
 

@@ -5,6 +5,8 @@
 - The image has the radiance of each pixel's own sample, and zero where the ray missed.
 """
 
+import importlib
+
 import numpy as np
 import pytest
 from reflection_problems import LAMPS, microfacet, random_samples
@@ -37,7 +39,9 @@ ROUNDING = 1e-12
 @pytest.fixture
 def small_batches(monkeypatch):
     """Batches of 8 samples, so that a handful makes several."""
-    monkeypatch.setattr("jaxrender.reflection.render._PIXELS_AT_ONCE", 8)
+    # By its full name: the package's own `render` is the function.
+    module = importlib.import_module("jaxrender.reflection.render")
+    monkeypatch.setattr(module, "_PIXELS_AT_ONCE", 8)
 
 
 def test_batches_change_nothing(small_batches):

@@ -20,6 +20,7 @@ from jaxrender.lighting import DirectionalSources, candidates, take
 from jaxrender.reflection import DualLight, FrameNodes, dual_light, roughness_table, tabulated
 
 TABLE = 1e-4  # what the module promises, relative to the brightest sample
+SIGMA_ALONE = 2e-5  # where the table has no knots over mu: 24 knots over a factor of 3 in sigma
 dual_columns = eqx.filter_jit(reflection.dual_columns)
 
 RNG = np.random.default_rng(0)
@@ -55,7 +56,8 @@ def test_the_table_is_the_dual_model(variant):
             brdf = microfacet(scalar(sigma), scalar(index), fresnel, masking)
             columns = np.asarray(dual_columns(brdf, SAMPLES, LIGHT))
             found = np.asarray(specular(scalar(sigma), scalar(index)))
-            assert np.abs(found - columns[:, 1]).max() < TABLE * columns[:, 1].max()
+            tolerance = TABLE if fresnel == "half" else SIGMA_ALONE
+            assert np.abs(found - columns[:, 1]).max() < tolerance * columns[:, 1].max()
             np.testing.assert_allclose(table.diffuse, columns[:, 0], rtol=1e-12)
 
 
