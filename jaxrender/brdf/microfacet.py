@@ -24,9 +24,13 @@ Scalar = Float[AnyArray, ""] | float
 _SMALLEST_COSINE = 1e-6
 
 
-def _scalar(value: Scalar | int | None) -> Float[AnyArray, ""] | None:
+def _scalar(value: Scalar | int) -> Scalar:
     """Make a number an array, still weak in type: as a plain float each would be compiled anew."""
     return jnp.asarray(float(value)) if isinstance(value, float | int) else value
+
+
+def _scalar_or_none(value: Scalar | int | None) -> Scalar | None:
+    return None if value is None else _scalar(value)
 
 
 def _known(value: Scalar) -> bool:
@@ -44,7 +48,7 @@ class Microfacet(BRDF):
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
     sigma: Scalar = eqx.field(converter=_scalar)
-    mu: Scalar | None = eqx.field(converter=_scalar)
+    mu: Scalar | None = eqx.field(converter=_scalar_or_none)
     fresnel: str = eqx.field(static=True, default="exit")
     masking: str = eqx.field(static=True, default="none")
 

@@ -167,10 +167,11 @@ def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]
     parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu, data.radiance)
     weighted = jnp.stack([jnp.asarray(part) * data.weights for part in parts], axis=-1)
     triangle = jnp.linalg.qr(jnp.moveaxis(weighted, 0, 1), mode="r")
-    *columns, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
+    diffuse, specular, by_sigma, by_mu, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
     weights = jnp.full_like(radiance, 1 / math.sqrt(data.radiance.size))
     frame = jnp.zeros(radiance.shape[0], int)
-    return LinearisedModel(*columns, model.sigma, model.mu), Data(radiance, weights, frame)
+    few = LinearisedModel(diffuse, specular, by_sigma, by_mu, model.sigma, model.mu)
+    return few, Data(radiance, weights, frame)
 
 
 @eqx.filter_jit

@@ -5,17 +5,16 @@
 - 90 % intervals hold the truth in 90 % of repetitions (nothing of the photographs' light or
   quadrature is the fit's).
 - Metals come without mu; a parameter at a bound is an outcome; five per cent of outliers do not
-  matter to a robust loss; gains, per-frame lights and single precision work.
+  matter to a robust loss; lights and exposures of single photographs work.
 - Uniform light leaves sigma unknown without grazing angles, in words, and known with them.
 - Too few samples are refused.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from inverse_problems import (
-    LAMPS,
+    ROWS,
     SAMPLES,
     ball_samples,
     known_light,
@@ -98,7 +97,7 @@ def test_values_are_those_of_the_material(fit):
 
 
 def test_intervals_hold_the_truth(light, exact):
-    inside, seeds = 0, 12
+    inside, seeds = 0, 8
     for seed in range(seeds):
         noisy = with_noise(exact, 0.02, 0.01, seed)
         found = fit_brdf(noisy, light, MicrofacetUnknowns(), material(), SETTINGS).parameters
@@ -122,30 +121,28 @@ def test_without_refinement_there_is_no_bias_to_report(light, exact):
 def test_a_metal_has_no_index(light):
     metal = material(mu=None)
     noisy = with_noise(photograph(metal, *ball_samples()))
-    found = fit_brdf(noisy, light, MicrofacetUnknowns(mu=None), metal, SETTINGS)
+    unknowns = MicrofacetUnknowns(mu=None)
+    found = fit_brdf(noisy, light, unknowns, metal, SETTINGS._replace(refine=False))
     assert found.outcome is Outcome.CONVERGED
     assert found.brdf.mu is None
     assert set(found.identifiable) == {"kd", "ks", "sigma"}
-    assert np.all(np.abs(scores(found)[:5]) < STATED_ERRORS)
+    np.testing.assert_allclose(parameter_vector(found.brdf)[:5], TRUTH[:5], rtol=0.04)
 
 
-def test_a_parameter_at_its_bound_is_an_outcome(light, exact):
-    unknowns = MicrofacetUnknowns(sigma=sigma_unknown(lower=0.25, upper=0.6))
-    found = fit_brdf(with_noise(exact), light, unknowns, material(), SETTINGS)
-    assert found.outcome is Outcome.AT_BOUND
-    assert not found.identifiable["sigma"]
-    assert "sigma is at a bound of its range" in found.reasons
-    assert found.brdf.sigma == pytest.approx(0.25, rel=0.01)
-
-
-def test_an_upper_bound_of_ks_is_an_outcome(light, exact):
-    unknowns = MicrofacetUnknowns(ks=Unknown(upper=0.15))
+def test_parameters_at_their_bounds_are_an_outcome(light, exact):
+    unknowns = MicrofacetUnknowns(
+        ks=Unknown(upper=0.15), sigma=sigma_unknown(lower=0.25, upper=0.6)
+    )
     found = fit_brdf(
         with_noise(exact), light, unknowns, material(), SETTINGS._replace(refine=False)
     )
     assert found.outcome is Outcome.AT_BOUND
-    assert not found.identifiable["ks"]
+    assert found.identifiable == {"kd": True, "ks": False, "sigma": False, "mu": False}
+    assert "sigma is at a bound of its range" in found.reasons
+    assert "ks is at a bound of its range" in found.reasons
+    assert found.brdf.sigma == pytest.approx(0.25, rel=0.01)
     np.testing.assert_array_equal(found.brdf.ks, 0.15)
+    np.testing.assert_array_equal(found.parameters.standard_error.ks, 0)
 
 
 def test_outliers_do_not_matter_to_a_robust_loss(light, exact):
@@ -187,7 +184,7 @@ def fit_under_uniform_light(lowest_cosine):
     exact = photograph(
         material(), samples, frame, lambda directions: jnp.ones((directions.shape[0], 3)), None
     )
-    light = KnownLight(Environment(np.ones((128, 256, 3))), DirectionalSources.none())
+    light = KnownLight(Environment(np.ones((ROWS, 2 * ROWS, 3))), DirectionalSources.none())
     return fit_brdf(with_noise(exact, seed=2), light, MicrofacetUnknowns(), material(), SETTINGS)
 
 
@@ -196,39 +193,21 @@ def test_a_lamp_for_each_photograph_and_unknown_exposures():
     turned = [np.roll(np.eye(3), shift, axis=0)[:1] + 0.3 for shift in range(4)]
     lamps = tuple(DirectionalSources(towards, np.ones((1, 3))) for towards in turned)
     gains = np.array([1.0, 1.3, 0.8, 1.1])
-    shots = [
-        photograph(material(), samples, frame, lambda d: jnp.ones((d.shape[0], 3)) / 10, lamp)
-        for lamp in lamps
-    ]
+    shots = [photograph(material(), samples, frame, jnp.zeros_like, lamp) for lamp in lamps]
     radiance = np.stack([shot.radiance for shot in shots])[frame, np.arange(SAMPLES)]
     exact = shots[0]._replace(radiance=radiance * gains[frame][:, None])
-    environment = Environment(np.full((64, 128, 3), 0.1))
-    light = KnownLight(environment, DirectionalSources.none(), lamps)
+    light = KnownLight(None, DirectionalSources.none(), lamps)
     found = fit_brdf(
-        with_noise(exact), light, MicrofacetUnknowns(free_gains=4), material(), SETTINGS
+        with_noise(exact, 0.01, 0.002),
+        light,
+        MicrofacetUnknowns(free_gains=4),
+        material(),
+        SETTINGS,
     )
     error = np.asarray(found.parameters.standard_error.gains)
     assert error[0] == 0
     assert np.all(np.abs(found.parameters.value.gains - gains)[1:] < STATED_ERRORS * error[1:])
     assert np.all(np.abs(scores(found)) < STATED_ERRORS)
-
-
-def test_single_precision_runs_and_agrees(exact, fit):
-    with jax.enable_x64(False):
-        single = jax.tree.map(np.float32, with_noise(exact, 0.01, 0.002))
-        single = single._replace(frame=np.asarray(exact.frame, np.int32))
-        lamps = DirectionalSources(
-            *(np.asarray(a, np.float32) for a in (LAMPS.directions, LAMPS.irradiance))
-        )
-        image = np.asarray(known_light().environment.radiance, np.float32)
-        found = fit_brdf(
-            single,
-            KnownLight(Environment(image), lamps),
-            MicrofacetUnknowns(),
-            material(),
-            SETTINGS,
-        )
-    np.testing.assert_allclose(parameter_vector(found.brdf), parameter_vector(fit.brdf), rtol=5e-3)
 
 
 def test_too_few_samples_are_refused(light, exact):

@@ -118,8 +118,10 @@ def test_slow_part_and_sources_are_the_whole_light(split):
 
 
 def test_the_automatic_split_meets_its_goal():
-    light = known_light(32)
-    needed = prepare_light(light, observations(), material().as_metal(), "auto", 15).needed
+    # At grazing exit the lobe is not round, and no split makes up for it: steep samples alone.
+    steep, frame = ball_samples(lowest_cosine=0.6)
+    seen = Observations(steep, np.ones((len(frame), 3)), frame)
+    needed = prepare_light(known_light(), seen, material().as_metal(), "auto", None).needed
     assert needed is not None
     assert needed.error < 0.015 < needed.error_without
     assert 0 < needed.count < 1024

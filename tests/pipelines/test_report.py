@@ -24,10 +24,10 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import SRGB, NoiseModel
 from jaxrender.inverse import BRDFFit, KnownLight, Observations, Outcome
-from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.conditioning import SigmaEvidence
 from jaxrender.inverse.elimination import Data, Fit
 from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.uncertainty import Parameters, Uncertain
 from jaxrender.lighting import DirectionalSources, Environment, candidates, take
 from jaxrender.pipelines.report import FramePictures, ReportContents, write_report

@@ -18,7 +18,7 @@ from scipy.special import eval_legendre
 
 from jaxrender import spectra
 from jaxrender.brdf import Microfacet, normalised_fresnel
-from jaxrender.spectra import TRANSFERS, gaussian_transfer, normal_exitance_transfer
+from jaxrender.spectra import TRANSFERS
 
 # What the module promises, relative to the largest of the degrees.
 PROMISED = 1e-6
@@ -27,6 +27,8 @@ INTERPOLATION = 4e-5
 
 # Compiled once for each shape and variant.
 exit_cosine_transfer = eqx.filter_jit(spectra.exit_cosine_transfer)
+normal_exitance_transfer = eqx.filter_jit(spectra.normal_exitance_transfer)
+gaussian_transfer = eqx.filter_jit(spectra.gaussian_transfer)
 transfer_of_samples = eqx.filter_jit(spectra.transfer_of_samples)
 
 
@@ -97,7 +99,7 @@ def test_degree_zero_is_the_directional_albedo(fresnel, masking):
 
 
 @pytest.mark.parametrize("fresnel", ["exit", "half"])
-@pytest.mark.parametrize("sigma", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("sigma", [0.02, 0.3])
 def test_derivatives_in_sigma_and_mu(sigma, fresnel):
     cosines = np.array([0.15, 0.5, 1.0])
 
@@ -202,26 +204,20 @@ def test_cosines_a_rounding_above_one_are_head_on():
 def test_single_precision():
     cosines = np.linspace(0.15, 1, 9)
 
-    def sum_and_slope(dtype):
+    def value_and_slope(dtype):
         def total(sigma):
-            brdf = Microfacet(
-                np.zeros(1, dtype),
-                np.ones(1, dtype),
-                sigma,
-                jnp.asarray(1.5, dtype),
-                "half",
-                "smith",
-            )
-            found = transfer_of_samples(brdf, cosines.astype(dtype), 16)
-            return found.sum(), found
+            mu = jnp.asarray(1.5, dtype)
+            brdf = Microfacet(*np.ones((2, 1), dtype), sigma, mu, "half", "smith")
+            return spectra.transfer_of_samples(brdf, cosines.astype(dtype), 16)
 
-        return jax.jit(jax.grad(total, has_aux=True))(jnp.asarray(0.1, dtype))
+        at = jnp.asarray(0.1, dtype)
+        return jax.jit(lambda sigma: jax.jvp(total, (sigma,), (jnp.ones_like(sigma),)))(at)
 
-    (slope, single), (slope_double, double) = sum_and_slope(np.float32), sum_and_slope(np.float64)
+    (single, slope), (double, slope_double) = (value_and_slope(d) for d in (np.float32, np.float64))
     assert single.dtype == slope.dtype == jnp.float32
     # 6e-8 in the half vector's cosine is 1e-5 of the exponent at sigma = .1.
     np.testing.assert_allclose(single, double, atol=3e-4 * np.abs(double).max())
-    assert float(slope) == pytest.approx(float(slope_double), rel=1e-3)
+    np.testing.assert_allclose(slope, slope_double, atol=1e-3 * np.abs(slope_double).max())
 
 
 def test_an_unknown_transfer_is_refused():
