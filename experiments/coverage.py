@@ -57,7 +57,9 @@ def band(count: int) -> tuple[float, float]:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=200)
-    seeds = parser.parse_args().seeds
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
+    arguments = parser.parse_args()
+    seeds, first = arguments.seeds, arguments.first
     jax.config.update("jax_enable_x64", True)
     samples, view = scenes.ring_samples(SAMPLES, LOWEST_COSINE, 0)
     exact = scenes.photograph_function(LIGHTS.radiance, MATERIAL, samples, view, LAMPS)
@@ -68,7 +70,7 @@ def main():
     start = time.perf_counter()
     for seed in range(seeds):
         noisy = exact._replace(
-            radiance=noise.add(exact.radiance, np.random.default_rng(5000 + seed))
+            radiance=noise.add(exact.radiance, np.random.default_rng(5000 + first + seed))
         )
         fit = fit_brdf(noisy, light, MicrofacetUnknowns(), MATERIAL, settings._replace(seed=seed))
         found = fit.parameters

@@ -5,8 +5,10 @@
 The photographs of ``data_synth/*.yaml`` (exact integral, 1 % noise; rendered once and cached) are
 fitted with everything free (metals: no Fresnel factor; bronze: ks per channel).  The thesis's
 numbers are what it measured on real balls; ours are held against what the photographs were made
-with: kd and ks of the thesis times one factor.  ``--views 12 --size 96`` is the quick version.
-Result folders with reports and ``figure_6_7.png`` go to ``experiments/out``.
+with: kd and ks of the thesis times one factor.  ``--views 12`` is the quick version.
+
+Result folders with reports and ``figure_6_7.png`` go to ``experiments/out``.  The picture's
+renderings are the dual model's, so that a rim may differ where the view grazes.
 """
 
 import argparse
@@ -170,11 +172,11 @@ def lines_of(material: Material, recipe: RecipeConfig, result: dict) -> tuple[Li
 
 def print_table(balls: list[Ball]):
     """Print every number beside the thesis's and the true one."""
+    print(f"{'':26s} {'thesis':>13s} | {'photographs':>11s}")
     print(
-        f"{'':18s} {'thesis, scaled to kd + ks = 1':>21.21s} | {'photographs':>11s} "
+        f"{'material':18s} {'':7s} {'known':>6s} {'unkn.':>6s} | {'made with':>11s} "
         f"{'recovered':>9s} {'90 % interval':>17s} {'error %':>8s} {'allowed':>8s}"
     )
-    print(f"{'material':18s} {'':7s} {'known':>6s} {'unkn.':>6s} | {'made with':>11s}")
     for ball in balls:
         for number, line in enumerate(ball.lines):
             name = ball.material.recipe.replace("_", " ") if number == 0 else ""
@@ -192,15 +194,9 @@ def print_normalised(balls: list[Ball]):
     for ball in balls:
         found = Column(ball.result["brdf"]["kd"], ball.result["brdf"]["ks"], None, 0.0)
         columns = [diffuse_part(c) for c in (ball.material.known, ball.material.unknown, found)]
-        shown = [
-            "/".join(f"{x:.4f}".lstrip("0") for x in np.unique(c.round(4)))
-            if k == 3
-            else "/".join(f"{x:.3f}".lstrip("0") for x in c)
-            for k, c in enumerate(columns)
-        ]
-        print(
-            f"{ball.material.recipe.replace('_', ' '):20s} " + " ".join(f"{s:22s}" for s in shown)
-        )
+        shown = ["/".join(f"{x:.3f}".lstrip("0") for x in column) for column in columns]
+        name = ball.material.recipe.replace("_", " ")
+        print(f"{name:20s} " + " ".join(f"{text:22s}" for text in shown).rstrip())
 
 
 def diffuse_part(column: Column) -> np.ndarray:

@@ -5,7 +5,7 @@
 - 90 % intervals hold the truth in 90 % of repetitions (nothing of the photographs' light or
   quadrature is the fit's).
 - Metals come without mu; a parameter at a bound is an outcome; five per cent of outliers do not
-  matter to a robust loss; lights and exposures of single photographs work.
+  matter to a robust loss; lamps of single photographs work.
 - Uniform light leaves sigma unknown without grazing angles, in words, and known with them.
 - Too few samples are refused.
 """
@@ -137,7 +137,7 @@ def test_parameters_at_their_bounds_are_an_outcome(light, exact):
         with_noise(exact), light, unknowns, material(), SETTINGS._replace(refine=False)
     )
     assert found.outcome is Outcome.AT_BOUND
-    assert found.identifiable == {"kd": True, "ks": False, "sigma": False, "mu": False}
+    assert [name for name, known in found.identifiable.items() if not known] == ["ks", "sigma"]
     assert "sigma is at a bound of its range" in found.reasons
     assert "ks is at a bound of its range" in found.reasons
     assert found.brdf.sigma == pytest.approx(0.25, rel=0.01)
@@ -188,25 +188,15 @@ def fit_under_uniform_light(lowest_cosine):
     return fit_brdf(with_noise(exact, seed=2), light, MicrofacetUnknowns(), material(), SETTINGS)
 
 
-def test_a_lamp_for_each_photograph_and_unknown_exposures():
+def test_a_lamp_for_each_photograph():
     samples, frame = ball_samples()
     turned = [np.roll(np.eye(3), shift, axis=0)[:1] + 0.3 for shift in range(4)]
     lamps = tuple(DirectionalSources(towards, np.ones((1, 3))) for towards in turned)
-    gains = np.array([1.0, 1.3, 0.8, 1.1])
     shots = [photograph(material(), samples, frame, jnp.zeros_like, lamp) for lamp in lamps]
     radiance = np.stack([shot.radiance for shot in shots])[frame, np.arange(SAMPLES)]
-    exact = shots[0]._replace(radiance=radiance * gains[frame][:, None])
+    noisy = with_noise(shots[0]._replace(radiance=radiance), 0.01, 0.002)
     light = KnownLight(None, DirectionalSources.none(), lamps)
-    found = fit_brdf(
-        with_noise(exact, 0.01, 0.002),
-        light,
-        MicrofacetUnknowns(free_gains=4),
-        material(),
-        SETTINGS,
-    )
-    error = np.asarray(found.parameters.standard_error.gains)
-    assert error[0] == 0
-    assert np.all(np.abs(found.parameters.value.gains - gains)[1:] < STATED_ERRORS * error[1:])
+    found = fit_brdf(noisy, light, MicrofacetUnknowns(), material(), SETTINGS)
     assert np.all(np.abs(scores(found)) < STATED_ERRORS)
 
 

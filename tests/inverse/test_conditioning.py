@@ -15,7 +15,7 @@ from jaxrender.inverse.conditioning import SigmaEvidence, sigma_standard_error
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
 
-MODEL = toy_model(200, seed=5)
+MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
 UNKNOWNS = MicrofacetUnknowns()
 PROBLEM = Problem.of(UNKNOWNS, 3)
