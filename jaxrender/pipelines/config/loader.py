@@ -61,7 +61,8 @@ def load_recipe(path: str | Path) -> RecipeConfig:
 def resolved_yaml(config: RunConfig | RecipeConfig) -> str:
     """The whole config, defaults included, as YAML that the loader reads back to an equal one."""
     yaml = YAML()
-    yaml.width = 100
+    # Long enough that no path is ever folded.
+    yaml.width = 4096
     stream = io.StringIO()
     yaml.dump(_laid_out(config.model_dump(mode="json", exclude_none=True)), stream)
     return stream.getvalue()
