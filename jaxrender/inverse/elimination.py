@@ -6,7 +6,6 @@ least-squares problem in sigma and mu alone (and the gains), whose derivative go
 solution.  The columns D and S may come from any model: the dual model's table, the exact integral.
 """
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -150,8 +149,8 @@ def condensed_residuals(
 
     Near a point every residual is a combination of five columns a channel: both lobes, the specular
     one's derivatives, and the measured radiance.  With Q R their factorization, R has all their
-    inner products and takes the samples' place.  The mean square and its Gauss-Newton model at the
-    point are those of ``residuals``, its twin, for one pass over the samples.
+    inner products and takes the samples' place.  The sum of squares and its Gauss-Newton model at
+    the point are those of ``residuals``, its twin, for one pass over the samples.
     """
     problem, model, data = args
     here = problem.unknowns.unpack(jax.lax.stop_gradient(point))
@@ -160,15 +159,16 @@ def condensed_residuals(
 
 
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
-    """Let at most five samples stand for all: their inner products are the means over all.
+    """Let at most five samples stand for all: their inner products are the sums over all.
 
     For photographs without gains of their own.
     """
     parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu, data.radiance)
-    weighted = jnp.stack([jnp.asarray(part) * data.weights for part in parts], axis=-1)
-    triangle = jnp.linalg.qr(jnp.moveaxis(weighted, 0, 1), mode="r")
+    # Laid out as LAPACK wants it, every column in one piece.
+    weighted = jnp.stack([(jnp.asarray(part) * data.weights).T for part in parts], axis=1)
+    triangle = jnp.linalg.qr(jnp.swapaxes(weighted, 1, 2), mode="r")
     diffuse, specular, by_sigma, by_mu, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
-    weights = jnp.full_like(radiance, 1 / math.sqrt(data.radiance.size))
+    weights = jnp.ones_like(radiance)
     frame = jnp.zeros(radiance.shape[0], int)
     few = LinearisedModel(diffuse, specular, by_sigma, by_mu, model.sigma, model.mu)
     return few, Data(radiance, weights, frame)
@@ -215,13 +215,15 @@ def _search(
         linear = problem.eliminate(diffuse, specular, data)
         predicted = linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
         left = jnp.asarray(data.weights) * (data.radiance - predicted)
-        solution = solution._replace(cost=jnp.sum(left**2) / 2)
+        cost = jnp.sum(left**2) / 2
+        converged = solution.converged & jnp.isfinite(cost)
+        solution = solution._replace(cost=cost, converged=converged)
     return Fit(solution, linear, predicted)
 
 
 def _in_its_own_units(data: Data) -> Data:
-    """Scale the weights so that the weighted radiance has a mean square of one."""
-    size = jnp.sqrt(jnp.mean((jnp.asarray(data.weights) * data.radiance) ** 2))
+    """Scale the weights so that the squares of the weighted radiance add up to one."""
+    size = jnp.sqrt(jnp.sum((jnp.asarray(data.weights) * data.radiance) ** 2))
     return data._replace(weights=data.weights / jnp.maximum(size, jnp.finfo(size.dtype).tiny))
 
 

@@ -22,10 +22,13 @@ with warnings.catch_warnings():
     import jaxopt
 
 _MAX_STEPS = 64
-# The damping of Levenberg-Marquardt begins at 1 in units of the squared Jacobian.  With what is
-# measured of order one, steps in variables this much smaller are those of Gauss and Newton from the
-# first on, except along what the data hardly know.
-_VARIABLE_UNIT = 1e4
+# The first damping of Levenberg-Marquardt is 1 beside the squared Jacobian.  Residuals this much
+# larger make it so slight that steps are those of Gauss and Newton from the first on, except along
+# what the data hardly know.
+_RESIDUAL_UNIT = 1e4
+# A search ends when a step moves the variables by less than this and the residuals, in that unit,
+# too: by a few millionths of what is measured.  Rounding of single precision hides that much.
+_LAST_STEP = {"float64": 0.03, "float32": 0.3}
 _SIMPLEX_STEPS = 600
 _BOX_SWEEPS = 200
 
@@ -39,30 +42,27 @@ class Solution(NamedTuple):
     steps: Int[Array, ""]
 
 
-def least_squares(
-    residuals: Callable, start: Float[Array, "unknown"], args, tolerance: float = 1e-8
-) -> Solution:
+def least_squares(residuals: Callable, start: Float[Array, "unknown"], args) -> Solution:
     """Minimise half the sum of squares of ``residuals(point, args)`` by Levenberg-Marquardt.
 
-    What is measured is to be of order one; ``tolerance`` is how far residuals move at the end.
+    Variables are to be of order one, and so is the sum of squares of what is measured.  Steps
+    shrink quadratically: the one after the last would be far shorter than ``_LAST_STEP``.
     """
     if start.shape[0] == 0:
         return _nothing_to_do(residuals, start, args)
     # Normal equations by Cholesky are ten times faster than QR and lose nothing in float64.
-    double = start.dtype == jnp.float64
-    linear = lx.Normal(lx.Cholesky()) if double else lx.QR()
-    tolerance = tolerance if double else max(tolerance, 1e-5)
-    solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=linear)
+    linear = lx.Normal(lx.Cholesky()) if start.dtype == jnp.float64 else lx.QR()
+    last = _LAST_STEP[start.dtype.name]
     found = optx.least_squares(
-        lambda scaled, args: residuals(scaled * _VARIABLE_UNIT, args),
-        solver,
-        start / _VARIABLE_UNIT,
+        lambda point, args: _RESIDUAL_UNIT * residuals(point, args),
+        optx.LevenbergMarquardt(rtol=0.0, atol=last, linear_solver=linear),
+        start,
         args,
         options={"jac": "fwd"},
         max_steps=_MAX_STEPS,
         throw=False,
     )
-    return _solution(residuals, found, args, _VARIABLE_UNIT)
+    return _solution(residuals, found, args)
 
 
 def simplex(
@@ -135,10 +135,11 @@ def _half_sum_of_squares(residuals, point, args) -> Float[Array, ""]:
     return jnp.sum(residuals(point, args) ** 2) / 2
 
 
-def _solution(residuals, found, args, unit: float = 1.0) -> Solution:
-    point = found.value * unit
+def _solution(residuals, found, args) -> Solution:
+    point = found.value
     cost = _half_sum_of_squares(residuals, point, args)
-    converged = (found.result == optx.RESULTS.successful) & jnp.isfinite(cost)
+    # Asked of the point, not of the cost: who does not need the cost does not pay for it.
+    converged = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(point))
     return Solution(point, cost, converged, jnp.asarray(found.stats["num_steps"]))
 
 

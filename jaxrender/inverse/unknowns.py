@@ -1,8 +1,8 @@
 """Which parameters of a microfacet material are free, and how they enter the model.
 
 kd and ks enter linearly and are eliminated; sigma and mu do not, and are searched in unconstrained
-variables: the logit of where log sigma, or log(mu - 1), lies between its bounds.  Gains of single
-photographs join the search as logarithms, relative to the first photograph.
+variables: an S-shaped curve maps them to where log sigma, or log(mu - 1), lies between its bounds.
+Gains of single photographs join the search as logarithms, relative to the first photograph.
 """
 
 import equinox as eqx
@@ -112,12 +112,12 @@ class MicrofacetUnknowns(eqx.Module):
         spread = (0.5 + np.outer(np.arange(len(points)), [0.7548776662, 0.5698402910])) % 1
         for column, name in enumerate(self.names[:2]):
             if not name.startswith("gain"):
-                points[1:, column] = _logit(0.15 + 0.7 * spread[1:, column])
+                points[1:, column] = _search_variable(0.15 + 0.7 * spread[1:, column])
         return points
 
     def at_bound(self, point: Float[Array, "unknown"]) -> Bool[np.ndarray, "unknown"]:
         """Say which searched parameters ended at a bound."""
-        fraction = np.asarray(jax.nn.sigmoid(point))
+        fraction = np.asarray(_fraction(jnp.asarray(point)))
         bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
 
@@ -134,15 +134,24 @@ def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) 
         return jnp.log(jnp.asarray(unknown.fixed[0] - origin, dtype))
     low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
     assert x is not None
-    return low + (high - low) * jax.nn.sigmoid(x)
+    return low + (high - low) * _fraction(x)
 
 
 def _outside(unknown: Unknown, value: float, origin: float) -> float:
     low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
-    return float(_logit((np.log(value - origin) - low) / (high - low)))
+    return float(_search_variable((np.log(value - origin) - low) / (high - low)))
 
 
-def _logit(fraction):
+def _fraction(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    """Map a search variable to (0, 1), flattening out as 1 / x^3.
+
+    A step too far leaves a slope to come back on, where that of the logistic curve is gone.
+    """
+    half = x / 2
+    return (1 + half * jax.lax.rsqrt(1 + half * half)) / 2
+
+
+def _search_variable(fraction):
     # Not closer to a bound than where the search variable still moves the parameter.
-    fraction = np.clip(fraction, 0.01, 0.99)
-    return np.log(fraction / (1 - fraction))
+    centred = 2 * np.clip(fraction, 0.01, 0.99) - 1
+    return 2 * centred / np.sqrt(1 - centred**2)

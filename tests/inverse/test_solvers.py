@@ -141,5 +141,5 @@ def test_nothing_to_search_is_the_start(solve):
 
 def test_a_search_that_cannot_end_says_so():
     # exp(-x) has no minimum: the search walks on until its steps are used up.
-    found = solvers.least_squares(lambda point, args: jnp.exp(-point), jnp.zeros(1), None, 1e-300)
+    found = solvers.least_squares(lambda point, args: jnp.exp(-1e-3 * point), jnp.zeros(1), None)
     assert not bool(found.converged)
