@@ -20,6 +20,14 @@ from jaxrender.shapes import AnyArray, Array, Float, Int
 
 METHODS = {"variable-projection": least_squares, "simplex": simplex}
 
+# From so many samples on, a search begins with one in so many of them.  The others then move the
+# answer by a few of its standard errors: a distance at which the model is all but linear.
+_MANY, _THINNING = 4000, 12
+# The last steps: at most so many, until none moves a search variable by more than this (what the
+# next would do is of the order of its square), and to a cost not above what was promised by more
+# than this part.
+_LAST_STEPS, _SETTLED, _BROKEN_PROMISE = 4, 0.01, 0.01
+
 
 class Data(NamedTuple):
     """Measured radiance, its weights (1 / standard deviation), and each sample's photograph."""
@@ -158,6 +166,7 @@ def condensed_residuals(
     return residuals(point, (problem, *condense(near, data)))
 
 
+@eqx.filter_jit
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
     """Let at most five samples stand for all: their inner products are the sums over all.
 
@@ -195,16 +204,85 @@ def search(
     """
     if method not in METHODS:
         raise ValueError(f"method={method!r}: choose one of {', '.join(METHODS)}")
+    if method != "variable-projection" or problem.unknowns.free_gains:
+        return _best(problem, model, data, starts, method)
+    if isinstance(model, LinearisedModel):
+        # Nothing is lost by condensing once and for all, and one compiled search serves any number
+        # of samples.
+        return _evaluate(problem, model, data, _best(problem, *condense(model, data), starts))
+    if data.radiance.shape[0] < _MANY:
+        return _best(problem, model, data, starts)
+    few = _best(problem, model, data, starts, thinning=_THINNING)
+    return _settle(problem, model, data, few.solution.point) or _best(
+        problem, model, data, np.asarray(few.solution.point)[None]
+    )
+
+
+def _best(
+    problem: Problem,
+    model: Model,
+    data: Data,
+    starts: Float[np.ndarray, "start unknown"],
+    method: str = "variable-projection",
+    thinning: int = 1,
+) -> Fit:
+    """Search from every start."""
     # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
-    found = [_search(problem, model, data, jnp.asarray(start), method) for start in starts]
+    found = [_search(problem, model, data, jnp.asarray(s), (method, thinning)) for s in starts]
+    if len(found) == 1:
+        return found[0]
     costs = np.array([float(fit.solution.cost) for fit in found])
     return found[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))]
 
 
+def _settle(
+    problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
+) -> Fit | None:
+    """Take the last steps from where a part of the samples led, each solved on condensed columns.
+
+    One pass over the samples makes up for a whole search among them.  None where that does not
+    settle, or ends higher than the columns promised.
+    """
+    for _ in range(_LAST_STEPS):
+        fit = _search(problem, *_condense_about(problem, model, data, point), point)
+        moved = np.abs(np.asarray(fit.solution.point) - np.asarray(point))
+        point = fit.solution.point
+        if not np.all(moved < _SETTLED):
+            continue
+        settled = _evaluate(problem, model, data, fit)
+        promised = (1 + _BROKEN_PROMISE) * float(fit.solution.cost)
+        return settled if float(settled.solution.cost) <= promised else None
+    return None
+
+
+@eqx.filter_jit
+def _condense_about(
+    problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
+) -> tuple[LinearisedModel, Data]:
+    physical = problem.unknowns.unpack(point)
+    with jax.default_matmul_precision("highest"):
+        return condense(LinearisedModel.about(model, physical.sigma, physical.mu), data)
+
+
+@eqx.filter_jit
+def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
+    """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
+    predicted = problem.predict(model, data, fit.solution.point, fit.linear)
+    left = jnp.asarray(data.weights) * (data.radiance - predicted)
+    return Fit(fit.solution._replace(cost=jnp.sum(left**2) / 2), fit.linear, predicted)
+
+
 @eqx.filter_jit
 def _search(
-    problem: Problem, model: Model, data: Data, start: Float[Array, "unknown"], method: str
+    problem: Problem,
+    model: Model,
+    data: Data,
+    start: Float[Array, "unknown"],
+    how: tuple[str, int] = ("variable-projection", 1),
 ) -> Fit:
+    method, thinning = how
+    if thinning > 1:
+        model, data = model.thinned(thinning), Data(*(jnp.asarray(a)[::thinning] for a in data))
     args = (problem, model, _in_its_own_units(data))
     with jax.default_matmul_precision("highest"):
         # Gains differ between photographs, so then no few samples can stand for all.

@@ -33,6 +33,10 @@ class Model(Protocol):
         """Evaluate the diffuse and the specular column for given sigma and mu."""
         ...
 
+    def thinned(self, step: int) -> "Model":
+        """Keep one in ``step`` samples."""
+        ...
+
 
 class TabulatedModel(eqx.Module):
     """The dual model through its table over roughness."""
@@ -42,6 +46,10 @@ class TabulatedModel(eqx.Module):
     def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
         """Look up the columns."""
         return Columns(jnp.asarray(self.table.diffuse), self.table.specular(sigma, mu))
+
+    def thinned(self, step: int) -> "TabulatedModel":
+        """Keep one in ``step`` samples."""
+        return TabulatedModel(self.table.thinned(step))
 
 
 class ExactModel(eqx.Module):
@@ -61,6 +69,17 @@ class ExactModel(eqx.Module):
         if outside:
             specular = specular * normalised_fresnel(mu, self.samples.exit_cosines)[:, None]
         return Columns(columns[:, 0], specular)
+
+    def thinned(self, step: int) -> "ExactModel":
+        """Keep one in ``step`` samples."""
+        samples = SurfaceSamples(*(a[::step] for a in self.samples))
+        nodes = tuple(
+            FrameNodes(part.directions, part.irradiance, part.frame_of_sample[::step])
+            if isinstance(part, FrameNodes)
+            else part
+            for part in self.nodes
+        )
+        return ExactModel(self.variant, samples, nodes)
 
     def _integrate(self, lobe: Microfacet) -> Float[Array, "sample 2 channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
@@ -96,6 +115,17 @@ class LinearisedModel(eqx.Module):
         if mu is not None:
             specular = specular + self.by_mu * (mu - self.mu)
         return Columns(self.diffuse, specular)
+
+    def thinned(self, step: int) -> "LinearisedModel":
+        """Keep one in ``step`` samples."""
+        return LinearisedModel(
+            self.diffuse[::step],
+            self.specular[::step],
+            self.by_sigma[::step],
+            self.by_mu[::step],
+            self.sigma,
+            self.mu,
+        )
 
 
 @eqx.filter_jit

@@ -44,7 +44,7 @@ from jaxrender.pipelines.scene import (
     variant_of,
 )
 from jaxrender.pipelines.synth import synthesise
-from jaxrender.reflection import DualForward, dual_light, render_view
+from jaxrender.reflection import DualForward, dual_light, render_view, render_views
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -257,14 +257,18 @@ def _predict(finding: Finding) -> list[np.ndarray]:
     material, prepared = finding.fit.brdf, finding.fit.light
     gains = np.asarray(finding.fit.parameters.value.gains)
     scale = float(finding.fit.parameters.value.scale)
-    images = []
-    for number, photograph in enumerate(finding.photographs):
+    views = [photograph.view for photograph in finding.photographs]
+
+    def light_of(number: int) -> DualForward:
         own = sources_of_frame(finding.light, number)
-        split = prepared.split
-        light = dual_light(split, own, prepared.dual.band_limit)
-        image = render_view(material, photograph.view, DualForward(light))
-        images.append(image * scale * (gains[number] if len(gains) > 1 else 1.0))
-    return images
+        return DualForward(dual_light(prepared.split, own, prepared.dual.band_limit))
+
+    if finding.light.per_frame is None:
+        images = render_views(material, views, light_of(0))
+    else:
+        images = [render_view(material, view, light_of(k)) for k, view in enumerate(views)]
+    gain = gains if len(gains) > 1 else np.ones(len(images))
+    return [scale * gain[k] * image for k, image in enumerate(images)]
 
 
 def _inputs(config: RunConfig, capture) -> list[Path]:

@@ -38,6 +38,7 @@ from jaxrender.reflection.render import (
     render,
     render_samples,
     render_view,
+    render_views,
 )
 from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
 
@@ -60,6 +61,7 @@ __all__ = [
     "render",
     "render_samples",
     "render_view",
+    "render_views",
     "roughness_table",
     "sources_needed",
 ]

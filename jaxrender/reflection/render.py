@@ -5,6 +5,7 @@ photograph whatever the object covers of it.
 """
 
 import abc
+from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
@@ -73,10 +74,22 @@ def render_view(
     brdf: BRDF, view: SurfaceView, model: ForwardModel
 ) -> Float[np.ndarray, "row column channel"]:
     """Compute the image of a surface that is already traced; zero where the ray missed."""
-    samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
-    image = np.zeros((*view.hit.shape, brdf.amplitudes.shape[1]))
-    image[view.hit] = render_samples(brdf, samples, model)
-    return image
+    return render_views(brdf, [view], model)[0]
+
+
+def render_views(
+    brdf: BRDF, views: Sequence[SurfaceView], model: ForwardModel
+) -> list[Float[np.ndarray, "row column channel"]]:
+    """Compute the images of several views under one light, their pixels in common batches."""
+    normals = np.concatenate([view.normals[view.hit] for view in views])
+    outgoing = np.concatenate([view.outgoing[view.hit] for view in views])
+    found = render_samples(brdf, SurfaceSamples(normals, outgoing), model)
+    last = np.cumsum([np.count_nonzero(view.hit) for view in views])
+    images = []
+    for view, values in zip(views, np.split(found, last[:-1])):
+        images.append(np.zeros((*view.hit.shape, found.shape[1])))
+        images[-1][view.hit] = values
+    return images
 
 
 def render(

@@ -24,7 +24,7 @@ from jaxrender.spectra import transfer_of_samples
 
 # Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
 # factor of 1.8 to either side the step is .07, and a cubic spline good to 1e-4 of the lobe's peak.
-_SIGMA_KNOTS = 24
+_SIGMA_KNOTS = 16
 # The ratio of half-angle to exit-angle Fresnel is far smoother in log(mu - 1).
 _MU_KNOTS = 14
 _FEWEST_SOURCES = 64
@@ -98,6 +98,16 @@ class RoughnessTable(eqx.Module):
         rows = jax.lax.dynamic_slice(self.spline, (mu_first, first, zero, zero), size)
         column = jnp.einsum("m,k,mksc->sc", mu_weights, weights, rows, precision="highest")
         return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
+
+    def thinned(self, step: int) -> "RoughnessTable":
+        """Keep one in ``step`` samples."""
+        return RoughnessTable(
+            jnp.asarray(self.diffuse)[::step],
+            jnp.asarray(self.spline)[:, :, ::step],
+            jnp.asarray(self.exit_cosines)[::step],
+            self.log_sigma,
+            self.log_mu,
+        )
 
 
 def roughness_table(

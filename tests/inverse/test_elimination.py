@@ -6,6 +6,7 @@
 - Free gains of photographs and a free scale are found again.
 - Single precision ends close by.
 - Bounds on kd and ks hold, and an active one is met exactly.
+- A search that begins with a part of many samples ends where one among all of them does.
 - A few condensed residuals have the squares and the Gauss-Newton model of all of them.
 - Wrong names and wrong numbers of fixed values are refused.
 """
@@ -234,6 +235,26 @@ def test_condensed_residuals_have_the_same_squares_and_slopes():
 
     for full, few in zip(*normal_equations(point)):
         np.testing.assert_allclose(few, full, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.3])
+def test_a_part_of_many_samples_leads_where_all_of_them_lead(noise):
+    """Thousands of samples take the short way, whose end is within a tenth of a standard error."""
+    model = toy_model(count=5000, seed=4)
+    clean = toy_radiance(model, KD, KS, SIGMA, MU)
+    radiance = clean * (1 + noise * np.random.default_rng(5).normal(size=clean.shape))
+    unknowns = MicrofacetUnknowns()
+    problem, data = Problem.of(unknowns, 3), toy_data(radiance)
+    short = search(problem, model, data, unknowns.starts(3))
+    start = unknowns.pack(SIGMA, MU)[None]
+    # The simplex knows no short way.
+    long = search(problem, model, data, start, "simplex")
+    assert bool(short.solution.converged)
+    ends = [to_parameters(problem, f.solution.point, f.linear.eliminated) for f in (short, long)]
+    np.testing.assert_allclose(ends[0].sigma, ends[1].sigma, rtol=3e-4)
+    np.testing.assert_allclose(ends[0].mu, ends[1].mu, rtol=3e-4)
+    np.testing.assert_allclose(ends[0].kd, ends[1].kd, rtol=3e-4)
+    np.testing.assert_allclose(short.predicted, long.predicted, rtol=1e-3)
 
 
 def test_wrong_names_and_numbers_are_refused():
