@@ -3,7 +3,9 @@
 ``integral``
     the reference: the reflection integral as a sum over the light's nodes, or by a polar quadrature
 ``irradiance``
-    the diffuse part as a sum of harmonics of the normal (T 4.10)
+    the diffuse part as a sum of harmonics of the normal (T 4.10), or a quadratic polynomial of it
+``subspaces``
+    the few images that all pictures of a matte object are mixed from
 ``dual``
     the model of T 6.9: diffuse and slow light in frequency, fast light in angle
 ``tabulated``
@@ -30,7 +32,14 @@ from jaxrender.reflection.integral import (
     polar_columns,
     radiance,
 )
-from jaxrender.reflection.irradiance import irradiance
+from jaxrender.reflection.irradiance import (
+    IrradianceError,
+    irradiance,
+    irradiance_error,
+    irradiance_matrix,
+    matrix_irradiance,
+    quadratic_irradiance,
+)
 from jaxrender.reflection.render import (
     DualForward,
     ExactForward,
@@ -40,9 +49,28 @@ from jaxrender.reflection.render import (
     render_view,
     render_views,
 )
+from jaxrender.reflection.subspaces import (
+    PrincipalComponents,
+    RecoveredBasis,
+    basis_from_photographs,
+    basis_images,
+    principal_components,
+    relit,
+)
 from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
 
 __all__ = [
+    "IrradianceError",
+    "PrincipalComponents",
+    "RecoveredBasis",
+    "basis_from_photographs",
+    "basis_images",
+    "irradiance_error",
+    "irradiance_matrix",
+    "matrix_irradiance",
+    "principal_components",
+    "quadratic_irradiance",
+    "relit",
     "DualForward",
     "DualGoal",
     "DualLight",
