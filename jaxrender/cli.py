@@ -1,4 +1,4 @@
-"""The command line: ``jaxrender fit | render | synth | schema``.
+"""The command line: ``jaxrender fit | render | synth | prefilter | analyze | schema``.
 
 It sets precision, the compilation cache and logging, and hands files to ``pipelines``; nothing
 else.  JAX and all that imports it are imported inside the commands, so that ``--help`` is quick.
@@ -29,6 +29,9 @@ _BUNDLED = ("configs", "data_synth")
 # Compile seconds from which a program is worth keeping: all of them, since a run needs a hundred
 # small ones.  JAX's own 1 s would keep almost none.
 _CACHE_FROM_SECONDS = 0.0
+
+# Order and degree of the nine coefficients, as T table 4.1 lists them.
+_HARMONICS = ("00", "1-1", "10", "11", "2-2", "2-1", "20", "21", "22")
 
 _NAMED = Parameter(negative=())
 
@@ -138,6 +141,90 @@ def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
 
     folder = synthesise(loaded, path, out.resolve(), force=force, progress=choose(sys.stderr))
     _say(f"capture: {folder}")
+    return DONE
+
+
+@app.command
+def prefilter(
+    probe: Path,
+    /,
+    *,
+    out: Path,
+    convention: str = "z-up",
+    axes: Literal["probe", "world"] = "probe",
+    brdf: list[str] | None = None,
+    force: bool = False,
+) -> int:
+    """Filter a light probe for rendering: irradiance coefficients, and a map for each lobe.
+
+    Parameters
+    ----------
+    probe
+        Panorama of radiance (EXR, HDR or PFM).
+    out
+        Folder to write into.
+    convention
+        Its layout: z-up, y-up, angular, cross or mirror-ball.
+    axes
+        Whose axes the results are in: the probe's own, or the scene's.
+    brdf
+        A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
+    force
+        Replace an earlier result of another probe.
+    """
+    _set_up_jax()
+    from jaxrender.pipelines import prefilter as prefiltering
+    from jaxrender.pipelines.progress import choose
+
+    lobes = tuple(brdf) if brdf else prefiltering.DEFAULT_LOBES
+    done = prefiltering.prefilter(
+        probe, out, convention, axes, lobes, force=force, progress=choose(sys.stderr)
+    )
+    for name, row in zip(_HARMONICS, done.coefficients.tolist()):
+        _say(f"L{name:4s}" + "".join(f"{value:12.5g}" for value in row))
+    _say(f"maps: {out}")
+    return DONE
+
+
+@app.command
+def analyze(
+    light: Path,
+    /,
+    *,
+    convention: str = "z-up",
+    brdf: list[str] | None = None,
+    band_limit: int = 32,
+    noise: float = 0.01,
+    samples: int = 12_000,
+    figure: Path | None = None,
+) -> int:
+    """Say what photographs under a light could tell: spectra, and which problems are well posed.
+
+    Parameters
+    ----------
+    light
+        Panorama of radiance (EXR, HDR or PFM).
+    convention
+        Its layout: z-up, y-up, angular, cross or mirror-ball.
+    brdf
+        A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
+    band_limit
+        The highest degree to look at.
+    noise
+        Standard deviation of a sample, as a part of the reflected light.
+    samples
+        How many samples the photographs have.
+    figure
+        Picture of the spectra to write (PNG, PDF or SVG).
+    """
+    _set_up_jax()
+    from jaxrender.pipelines import analyze as analysis
+
+    lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
+    found = analysis.analyze(light, convention, lobes, band_limit, (noise, samples), figure)
+    _say(found.table.rstrip())
+    if figure is not None:
+        _say(f"figure: {figure}")
     return DONE
 
 

@@ -12,7 +12,7 @@ their input to either.
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 AnyArray = jax.Array | np.ndarray
 
@@ -25,6 +25,7 @@ __all__ = [
     "Array",
     "Bool",
     "Coefficients",
+    "Complex",
     "Directions",
     "Float",
     "ImageArray",

@@ -1,27 +1,100 @@
 """Reflectance as a function of two directions.
 
 ``base``
-    what a BRDF is: lobes times amplitudes, seen through its transfer function
-``fresnel`` ``masking``
+    what a BRDF is: lobes times amplitudes, seen through its transfer function, and what it promises
+``fresnel`` ``distributions`` ``masking`` ``facets`` ``half_vector``
     the factors that microfacet models share
-``lambertian`` ``microfacet``
-    one model a file
+``lambertian`` ``oren_nayar``
+    diffuse surfaces, smooth and rough
+``microfacet``
+    the thesis's own model (T 6.2), which the fits recover
+``phong`` ``blinn_phong`` ``lafortune``
+    powers of cosines
+``torrance_sparrow`` ``cook_torrance`` ``he_torrance``
+    rough surfaces by geometric and by physical optics
+``ward`` ``kajiya_kay`` ``poulin_fournier``
+    brushed and fibrous surfaces, their direction along +X
+``mixture``
+    a weighted sum of any of these
+``registry`` ``properties``
+    every model by its name; reciprocity and albedo, measured
 """
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.fresnel import FRESNEL_ANGLES, fresnel, normalised_fresnel
+from jaxrender.brdf.blinn_phong import BlinnPhong
+from jaxrender.brdf.cook_torrance import CookTorrance
+from jaxrender.brdf.distributions import (
+    DISTRIBUTIONS,
+    Beckmann,
+    Distribution,
+    Gaussian,
+    TrowbridgeReitz,
+)
+from jaxrender.brdf.fresnel import (
+    FRESNEL_ANGLES,
+    conductor_fresnel,
+    fresnel,
+    head_on_reflectance,
+    normalised_fresnel,
+    schlick_fresnel,
+)
+from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.kajiya_kay import KajiyaKay
+from jaxrender.brdf.lafortune import Lafortune
 from jaxrender.brdf.lambertian import Lambertian
-from jaxrender.brdf.masking import MASKINGS, smith_masking
+from jaxrender.brdf.masking import (
+    FACET_MASKINGS,
+    MASKINGS,
+    smith_facet_masking,
+    smith_masking,
+    v_groove_masking,
+)
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
+from jaxrender.brdf.mixture import Mixture
+from jaxrender.brdf.oren_nayar import OrenNayar
+from jaxrender.brdf.phong import Phong
+from jaxrender.brdf.poulin_fournier import PoulinFournier
+from jaxrender.brdf.properties import directional_albedo, max_albedo, reciprocity_error
+from jaxrender.brdf.registry import BRDFS, brdf_named
+from jaxrender.brdf.torrance_sparrow import TorranceSparrow
+from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
 
 __all__ = [
     "BRDF",
+    "BRDFS",
+    "DISTRIBUTIONS",
+    "FACET_MASKINGS",
     "FRESNEL_ANGLES",
     "MASKINGS",
+    "WARD_NORMALISATIONS",
+    "Beckmann",
+    "BlinnPhong",
+    "CookTorrance",
+    "Distribution",
+    "Gaussian",
+    "HeTorrance",
+    "KajiyaKay",
+    "Lafortune",
     "Lambertian",
     "Microfacet",
+    "Mixture",
+    "OrenNayar",
+    "Phong",
+    "PoulinFournier",
+    "TorranceSparrow",
+    "TrowbridgeReitz",
+    "Ward",
+    "brdf_named",
+    "conductor_fresnel",
+    "directional_albedo",
     "fresnel",
+    "head_on_reflectance",
+    "max_albedo",
     "microfacet_distribution",
     "normalised_fresnel",
+    "reciprocity_error",
+    "schlick_fresnel",
+    "smith_facet_masking",
     "smith_masking",
+    "v_groove_masking",
 ]

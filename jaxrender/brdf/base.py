@@ -7,6 +7,9 @@ the horizon (T 2.12), so that is the one method a new material writes.
 
 Directions are unit vectors in the surface's own frame: +Z is the normal; both point away from the
 surface.  rho is in 1/sr.
+
+Each model states what it promises for the parameters it has: ``reciprocal``, ``conserves_energy``
+and ``isotropic``.  ``False`` is the absence of the promise; ``properties`` has the numeric checks.
 """
 
 import abc
@@ -25,6 +28,24 @@ class BRDF(eqx.Module):
     @abc.abstractmethod
     def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
         """How much of each lobe each colour channel has."""
+
+    @property
+    @abc.abstractmethod
+    def reciprocal(self) -> bool:
+        """Whether rho(w_i, w_o) = rho(w_o, w_i)."""
+
+    @property
+    @abc.abstractmethod
+    def conserves_energy(self) -> bool:
+        """Whether no more leaves than arrives, int rho cos t_o dw_o <= 1 from every direction.
+
+        Depends on the parameters' values, so it can only be asked outside traced functions.
+        """
+
+    @property
+    @abc.abstractmethod
+    def isotropic(self) -> bool:
+        """Whether turning both directions about the normal changes nothing."""
 
     @abc.abstractmethod
     def transfer(

@@ -1,8 +1,10 @@
-"""Fresnel reflectance of a dielectric, and the normalised ratio that T 6.2 multiplies by.
+"""Fresnel reflectance of dielectrics and metals, and the normalised ratio of T 6.2.
 
 The thesis writes F for the ratio F(mu, t) / F(mu, 0), which is 1 at normal exitance; the literal
 F(1.5, 0) = 0.04 would make the specular lobe 25 times too weak (ERRATA 44).  ``mu`` is the
 refractive index; ``None`` stands for a metal, whose ratio the thesis takes to be 1 everywhere.
+The physical models multiply by the reflectance itself, at the angle to the half vector: ``fresnel``
+of a dielectric, ``conductor_fresnel`` of a complex index eta + i k, or Schlick's polynomial.
 """
 
 import jax.numpy as jnp
@@ -32,3 +34,39 @@ def normalised_fresnel(
     if mu is None:
         return jnp.ones_like(cosines)
     return fresnel(mu, cosines) * ((mu + 1) / (mu - 1)) ** 2
+
+
+def conductor_fresnel(
+    eta: Float[AnyArray, ""] | float,
+    k: Float[AnyArray, ""] | float,
+    cosines: Float[AnyArray, "*batch"],
+) -> Float[Array, "*batch"]:
+    """Evaluate the unpolarised Fresnel reflectance of a metal of complex index eta + i k.
+
+    With a + i b = sqrt((eta + i k)^2 - sin^2 t), in real numbers so that it differentiates:
+    R_s = |(c - a - i b) / (c + a + i b)|^2 and R_p = R_s |(a - s^2/c + i b) / (a + s^2/c + i b)|^2.
+    For k = 0 it is the dielectric's, also for eta < 1 (total reflection).
+    """
+    c = jnp.clip(jnp.asarray(cosines), 0, 1)
+    c2, s2 = c * c, 1 - c * c
+    real = eta * eta - k * k - s2
+    # The floors keep both square roots' derivatives finite where a dielectric reflects totally.
+    tiny = float(jnp.finfo(c.dtype).tiny) ** 0.5
+    modulus = jnp.sqrt(jnp.maximum(real * real + 4 * (eta * k) ** 2, tiny))
+    a = jnp.sqrt(jnp.maximum((modulus + real) / 2, tiny))
+    s_polarised = (modulus + c2 - 2 * a * c) / (modulus + c2 + 2 * a * c)
+    even, odd = c2 * modulus + s2 * s2, 2 * a * c * s2
+    return s_polarised * (1 + (even - odd) / (even + odd)) / 2
+
+
+def schlick_fresnel(
+    head_on: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
+) -> Float[Array, "*batch"]:
+    """Evaluate Schlick's approximation F_0 + (1 - F_0) (1 - cos t)^5."""
+    complement = 1 - jnp.clip(jnp.asarray(cosines), 0, 1)
+    return jnp.asarray(head_on + (1 - head_on) * complement**5)
+
+
+def head_on_reflectance(mu: Float[AnyArray, ""] | float) -> Float[AnyArray, ""] | float:
+    """Evaluate F_0 = ((mu - 1) / (mu + 1))^2 of a dielectric."""
+    return ((mu - 1) / (mu + 1)) ** 2

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.parameters import share_of_energy_is_bounded
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -25,6 +26,21 @@ class Lambertian(BRDF):
     def amplitudes(self) -> Float[AnyArray, "1 channel"]:
         """The one lobe's: kd."""
         return self.kd[None, :]
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """When the albedo is at most 1."""
+        return share_of_energy_is_bounded(self.albedo)
+
+    @property
+    def isotropic(self) -> bool:
+        """Always."""
+        return True
 
     def transfer(self, incoming: Components, outgoing: Components) -> tuple[Float[Array, "*batch"]]:
         """Evaluate the clamped cosine (T 3.28)."""

@@ -8,6 +8,9 @@ roughness and the two cosines, chosen by name from ``MASKINGS``.
 import jax.numpy as jnp
 from jax.scipy.special import erf
 
+from jaxrender.brdf.distributions import Distribution
+from jaxrender.brdf.half_vector import half_vector
+from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Below this a cosine counts as grazing: the lobe is masked out there whatever the value.
@@ -48,3 +51,37 @@ def _smith_lambda(
 
 
 MASKINGS = {"none": no_masking, "smith": smith_masking}
+
+
+def smith_facet_masking(
+    distribution: Distribution, incoming: Components, outgoing: Components
+) -> Float[Array, "*batch"]:
+    """Evaluate Smith's height-correlated 1 / (1 + Lambda(w_i) + Lambda(w_o)) of a distribution."""
+    return 1 / (1 + distribution.smith_lambda(incoming) + distribution.smith_lambda(outgoing))
+
+
+def v_groove_masking(
+    distribution: Distribution, incoming: Components, outgoing: Components
+) -> Float[Array, "*batch"]:
+    """Evaluate Torrance and Sparrow's min(1, 2 h_z cos t_i / (w_o . h), 2 h_z cos t_o / (w_o . h)).
+
+    Each facet is one side of a symmetric V-shaped groove, whatever the distribution.
+    """
+    half = half_vector(incoming, outgoing)
+    lower = jnp.minimum(incoming.z, outgoing.z)
+    return jnp.minimum(2 * half.direction.z * lower / half.cosine, 1)
+
+
+def no_facet_masking(
+    distribution: Distribution, incoming: Components, outgoing: Components
+) -> Float[Array, "*batch"]:
+    """Leave the factor out: more light than arrives may leave at grazing."""
+    return jnp.ones_like(incoming.z + outgoing.z)
+
+
+# What the models with a choice of distribution multiply by; Microfacet's own are MASKINGS.
+FACET_MASKINGS = {
+    "none": no_facet_masking,
+    "smith": smith_facet_masking,
+    "v-groove": v_groove_masking,
+}

@@ -10,32 +10,23 @@ is taken at the half angle, and it exceeds 1 at grazing exit (ERRATA 25: directi
 
 import equinox as eqx
 import jax.numpy as jnp
-from jax.core import Tracer
+import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
 from jaxrender.brdf.masking import MASKINGS
+from jaxrender.brdf.parameters import (
+    Scalar,
+    as_scalar,
+    as_scalar_or_none,
+    is_known,
+    share_of_energy_is_bounded,
+)
 from jaxrender.geometry import Components, squared_acute_angle
 from jaxrender.shapes import AnyArray, Array, Float
 
-Scalar = Float[AnyArray, ""] | float
-
 # Keeps 1 / cos t_o finite; samples this close to grazing are never used.
 _SMALLEST_COSINE = 1e-6
-
-
-def _scalar(value: Scalar | int) -> Scalar:
-    """Make a number an array, still weak in type: as a plain float each would be compiled anew."""
-    return jnp.asarray(float(value)) if isinstance(value, float | int) else value
-
-
-def _scalar_or_none(value: Scalar | int | None) -> Scalar | None:
-    return None if value is None else _scalar(value)
-
-
-def _known(value: Scalar) -> bool:
-    """Say whether there is a number to look at: inside a traced function there is none."""
-    return not isinstance(value, Tracer)
 
 
 class Microfacet(BRDF):
@@ -47,8 +38,8 @@ class Microfacet(BRDF):
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
-    sigma: Scalar = eqx.field(converter=_scalar)
-    mu: Scalar | None = eqx.field(converter=_scalar_or_none)
+    sigma: Scalar = eqx.field(converter=as_scalar)
+    mu: Scalar | None = eqx.field(converter=as_scalar_or_none)
     fresnel: str = eqx.field(static=True, default="exit")
     masking: str = eqx.field(static=True, default="none")
 
@@ -57,11 +48,11 @@ class Microfacet(BRDF):
             raise ValueError(f"fresnel={self.fresnel!r}: choose one of {', '.join(FRESNEL_ANGLES)}")
         if self.masking not in MASKINGS:
             raise ValueError(f"masking={self.masking!r}: choose one of {', '.join(MASKINGS)}")
-        if _known(self.sigma) and not self.sigma > 0:
+        if is_known(self.sigma) and not self.sigma > 0:
             raise ValueError(
                 f"sigma={self.sigma}: the roughness must be above 0 (mirror: use a small one)"
             )
-        if self.mu is not None and _known(self.mu) and not self.mu > 1:
+        if self.mu is not None and is_known(self.mu) and not self.mu > 1:
             raise ValueError(
                 f"mu={self.mu}: the refractive index must be above 1, or None for a metal"
             )
@@ -70,6 +61,27 @@ class Microfacet(BRDF):
     def amplitudes(self) -> Float[AnyArray, "2 channel"]:
         """The clamped cosine's and the specular lobe's: kd and ks."""
         return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
+
+    @property
+    def reciprocal(self) -> bool:
+        """Unless the Fresnel ratio is taken at the exit angle, as the thesis does."""
+        return self.mu is None or self.fresnel == "half"
+
+    @property
+    def conserves_energy(self) -> bool:
+        """With masking, when pi kd + ks times the Fresnel ratio's largest value is at most 1.
+
+        The ratio at grazing is ((mu + 1) / (mu - 1))^2: 25 for glass.  Without masking, never.
+        """
+        if self.masking == "none":
+            return not np.any(self.ks) and share_of_energy_is_bounded(np.pi * self.kd)
+        ratio = 1 if self.mu is None else float((self.mu + 1) / (self.mu - 1)) ** 2
+        return share_of_energy_is_bounded(np.pi * self.kd, self.ks * ratio)
+
+    @property
+    def isotropic(self) -> bool:
+        """Always."""
+        return True
 
     def with_roughness(self, sigma: Scalar, mu: Scalar | None) -> "Microfacet":
         """Replace the lobe's parameters and keep the rest."""

@@ -27,7 +27,9 @@ def band_limit_of(count: int) -> int:
 
 
 def flat_index(degree: int, order: int) -> int:
-    """Return l(l+1)+m; ValueError unless |m| <= l."""
+    """Return l(l+1)+m; ValueError unless l >= 0 and |m| <= l."""
+    if degree < 0:
+        raise ValueError(f"degree {degree} does not exist; give 0 or more")
     if abs(order) > degree:
         raise ValueError(f"order {order} does not exist at degree {degree}; give |order| <= degree")
     return degree * (degree + 1) + order

@@ -9,19 +9,29 @@ from jaxrender.errors import InputError
 from jaxrender.io.images import MEND, read_image, write_image
 from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.layouts import panorama_named
-from jaxrender.lighting.panoramas import to_latlong
+from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
+
+AXES = ("world", "probe")
 
 
 def read_environment(
-    path: str | Path, convention: str = "z-up", scale: float | int = 1.0, height: int | None = None
+    path: str | Path,
+    convention: str = "z-up",
+    scale: float | int = 1.0,
+    height: int | None = None,
+    axes: str = "world",
 ) -> Environment:
     """Read a panorama as the world's light, its radiance multiplied by ``scale``.
 
     ``convention`` is a name of ``lighting.PANORAMAS``; ``height`` the rows of the result, by
-    default about the file's own resolution.  Raises InputError for a file that cannot be read or
-    has the wrong aspect, ValueError for an unknown convention or a scale that is not positive.
+    default about the file's own resolution.  With ``axes="probe"`` the panorama's own axes stand in
+    the place of the world's, for tools that speak of a probe alone.  Raises InputError for a file
+    that cannot be read or has the wrong aspect, ValueError for an unknown convention, unknown axes
+    or a scale that is not positive.
     """
     panorama_named(convention)
+    if axes not in AXES:
+        raise ValueError(f"axes={axes!r}: choose one of {', '.join(AXES)}")
     if not (math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale is {scale}: it must be positive and finite")
     image = read_image(path, remedy=MEND)
@@ -30,7 +40,8 @@ def read_environment(
             f"{path}: a panorama of integer values is not linear radiance; use EXR, HDR or PFM"
         )
     try:
-        return Environment(scale * to_latlong(image.pixels, convention, height))
+        convert = to_latlong if axes == "world" else to_own_latlong
+        return Environment(scale * convert(image.pixels, convention, height))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -8,6 +8,8 @@
     radiance on a latitude-longitude grid
 ``lobes``
     smooth light as a function, for area sources
+``sky`` ``coefficients``
+    the overcast and the clear sky; light given by its harmonic coefficients
 ``cells`` ``split``
     near-equal cells of the sphere; slow and fast light apart (T 6.3)
 ``layouts`` ``panoramas``
@@ -16,27 +18,35 @@
 
 from jaxrender.lighting.base import Light, LightNodes
 from jaxrender.lighting.cells import Cells, condensed, partition
+from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.layouts import PANORAMAS, panorama_named
 from jaxrender.lighting.lobes import SmoothLobes
 from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
+from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
 
 __all__ = [
+    "CLEAR_SKIES",
     "PANORAMAS",
     "Candidates",
     "Cells",
+    "ClearSky",
     "DirectionalSources",
     "Environment",
+    "HarmonicLight",
     "Light",
     "LightNodes",
     "LightSplit",
+    "OvercastSky",
+    "Sky",
     "SmoothLobes",
     "candidates",
     "condensed",
     "panorama_named",
     "partition",
+    "preetham",
     "split_to_energy",
     "take",
     "to_latlong",

@@ -203,6 +203,17 @@ class Cross(Panorama):
         tile = np.floor(pixels / size)
         return np.clip(pixels, tile * size + 0.5, (tile + 1) * size - 0.5)
 
+    def directions(self, height: int) -> Float[np.ndarray, "row column 3"]:
+        """Unit vectors of the texel centres, in own axes; zero where there is no face."""
+        size = height // 4
+        across = (2 * np.arange(size) + 1) / size - 1
+        found = np.zeros((height, 3 * size, 3))
+        for (row, column), (right, down, ahead) in zip(_FACE_TILES * size, _FACE_AXES):
+            ray = ahead + across[None, :, None] * right + across[:, None, None] * down
+            unit = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+            found[row : row + size, column : column + size] = unit
+        return found
+
     def covers(self, height: int) -> Bool[np.ndarray, "row column"]:
         """The six tiles that are faces."""
         faces = np.zeros((4, 3), bool)

@@ -43,8 +43,13 @@ def fingerprint(
     read.
     """
     changes = {"output": None} if isinstance(config, RunConfig) else {}
+    return fingerprint_of(purpose, resolved_yaml(config.model_copy(update=changes)), input_files)
+
+
+def fingerprint_of(purpose: str, settings: str, input_files: Iterable[Path]) -> str:
+    """The same for a command whose settings are not a config: any text that tells them apart."""
     digest = hashlib.sha256()
-    for text in (purpose, __version__, resolved_yaml(config.model_copy(update=changes))):
+    for text in (purpose, __version__, settings):
         digest.update(hashlib.sha256(text.encode()).digest())
     for path in sorted({Path(path) for path in input_files}):
         digest.update(_content_digest(path))
@@ -100,7 +105,9 @@ def result_folder(output: Path, fingerprint: str, force: bool = False) -> Iterat
         output.parent.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=f".{output.name}.unfinished-", dir=output.parent))
     except OSError as error:
-        raise InputError(f"{output}: cannot be made: {error.strerror}") from None
+        raise InputError(
+            f"{output}: cannot be made: {error.strerror}; choose another output folder"
+        ) from None
     try:
         _open_to_others(folder)
         yield folder

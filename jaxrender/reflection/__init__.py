@@ -2,8 +2,12 @@
 
 ``integral``
     the reference: the reflection integral as a sum over the light's nodes, or by a polar quadrature
+``convolution``, ``convolution_flatland``
+    the convolution theorem in each of its forms (T 2.24, 2.43, 2.55, 2.57, 2.62)
 ``irradiance``
     the diffuse part as a sum of harmonics of the normal (T 4.10), or a quadratic polynomial of it
+``prefilter``
+    environment maps convolved with lobes that depend on one angle
 ``subspaces``
     the few images that all pictures of a matte object are mixed from
 ``dual``
@@ -17,6 +21,22 @@ Every model returns *columns*: the radiance of each lobe of the BRDF at amplitud
 radiance = columns times amplitudes is linear in what a fit can eliminate.
 """
 
+from jaxrender.reflection.convolution import (
+    SurfacePoints,
+    convolve_anisotropic,
+    convolve_at_exit,
+    convolve_isotropic,
+    convolve_radial,
+    evaluate_anisotropic,
+    evaluate_at_exit,
+    evaluate_isotropic,
+    reflect_about_mirror,
+)
+from jaxrender.reflection.convolution_flatland import (
+    convolve_flatland,
+    evaluate_flatland,
+    flatland_coefficients,
+)
 from jaxrender.reflection.dual import (
     DualGoal,
     DualLight,
@@ -40,6 +60,7 @@ from jaxrender.reflection.irradiance import (
     matrix_irradiance,
     quadratic_irradiance,
 )
+from jaxrender.reflection.prefilter import reflection_map_by_sum, reflection_maps
 from jaxrender.reflection.render import (
     DualForward,
     ExactForward,
@@ -60,6 +81,20 @@ from jaxrender.reflection.subspaces import (
 from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
 
 __all__ = [
+    "SurfacePoints",
+    "convolve_isotropic",
+    "evaluate_isotropic",
+    "convolve_at_exit",
+    "evaluate_at_exit",
+    "convolve_anisotropic",
+    "evaluate_anisotropic",
+    "convolve_radial",
+    "reflect_about_mirror",
+    "convolve_flatland",
+    "evaluate_flatland",
+    "flatland_coefficients",
+    "reflection_map_by_sum",
+    "reflection_maps",
     "IrradianceError",
     "PrincipalComponents",
     "RecoveredBasis",

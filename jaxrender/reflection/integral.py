@@ -140,9 +140,10 @@ def _incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
     """Build a frame about the normal whose x axis holds the outgoing direction."""
     frame = world_from_local(sample.normals)
     local = jnp.matmul(sample.outgoing, frame, precision="highest")
-    length = jnp.sqrt(local[0] ** 2 + local[1] ** 2)
-    head_on = length < _HEAD_ON
-    scale = jnp.where(head_on, 1, length)
+    squared_length = local[0] ** 2 + local[1] ** 2
+    head_on = squared_length < _HEAD_ON**2
+    # The root of zero has no derivative, so there it is not taken.
+    scale = jnp.sqrt(jnp.where(head_on, 1, squared_length))
     cosine = jnp.where(head_on, 1, local[0] / scale)
     sine = jnp.where(head_on, 0, local[1] / scale)
     x = cosine * frame[:, 0] + sine * frame[:, 1]

@@ -2,13 +2,37 @@
 
 ``light``
     harmonic coefficients of any light
-``lambertian``
-    the clamped cosine, exactly, to any degree
+``distributions``
+    the analytic ones: directional, axially symmetric and uniform light, overcast and clear sky
+``mirror`` ``lambertian`` ``phong``
+    the mirror, the clamped cosine and the Phong lobe, exactly, to any degree
 ``microfacet``
     the transfer h_l(sigma, mu, exit cosine) of a microfacet lobe, with its Gaussian and
     normal-exitance twins
+``facets`` ``mirror_frame``
+    the same for other facet distributions, with the azimuthal terms; the quadrature about the
+    reflected direction behind them all
+``numeric``
+    rho_lpq, rho_{ln,pq} and rho_lq(t_o) of any BRDF by quadrature
+``spectrum``
+    the spectrum of any BRDF about its lobes' central direction
 """
 
+from jaxrender.spectra.distributions import (
+    axial_coefficients,
+    clear_coefficients,
+    directional_coefficients,
+    overcast_coefficients,
+    uniform_coefficients,
+    zonal_coefficients,
+)
+from jaxrender.spectra.facets import (
+    FACET_DISTRIBUTIONS,
+    FacetLobe,
+    facet_azimuthal_transfer,
+    facet_transfer,
+    matched_gaussian_transfer,
+)
 from jaxrender.spectra.lambertian import lambertian_transfer
 from jaxrender.spectra.light import light_coefficients
 from jaxrender.spectra.microfacet import (
@@ -18,13 +42,61 @@ from jaxrender.spectra.microfacet import (
     normal_exitance_transfer,
     transfer_of_samples,
 )
+from jaxrender.spectra.mirror import (
+    clipped_mirror_coefficients,
+    mirror_coefficients,
+    mirror_transfer,
+)
+from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
+from jaxrender.spectra.numeric import (
+    HemisphereRule,
+    anisotropic_coefficients,
+    isotropic_coefficients,
+    outgoing_coefficients,
+)
+from jaxrender.spectra.phong import (
+    PHONG_TRANSFERS,
+    gaussian_phong_transfer,
+    matched_phong_transfer,
+    phong_transfer,
+    phong_transfer_by_gamma,
+    power_transfer,
+)
+from jaxrender.spectra.spectrum import spectrum_of
 
 __all__ = [
+    "FACET_DISTRIBUTIONS",
+    "PHONG_TRANSFERS",
     "TRANSFERS",
+    "FacetLobe",
+    "HemisphereRule",
+    "anisotropic_coefficients",
+    "axial_coefficients",
+    "azimuthal_transfer",
+    "clear_coefficients",
+    "clipped_mirror_coefficients",
+    "directional_coefficients",
     "exit_cosine_transfer",
+    "facet_azimuthal_transfer",
+    "facet_transfer",
+    "gaussian_phong_transfer",
     "gaussian_transfer",
+    "isotropic_coefficients",
     "lambertian_transfer",
     "light_coefficients",
+    "matched_gaussian_transfer",
+    "matched_phong_transfer",
+    "mean_transfer",
+    "mirror_coefficients",
+    "mirror_transfer",
     "normal_exitance_transfer",
+    "outgoing_coefficients",
+    "overcast_coefficients",
+    "phong_transfer",
+    "phong_transfer_by_gamma",
+    "power_transfer",
+    "spectrum_of",
     "transfer_of_samples",
+    "uniform_coefficients",
+    "zonal_coefficients",
 ]

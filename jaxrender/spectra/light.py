@@ -7,29 +7,45 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from jaxrender.harmonics import analyse, real_basis
+from jaxrender.harmonics import analyse, coefficient_count, real_basis
 from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.coefficients import HarmonicLight
+from jaxrender.lighting.sky import ClearSky, OvercastSky
 from jaxrender.shapes import Array, Float
+from jaxrender.spectra.distributions import clear_coefficients, overcast_coefficients
 
 
-def light_coefficients(
-    light: Environment | DirectionalSources, band_limit: int
-) -> Float[Array, "coefficient channel"]:
+def light_coefficients(light: Light, band_limit: int) -> Float[Array, "coefficient channel"]:
     """Compute L_lm = integral of L Y_lm for every degree up to ``band_limit``.
 
     Environments by the quadrature of their own grid, which is exact up to its band limit (higher:
-    ``ValueError``); directional sources as the point masses they are, to any degree.
+    ``ValueError``); skies by their own integrals; light given by coefficients by cutting or
+    filling them up; directional sources, and any other light, as the point masses that they are.
     """
     if isinstance(light, Environment):
         return analyse(light.grid, jnp.asarray(light.radiance), band_limit)
-    if isinstance(light.directions, Tracer):
-        return _sum_of_basis(light.directions, light.irradiance, band_limit)
-    # Filled up with dark sources to a power of two, so that few shapes are ever compiled.
-    count = light.directions.shape[0]
+    if isinstance(light, OvercastSky):
+        return overcast_coefficients(light, band_limit)
+    if isinstance(light, ClearSky):
+        return clear_coefficients(light, band_limit)
+    if isinstance(light, HarmonicLight):
+        missing = max(coefficient_count(band_limit) - light.coefficients.shape[0], 0)
+        filled = jnp.pad(jnp.asarray(light.coefficients), ((0, missing), (0, 0)))
+        return filled[: coefficient_count(band_limit)]
+    nodes = light.nodes()
+    if isinstance(light, DirectionalSources) and not isinstance(light.directions, Tracer):
+        nodes = _filled_up(nodes)
+    return _sum_of_basis(*nodes, band_limit)
+
+
+def _filled_up(nodes: LightNodes) -> LightNodes:
+    """Add dark sources up to a power of two, so that few shapes are ever compiled."""
+    count = nodes.directions.shape[0]
     missing = ((0, (1 << max(count - 1, 0).bit_length()) - count), (0, 0))
-    directions = np.pad(np.asarray(light.directions), missing, constant_values=1)
-    irradiance = np.pad(np.asarray(light.irradiance), missing)
-    return _sum_of_basis(jnp.asarray(directions), jnp.asarray(irradiance), band_limit)
+    directions = np.pad(np.asarray(nodes.directions), missing, constant_values=1)
+    irradiance = np.pad(np.asarray(nodes.irradiance), missing)
+    return LightNodes(jnp.asarray(directions), jnp.asarray(irradiance))
 
 
 @partial(jax.jit, static_argnames="band_limit")

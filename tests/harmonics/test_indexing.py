@@ -34,3 +34,5 @@ def test_negative_degree_and_missing_order_are_refused():
         coefficient_count(-1)
     with pytest.raises(ValueError, match="order 3"):
         flat_index(2, 3)
+    with pytest.raises(ValueError, match="degree -1 does not exist"):
+        flat_index(-1, 0)

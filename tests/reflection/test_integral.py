@@ -144,6 +144,15 @@ def test_polar_quadrature_has_converged():
     assert relative(polar_columns(brdf, SAMPLES, smooth), fine).max() < 1e-6
 
 
+def test_polar_quadrature_has_a_derivative_head_on():
+    normals = jnp.asarray(unit_vectors(4, 5))
+
+    def total(outgoing):
+        return jnp.sum(polar_columns(microfacet(0.3), SurfaceSamples(normals, outgoing), smooth))
+
+    assert np.all(np.isfinite(jax.grad(total)(normals)))
+
+
 def test_polar_quadrature_head_on():
     """Without a plane of incidence: uniform light gives pi and the lobe's own integral."""
     normals = unit_vectors(6, 5)

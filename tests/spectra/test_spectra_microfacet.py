@@ -204,7 +204,8 @@ def test_single_precision():
     def value_and_slope(dtype):
         def total(sigma):
             mu = jnp.asarray(1.5, dtype)
-            brdf = Microfacet(*np.ones((2, 1), dtype), sigma, mu, "half", "smith")
+            one = np.ones(1, dtype)
+            brdf = Microfacet(one, one, sigma, mu, "half", "smith")
             return spectra.transfer_of_samples(brdf, cosines.astype(dtype), 16)
 
         at = jnp.asarray(0.1, dtype)

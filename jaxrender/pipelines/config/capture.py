@@ -51,9 +51,10 @@ class CaptureConfig(Section):
     invalid: Literal["refuse", "mask"] = "refuse"
     """What to do with NaN, infinite and negative pixels."""
     saturation: Positive | None = None
-    """Pixel value at and above which a pixel is left out; no limit if absent."""
+    """Pixel value at and above which a pixel is left out; if absent, none for formats of float
+    values and 0.998 for those of integers, whose largest value is 1."""
     black_level: NonNegative = 0.0
-    """Pixel value at and below which a pixel is left out."""
+    """Pixel value below which a pixel is left out."""
     erode: WholeNumber = 2
     """Pixels removed at silhouettes."""
     exposure: Literal["given", "metadata"] = "given"

@@ -1,0 +1,69 @@
+"""Kajiya and Kay's model of 1989 for a surface of fibres that run along the tangent +X.
+
+rho cos t_i = kd sin(T, w_i) + ks max(sin(T, w_i) sin(T, w_o) - (T . w_i) (T . w_o), 0)^s
+
+The lobe is cos^s of the distance from the cone into which a thin cylinder reflects,
+T . w_o = -T . w_i.  T 5.3.1 and T 5.7.1 write cos^s(t_i - t_o) of the angles to the tangent, which
+is this lobe when one of them is measured from the other end of T; with both directions pointing
+away from the surface and one T it would reflect light back towards its source.
+
+As in the paper, and for the thesis, the expression is the transfer function: light on a fibre is
+not foreshortened by the normal.  Both lobes have their peak at 1 and are cut at the horizon.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.half_vector import are_visible, power
+from jaxrender.brdf.parameters import Scalar, as_scalar, matching, refuse_outside
+from jaxrender.geometry import Components
+from jaxrender.shapes import AnyArray, Array, Float
+
+
+class KajiyaKay(BRDF):
+    """Fibres with a diffuse and a specular part, kd and ks in 1/sr, ``exponent`` s >= 0."""
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    exponent: Scalar = eqx.field(converter=as_scalar)
+
+    def __check_init__(self):
+        refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower, 32 is glossy")
+
+    @property
+    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
+        """The diffuse and the specular lobe's: kd and ks."""
+        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
+
+    @property
+    def reciprocal(self) -> bool:
+        """Only black fibres: both lobes lack the cosine that would make the BRDF symmetric."""
+        return not (np.any(self.kd) or np.any(self.ks))
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Only black fibres: from grazing directions the BRDF has no bound."""
+        return self.reciprocal
+
+    @property
+    def isotropic(self) -> bool:
+        """Only black fibres."""
+        return self.reciprocal
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the sine to the tangent and the power of the cone's cosine."""
+        visible = are_visible(incoming, outgoing)
+        sine_in, sine_out = _sine_to_tangent(incoming), _sine_to_tangent(outgoing)
+        cosine = sine_in * sine_out - incoming.x * outgoing.x
+        lobe = power(cosine, matching(self.exponent, cosine))
+        return jnp.where(visible, sine_in, 0), jnp.where(visible, lobe, 0)
+
+
+def _sine_to_tangent(direction: Components) -> Float[Array, "*batch"]:
+    squared = jnp.asarray(direction.y * direction.y + direction.z * direction.z)
+    # The floor keeps the derivative finite along the tangent itself.
+    return jnp.sqrt(jnp.maximum(squared, float(jnp.finfo(squared.dtype).eps) ** 2))

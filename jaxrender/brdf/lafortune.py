@@ -1,0 +1,78 @@
+"""Lafortune, Foo, Torrance and Greenberg's model of 1997: generalised cosine lobes.
+
+rho = kd + sum_j ks_j max(C_xj x_i x_o + C_yj y_i y_o + C_zj z_i z_o, 0)^n_j
+
+C = (-1, -1, 1) is Phong's mirror lobe (as a BRDF), (1, 1, 1) a retro-reflector; unequal x and y
+are anisotropic, and a C_z smaller than the others moves the peak towards grazing.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.half_vector import are_visible, power
+from jaxrender.brdf.parameters import matching, refuse_outside, share_of_energy_is_bounded
+from jaxrender.geometry import Components
+from jaxrender.shapes import AnyArray, Array, Float
+
+
+class Lafortune(BRDF):
+    """Cosine lobes with ``coefficients`` (C_x, C_y, C_z) and ``exponents`` n >= 0 over kd.
+
+    ``ks`` in 1/sr is the value where the generalised cosine is 1.  Raises ``ValueError`` for a
+    negative exponent and, with lobes of unlike number, says which.
+    """
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "cosine channel"]
+    coefficients: Float[AnyArray, "_ 3"]
+    exponents: Float[AnyArray, "_"]
+
+    def __check_init__(self):
+        lobes = self.ks.shape[0], self.coefficients.shape[0], self.exponents.shape[0]
+        if len(set(lobes)) > 1:
+            raise ValueError(
+                f"ks, coefficients and exponents have {lobes} lobes: give each lobe one row of each"
+            )
+        refuse_outside("exponents", self.exponents, "[0, inf)", "larger is narrower")
+
+    @property
+    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
+        """The clamped cosine's row kd, then each lobe's ks."""
+        return jnp.concatenate([jnp.asarray(self.kd)[None, :], jnp.asarray(self.ks)])
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """When a bound says so: pi kd + sum_j ks_j 2 pi max|C_j|^n_j / (n_j + 2) is at most 1.
+
+        The lobe's integral with the cosine is largest where its axis is the normal, and the axis
+        (C_x x_o, C_y y_o, C_z z_o) is at most max |C| long.
+        """
+        exponents = np.asarray(self.exponents, float)
+        longest = np.max(np.abs(np.asarray(self.coefficients, float)), axis=1)
+        bounds = 2 * np.pi * longest**exponents / (exponents + 2)
+        parts = np.asarray(self.ks, float) * bounds[:, None]
+        return share_of_energy_is_bounded(np.pi * np.asarray(self.kd, float), *parts)
+
+    @property
+    def isotropic(self) -> bool:
+        """When C_x = C_y in every lobe."""
+        return bool(np.all(self.coefficients[:, 0] == self.coefficients[:, 1]))
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], ...]:
+        """Evaluate the clamped cosine, and each lobe times the clamped cosine."""
+        visible = are_visible(incoming, outgoing)
+        x, y, z = (jnp.asarray(a * b) for a, b in zip(incoming, outgoing, strict=True))
+        coefficients, exponents = matching(self.coefficients, z), matching(self.exponents, z)
+        lobes = []
+        for (cx, cy, cz), exponent in zip(coefficients, exponents, strict=True):
+            lobe = power(cx * x + cy * y + cz * z, exponent) * incoming.z
+            lobes.append(jnp.where(visible, lobe, 0))
+        return jnp.where(visible, incoming.z, 0), *lobes

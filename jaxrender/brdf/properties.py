@@ -1,0 +1,119 @@
+"""What a BRDF does, measured: reciprocity and the share of the light that leaves again.
+
+Host side: numbers to look at, in tests and reports.  Directions are local, +Z the normal.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+
+from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.parameters import refuse_unlisted
+from jaxrender.shapes import Float
+
+# Which direction stays put while the other runs over the hemisphere.
+FIXED_DIRECTIONS = ("incoming", "outgoing")
+
+# Head-on to grazing, denser where albedos grow; a maximum is looked for here.
+DEFAULT_COSINES = (1.0, 0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)
+
+_evaluate = eqx.filter_jit(BRDF.evaluate)
+
+
+def reciprocity_error(
+    brdf: BRDF, count: int = 256, seed: int = 0, smallest_cosine: float = 0.05
+) -> float:
+    """Find the largest |rho(a, b) - rho(b, a)| / max(rho(a, b), rho(b, a)) over random pairs.
+
+    Half of the pairs lie near each other's mirror direction, where narrow lobes have their light.
+    """
+    rng = np.random.default_rng(seed)
+    a, b = (_random_directions(count, smallest_cosine, rng) for _ in range(2))
+    near = count // 2
+    b[:near] = a[:near] * [-1, -1, 1] + 0.2 * b[:near]
+    b /= np.linalg.norm(b, axis=1, keepdims=True)
+    there, back = (np.asarray(_evaluate(brdf, *pair), float) for pair in ((a, b), (b, a)))
+    larger = np.maximum(np.abs(there), np.abs(back))
+    return float(np.max(np.abs(there - back) / np.where(larger > 0, larger, 1)))
+
+
+def directional_albedo(
+    brdf: BRDF,
+    cosines: Sequence[float] | Float[np.ndarray, "cosine"],
+    fixed: str = "incoming",
+    azimuth: float = 0.0,
+    nodes: int = 96,
+) -> Float[np.ndarray, "cosine channel"]:
+    """Integrate rho cos t over the hemisphere of the direction that is not ``fixed``.
+
+    ``incoming`` fixed is the share of the light from there that leaves again, which energy
+    conservation bounds by 1; ``outgoing`` fixed is the radiance seen under uniform light of
+    radiance 1.  They agree for reciprocal models.  The fixed direction has the given azimuth.
+
+    Gauss-Legendre nodes in the angle from the normal, on either side of the mirror direction's,
+    and in azimuth with a substitution that crowds them about the mirror direction and its opposite:
+    good to 1e-4 for lobes as narrow as .05 down to a cosine of .02 with the default ``nodes``
+    (3e-4 with V-grooves there, whose minimum has a kink).
+    Raises ``ValueError`` for cosines outside (0, 1] and an unlisted ``fixed``.
+    """
+    refuse_unlisted("fixed", fixed, FIXED_DIRECTIONS)
+    albedos = []
+    for cosine in np.asarray(cosines, float):
+        if not 0 < cosine <= 1:
+            raise ValueError(f"cosine={cosine}: must lie in (0, 1], from the normal to grazing")
+        directions, weights = _nodes_about_mirror(np.arccos(cosine), azimuth, nodes)
+        polar = np.sqrt(1 - cosine**2)
+        still = [polar * np.cos(azimuth), polar * np.sin(azimuth), cosine]
+        still = np.broadcast_to(still, directions.shape)
+        pair = (still, directions) if fixed == "incoming" else (directions, still)
+        albedos.append((weights * directions[:, 2]) @ np.asarray(_evaluate(brdf, *pair), float))
+    return np.stack(albedos)
+
+
+def max_albedo(
+    brdf: BRDF, cosines: Sequence[float] = DEFAULT_COSINES, azimuths: int = 5, nodes: int = 96
+) -> float:
+    """Find the largest share of light that leaves again, over angles and channels.
+
+    Anisotropic models are looked at from ``azimuths`` directions in a quarter circle.
+    """
+    around = np.linspace(0, np.pi / 2, 1 if brdf.isotropic else azimuths)
+    albedos = [directional_albedo(brdf, cosines, "incoming", a, nodes) for a in around]
+    return float(np.max(albedos))
+
+
+def _random_directions(
+    count: int, smallest_cosine: float, rng: np.random.Generator
+) -> Float[np.ndarray, "direction 3"]:
+    cosine, azimuth = rng.uniform(smallest_cosine, 1, count), rng.uniform(0, 2 * np.pi, count)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+
+
+def _nodes_about_mirror(
+    polar: float, azimuth: float, nodes: int
+) -> tuple[Float[np.ndarray, "node 3"], Float[np.ndarray, "node"]]:
+    """Directions, and the solid angles they stand for."""
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    x, w = (x + 1) / 2, w / 2
+    ends = [0.0, polar, np.pi / 2] if polar > 0 else [0.0, np.pi / 2]
+    pieces = list(itertools.pairwise(ends))
+    angles = np.concatenate([start + (end - start) * x for start, end in pieces])
+    across = np.concatenate([(end - start) * w for start, end in pieces])
+    # The smooth step x^3 (10 - 15 x + 6 x^2) has two derivatives 0 at either end.
+    around = np.pi * x**3 * (10 - 15 * x + 6 * x**2)
+    density = np.pi * 30 * (x * (1 - x)) ** 2 * w
+    turns = azimuth + np.pi + np.concatenate([around, -around])
+    densities = np.concatenate([density, density])
+    sine = np.sin(angles)[:, None]
+    directions = np.stack(
+        [
+            sine * np.cos(turns),
+            sine * np.sin(turns),
+            np.broadcast_to(np.cos(angles)[:, None], (len(angles), len(turns))),
+        ],
+        axis=-1,
+    )
+    return directions.reshape(-1, 3), np.outer(across * np.sin(angles), densities).ravel()

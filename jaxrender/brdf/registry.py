@@ -1,0 +1,73 @@
+"""Every model by the name that configurations and recipes call it."""
+
+import dataclasses
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.blinn_phong import BlinnPhong
+from jaxrender.brdf.cook_torrance import CookTorrance
+from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.kajiya_kay import KajiyaKay
+from jaxrender.brdf.lafortune import Lafortune
+from jaxrender.brdf.lambertian import Lambertian
+from jaxrender.brdf.microfacet import Microfacet
+from jaxrender.brdf.mixture import Mixture
+from jaxrender.brdf.oren_nayar import OrenNayar
+from jaxrender.brdf.phong import Phong
+from jaxrender.brdf.poulin_fournier import PoulinFournier
+from jaxrender.brdf.torrance_sparrow import TorranceSparrow
+from jaxrender.brdf.ward import Ward
+
+BRDFS: dict[str, type[BRDF]] = {
+    "lambertian": Lambertian,
+    "oren-nayar": OrenNayar,
+    "phong": Phong,
+    "blinn-phong": BlinnPhong,
+    "microfacet": Microfacet,
+    "torrance-sparrow": TorranceSparrow,
+    "cook-torrance": CookTorrance,
+    "he-torrance": HeTorrance,
+    "ward": Ward,
+    "lafortune": Lafortune,
+    "kajiya-kay": KajiyaKay,
+    "poulin-fournier": PoulinFournier,
+    "mixture": Mixture,
+}
+
+
+def brdf_named(name: str, **parameters: Any) -> BRDF:
+    """Make the model of that name; lists of numbers become arrays.
+
+    Raises ``ValueError`` for a name, or a parameter, that there is none of (with the nearest one
+    that there is), for a parameter left out, and whatever the model itself refuses.
+    """
+    if name not in BRDFS:
+        raise ValueError(f"no BRDF is named {name!r}{_hint(name, BRDFS)}")
+    model = BRDFS[name]
+    fields = {field.name: field for field in dataclasses.fields(model)}
+    for parameter in parameters:
+        if parameter not in fields:
+            raise ValueError(f"{name} has no parameter {parameter!r}{_hint(parameter, fields)}")
+    missing = [key for key, field in fields.items() if _required(field) and key not in parameters]
+    if missing:
+        raise ValueError(f"{name} needs a value for {', '.join(missing)}")
+    return model(**{key: _as_array(value) for key, value in parameters.items()})
+
+
+def _required(field: dataclasses.Field) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _as_array(value: Any) -> Any:
+    return np.asarray(value, float) if isinstance(value, list) else value
+
+
+def _hint(wrong: str, known: Iterable[str]) -> str:
+    """Name the nearest known name, and all of them."""
+    near = difflib.get_close_matches(wrong, known, n=1)
+    meant = f", did you mean {near[0]!r}?" if near else ";"
+    return f"{meant} choose one of {', '.join(known)}"

@@ -1,0 +1,94 @@
+"""Torrance and Sparrow's model of 1967 and its successors for dielectrics.
+
+rho = kd + ks F(w_i . h) D(h) G(w_i, w_o) / (4 cos t_i cos t_o)
+
+Their own choices are the defaults: Gaussian facets and V-shaped grooves.  ``distribution="ggx",
+masking="smith"`` is today's.  Unlike in T 6.2 (``Microfacet``), F is the reflectance itself, so ks
+is 1 for a clean surface; and G keeps the albedo below 1.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.distributions import Distribution
+from jaxrender.brdf.facets import distribution_named, facet_transfer, facets_conserve_energy
+from jaxrender.brdf.fresnel import fresnel, head_on_reflectance, schlick_fresnel
+from jaxrender.brdf.half_vector import are_visible, lifted
+from jaxrender.brdf.masking import FACET_MASKINGS
+from jaxrender.brdf.parameters import (
+    Scalar,
+    as_scalar,
+    as_scalar_or_none,
+    matching,
+    refuse_outside,
+    refuse_unlisted,
+)
+from jaxrender.geometry import Components
+from jaxrender.shapes import AnyArray, Array, Float
+
+FACET_FRESNELS = ("exact", "schlick")
+
+
+class TorranceSparrow(BRDF):
+    """Microfacets of a refractive index ``mu`` over a Lambertian base; ``mu=None`` sets F = 1.
+
+    ``roughness`` in (0, 1] is the distribution's width along the tangent, ``roughness_y`` across
+    it (``None``: the same).  Raises ``ValueError`` for values outside and unlisted names.
+    """
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    roughness: Scalar = eqx.field(converter=as_scalar)
+    mu: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
+    roughness_y: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
+    distribution: str = eqx.field(static=True, default="gaussian")
+    masking: str = eqx.field(static=True, default="v-groove")
+    fresnel: str = eqx.field(static=True, default="exact")
+
+    def __check_init__(self):
+        refuse_unlisted("masking", self.masking, tuple(FACET_MASKINGS))
+        refuse_unlisted("fresnel", self.fresnel, FACET_FRESNELS)
+        self.facets()
+        if self.mu is not None:
+            refuse_outside("mu", self.mu, "(1, inf)", "None sets the Fresnel factor to 1")
+
+    def facets(self) -> Distribution:
+        """The distribution of facet normals."""
+        return distribution_named(self.distribution, self.roughness, self.roughness_y)
+
+    @property
+    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
+        """The clamped cosine's and the facets': kd and ks."""
+        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always: the Fresnel factor is taken at the half angle."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """With a masking, when pi kd + ks is at most 1."""
+        return facets_conserve_energy(self.masking, self.kd, self.ks)
+
+    @property
+    def isotropic(self) -> bool:
+        """Unless the roughness differs along and across the tangent."""
+        return self.roughness_y is None or bool(self.roughness_y == self.roughness)
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the clamped cosine and F D G / (4 cos t_o)."""
+        visible = are_visible(incoming, outgoing)
+        lobe, cosine = facet_transfer(
+            self.facets(), self.masking, lifted(incoming), lifted(outgoing)
+        )
+        if self.mu is not None:
+            mu = matching(self.mu, cosine)
+            exact = self.fresnel == "exact"
+            lobe = lobe * (
+                fresnel(mu, cosine) if exact else schlick_fresnel(head_on_reflectance(mu), cosine)
+            )
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)

@@ -1,0 +1,135 @@
+"""Lobes named on a command line: ``phong:exponent=32``, ``microfacet:sigma=0.1,mu=1.5``.
+
+A specification is a model's name, and its parameters after a colon.  What comes of it is the lobe's
+spectrum about one central direction, at amplitude one and seen head-on: the normal for
+``lambertian``, the reflected direction for all others.  ``mirror`` passes every degree.
+"""
+
+import dataclasses
+import difflib
+import math
+from typing import Any, NamedTuple, get_args
+
+import numpy as np
+
+from jaxrender.brdf import BRDF, BRDFS, brdf_named
+from jaxrender.errors import InputError
+from jaxrender.shapes import Float
+from jaxrender.spectra import phong_transfer, spectrum_of
+
+_MIRROR = "mirror"
+# What a name alone means.
+_DEFAULTS: dict[str, dict[str, Any]] = {
+    "phong": {"exponent": 32.0},
+    "blinn-phong": {"exponent": 128.0},
+    "microfacet": {"sigma": 0.1, "mu": None},
+}
+# The lobe alone, at amplitude one; Lambert's base, where it is not the model itself, left out.
+_AMPLITUDES = {"kd": 0.0, "ks": 1.0}
+# Where to cut a spectrum: what passes of any degree beyond is less than this part of the first.
+_NEGLIGIBLE = 1e-3
+_QUIET_DEGREES = 4
+
+
+class Lobe(NamedTuple):
+    """A lobe as its specification names it; ``brdf`` is None for the mirror."""
+
+    specification: str
+    model: str
+    parameters: dict[str, Any]
+    brdf: BRDF | None
+
+    @property
+    def about(self) -> str:
+        """The direction that the lobe is centred on."""
+        return "normal" if self.model == "lambertian" else "reflected direction"
+
+    @property
+    def file_name(self) -> str:
+        """The specification without what file systems mind."""
+        given = {name: value for name, value in self.parameters.items() if value is not None}
+        texts = (v if isinstance(v, str) else f"{float(np.ravel(v)[0]):g}" for v in given.values())
+        return "_".join([self.model, *(f"{name}_{text}" for name, text in zip(given, texts))])
+
+    def transfer(self, band_limit: int) -> Float[np.ndarray, "degree"]:
+        """Compute A_l to a degree."""
+        if self.brdf is None:
+            return np.ones(band_limit + 1)
+        if self.model == "phong":
+            return np.asarray(phong_transfer(np.asarray(self.parameters["exponent"]), band_limit))
+        lobes = np.asarray(spectrum_of(self.brdf, band_limit))
+        return np.asarray(self.brdf.amplitudes)[:, 0] @ lobes
+
+
+def lobe_of(specification: str) -> Lobe:
+    """Read a specification; ``InputError`` names the unknown word and its nearest neighbour."""
+    place = f"--brdf {specification}"
+    model, _, rest = specification.partition(":")
+    model = model.strip().lower()
+    known = [*BRDFS, _MIRROR]
+    if model not in known:
+        near = difflib.get_close_matches(model, known, n=1)
+        meant = f", did you mean {near[0]!r}?" if near else ";"
+        raise InputError(
+            f"{place}: no BRDF is named {model!r}{meant} choose one of {', '.join(known)}"
+        )
+    parameters = dict(_DEFAULTS.get(model, {}))
+    for pair in filter(None, (part.strip() for part in rest.split(","))):
+        name, _, text = (part.strip() for part in pair.partition("="))
+        parameters[name] = _value(place, model, (name, text))
+    if model == _MIRROR:
+        if parameters:
+            raise InputError(f"{place}: a mirror has no parameters; leave them out")
+        return Lobe(specification, model, parameters, None)
+    fields = {field.name for field in dataclasses.fields(BRDFS[model])}
+    amplitudes = {name: np.array([value]) for name, value in _AMPLITUDES.items() if name in fields}
+    if model == "lambertian" or "ks" not in fields:
+        amplitudes["kd"] = np.ones(1)
+    try:
+        brdf = brdf_named(model, **{**amplitudes, **parameters})
+    except ValueError as error:
+        raise InputError(f"{place}: {error}") from None
+    if not brdf.isotropic:
+        raise InputError(f"{place}: an anisotropic lobe has no spectrum by degree alone")
+    return Lobe(specification, model, parameters, brdf)
+
+
+def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:
+    """The last degree of which a lobe passes more than a thousandth of what it passes of the first.
+
+    Where it has passed less for several degrees on end, nothing is taken to come after them; all
+    degrees where that never happens.
+    """
+    above = np.abs(transfer) > _NEGLIGIBLE * abs(transfer[0])
+    # Lambert's lobe skips every other degree, so one that vanishes is not the end.
+    quiet = np.convolve(~above, np.ones(_QUIET_DEGREES))[_QUIET_DEGREES - 1 : len(transfer)]
+    ends = np.flatnonzero(quiet == _QUIET_DEGREES)
+    last = int(ends[0]) if len(ends) else len(transfer)
+    return max(0, last - 1)
+
+
+def _value(place: str, model: str, given: tuple[str, str]) -> Any:
+    """Read a parameter's value: a number, or a word where the model wants one."""
+    name, text = given
+    types = (
+        {field.name: field.type for field in dataclasses.fields(BRDFS[model])}
+        if (model in BRDFS)
+        else {}
+    )
+    if types.get(name) is str:
+        return text
+    if types.get(name) is bool and text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{place}: {name} is {text!r}; give a number, as in {name}=0.5")
+    # What a model has per channel it wants as an array.
+    return np.array([value]) if name in types and _is_array(types[name]) else value
+
+
+def _is_array(annotation: Any) -> bool:
+    """Say whether a model's field holds an array with an axis, not a single number."""
+    return any(getattr(part, "dims", ()) for part in get_args(annotation))

@@ -1,0 +1,130 @@
+"""A probe prefiltered: nine coefficients for diffuse surfaces, a reflection map for each lobe."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.errors import InputError
+from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, degrees, evaluate, orders
+from jaxrender.io import read_environment, write_image
+from jaxrender.lighting import Environment
+from jaxrender.lighting.layouts import Cross
+from jaxrender.pipelines.lobes import Lobe, lobe_of, significant_degree
+from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
+from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.reflection import irradiance_matrix, reflection_maps
+from jaxrender.shapes import Float
+
+DEFAULT_LOBES = (
+    "lambertian",
+    *(f"microfacet:sigma={sigma}" for sigma in (0.05, 0.1, 0.2, 0.4)),
+)
+_QUADRATIC = 2
+# Texels of a map and of a cube's face per degree of the lobe, and the least of either.
+_ROWS_PER_DEGREE = 4
+_LEAST_ROWS = 32
+_POINTS_AT_ONCE = 1 << 14
+
+
+class Prefiltered(NamedTuple):
+    """What was written: the folder, and the coefficients in it."""
+
+    folder: Path
+    coefficients: Float[np.ndarray, "9 channel"]
+
+
+def prefilter(
+    probe: Path,
+    out: Path,
+    convention: str = "z-up",
+    axes: str = "probe",
+    brdfs: Sequence[str] = DEFAULT_LOBES,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Prefiltered:
+    """Write ``irradiance.json``, a map for each lobe (lat-long and cube) and a contact sheet.
+
+    Raises ``InputError`` for a probe that cannot be used and for lobes that nobody knows.
+    """
+    progress = progress or SilentProgress()
+    lobes = [lobe_of(specification) for specification in dict.fromkeys(brdfs)]
+    settings = json.dumps([convention, axes, [lobe.specification for lobe in lobes]])
+    try:
+        digest = fingerprint_of("prefilter", settings, [probe])
+        if prepare(out, digest, force) is FolderState.FINISHED:
+            progress.note(f"{out}: prefiltered before; reused (--force: anew)")
+            document = json.loads((out / "irradiance.json").read_text(encoding="utf-8"))
+            return Prefiltered(out, np.array(document["coefficients"]))
+        with progress.stage("read"):
+            light = read_environment(probe, convention, axes=axes)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    with progress.stage("filter"):
+        grid, radiance = light.grid, np.asarray(light.radiance)
+        if grid.band_limit < _QUADRATIC:
+            raise InputError(
+                f"{probe}: {radiance.shape[1]} x {radiance.shape[0]} texels carry degree "
+                f"{grid.band_limit}, and irradiance needs degree 2; give a probe of 6 or more rows"
+            )
+        coefficients = np.asarray(analyse(grid, radiance, _QUADRATIC))
+        maps = [_maps_of(light, lobe) for lobe in lobes]
+    with progress.stage("write"), result_folder(out, digest, force) as folder:
+        document = irradiance_document(coefficients, convention, axes, probe.name)
+        text = json.dumps(document, indent=2)
+        (folder / "irradiance.json").write_text(text + "\n", encoding="utf-8")
+        for lobe, (latlong, cube) in zip(lobes, maps):
+            write_image(folder / f"{lobe.file_name}.exr", latlong)
+            write_image(folder / f"{lobe.file_name}_cube.exr", cube)
+        from jaxrender.pipelines.contact_sheet import write_contact_sheet
+
+        pictures = {"the probe": radiance}
+        pictures |= {lobe.specification: latlong for lobe, (latlong, _) in zip(lobes, maps)}
+        write_contact_sheet(folder / "contact_sheet.png", pictures, f"{probe.name}, {axes} axes")
+    return Prefiltered(out, coefficients)
+
+
+def irradiance_document(
+    coefficients: Float[np.ndarray, "9 channel"], convention: str, axes: str, source: str
+) -> dict:
+    """Arrange the nine coefficients and the matrices of T 4.15 for ``irradiance.json``."""
+    matrices = np.asarray(irradiance_matrix(coefficients))
+    order = [f"{n}{m}" for n, m in zip(degrees(_QUADRATIC), orders(_QUADRATIC))]
+    return {
+        "source": source,
+        "convention": convention,
+        "axes": axes,
+        "units": "radiance; N' M N is irradiance, times albedo / pi the radiance reflected",
+        "order": order,
+        "coefficients": coefficients.tolist(),
+        "matrix": matrices.tolist(),
+    }
+
+
+def _maps_of(light: Environment, lobe: Lobe) -> tuple[np.ndarray, np.ndarray]:
+    """Filter the light by one lobe: as a latitude-longitude image and as the cross of a cube."""
+    grid, radiance = light.grid, np.asarray(light.radiance)
+    transfer = lobe.transfer(grid.band_limit)
+    if significant_degree(transfer) >= grid.band_limit:
+        # Sharper than the probe: all that it carries comes through.
+        band_limit = grid.band_limit
+    else:
+        band_limit = max(significant_degree(transfer), 1)
+    transfer = transfer[: band_limit + 1]
+    rows = min(grid.height, max(_LEAST_ROWS, _ROWS_PER_DEGREE * band_limit))
+    latlong = reflection_maps(radiance, transfer[None], LatLongGrid(rows, 2 * rows))[0]
+    filtered = apply_transfer(analyse(grid, radiance, band_limit), jnp.asarray(transfer))
+    layout, height = Cross(), 4 * (rows // 2)
+    directions = layout.directions(height)
+    cube = np.zeros((*directions.shape[:2], radiance.shape[2]))
+    covered = layout.covers(height)
+    wanted = directions[covered]
+    values = [
+        np.asarray(evaluate(filtered, jnp.asarray(wanted[first : first + _POINTS_AT_ONCE])))
+        for first in range(0, len(wanted), _POINTS_AT_ONCE)
+    ]
+    cube[covered] = np.concatenate(values)
+    return np.asarray(latlong), cube

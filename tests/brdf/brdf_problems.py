@@ -1,0 +1,96 @@
+"""One small instance of each model, its promises written down, for the tests that try them all."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import (
+    BlinnPhong,
+    CookTorrance,
+    HeTorrance,
+    KajiyaKay,
+    Lafortune,
+    Lambertian,
+    Microfacet,
+    Mixture,
+    OrenNayar,
+    Phong,
+    PoulinFournier,
+    TorranceSparrow,
+    Ward,
+)
+
+KD, KS = np.array([0.05, 0.1]), np.array([0.3, 0.2])
+GOLD = np.array([0.14, 1.5]), np.array([4.0, 1.9])
+
+# name -> (model, reciprocal, conserves energy, isotropic)
+MODELS = {
+    "lambertian": (Lambertian(KD), True, True, True),
+    "oren-nayar": (OrenNayar(KD, 0.4), True, True, True),
+    "oren-nayar qualitative": (OrenNayar(KD, 0.4, qualitative=True), True, True, True),
+    "phong": (Phong(KD, KS, 20.5), False, False, True),
+    "blinn-phong": (BlinnPhong(KD, KS, 33.3), True, True, True),
+    "microfacet": (Microfacet(KD, KS, 0.2, 1.5), False, False, True),
+    "microfacet half": (Microfacet(KD, KS, 0.2, 1.5, "half"), True, False, True),
+    "microfacet smith": (Microfacet(KD, KS, 0.2, None, "half", "smith"), True, True, True),
+    "torrance-sparrow": (TorranceSparrow(KD, KS, 0.2, 1.5), True, True, True),
+    "torrance-sparrow ggx": (
+        TorranceSparrow(KD, KS, 0.2, 1.5, 0.4, "ggx", "smith", "schlick"),
+        True,
+        True,
+        False,
+    ),
+    "torrance-sparrow gaussian smith": (
+        TorranceSparrow(KD, KS, 0.3, None, masking="smith"),
+        True,
+        True,
+        True,
+    ),
+    "torrance-sparrow unmasked": (
+        TorranceSparrow(KD, KS, 0.3, None, masking="none"),
+        True,
+        False,
+        True,
+    ),
+    "cook-torrance": (CookTorrance(KD, KS, 0.25, *GOLD), True, True, True),
+    "he-torrance": (HeTorrance(KD, KS, 0.15, 1.5, np.array([0.6, 0.5]), *GOLD), True, False, True),
+    "ward": (Ward(KD, KS, 0.2), True, False, True),
+    "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
+    "lafortune": (
+        Lafortune(
+            KD,
+            np.array([[0.4, 0.3], [0.1, 0.2]]),
+            np.array([[-1.01, -0.95, 0.95], [0.6, 0.6, 0.7]]),
+            np.array([15.5, 4.0]),
+        ),
+        True,
+        True,
+        False,
+    ),
+    "kajiya-kay": (KajiyaKay(KD, KS, 20.0), False, False, False),
+    "poulin-fournier": (PoulinFournier(KD, KS, 40.0, 2.4, 0.7), True, True, False),
+    "mixture": (
+        Mixture(
+            (BlinnPhong(KD, KS, 5.0), Ward(KD, KS, 0.2, 0.3, "bounded")),
+            np.array([[0.3, 0.8], [0.7, 0.2]]),
+        ),
+        True,
+        True,
+        False,
+    ),
+}
+NAMES = list(MODELS)
+
+
+def upper_directions(count, seed, lowest=0.05):
+    rng = np.random.default_rng(seed)
+    cosine, azimuth = rng.uniform(lowest, 1, count), rng.uniform(0, 2 * np.pi, count)
+    return direction(cosine, azimuth)
+
+
+def direction(cosine, azimuth):
+    sine = np.sqrt(1 - np.asarray(cosine) ** 2)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine + 0 * azimuth], axis=-1)
+
+
+def single_precision(leaf):
+    return jnp.asarray(leaf, np.float32)
