@@ -4,9 +4,9 @@
 
 Degrees to F_B = 1 + sqrt(6 s) as in the thesis.  ``angular`` is the brute-force loop over all
 texels that carry 95 % of the lobe's energy, result by result (NumPy); its ratio to ours stands
-beside the published one.  The honest rival transforms along the azimuth and multiplies each order by one
-matrix made beforehand, which knows nothing of degrees: all orders, float32, the quicker of JAX and
-NumPy.  Ours analyses, multiplies and synthesises; once for one lobe, once for many in a call.
+beside the published one.  The honest rival transforms along the azimuth and multiplies each order
+by one matrix made beforehand, which knows nothing of degrees: all orders, float32, the quicker of
+JAX and NumPy.  Ours analyses, multiplies and synthesises; once for one lobe, once for many at once.
 """
 
 import argparse

@@ -26,6 +26,8 @@ from jaxrender.harmonics.legendre import associated
 from jaxrender.shapes import Array, Coefficients, Float, ImageArray, Int
 
 _ORDERS_PER_BLOCK = 32
+# Up to here there are so few functions that what counts is to read the image once.
+_HIGHEST_DEGREE_BY_COLUMNS = 2
 
 _einsum = partial(jnp.einsum, precision=jax.lax.Precision.HIGHEST)
 
@@ -118,6 +120,8 @@ def _synthesise_directly(grid: Grid, coefficients: Array) -> Array:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _analyse(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
+    if band_limit <= _HIGHEST_DEGREE_BY_COLUMNS:
+        return _analyse_by_columns(grid, band_limit, image)
     channels = image.shape[-1]
     weights = jnp.asarray(grid.row_weights(), image.dtype)
     waves = waves_from_image(grid, band_limit, image) * weights[None, None, None, :]
@@ -131,6 +135,24 @@ def _analyse(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
             part = _einsum("mtcr,mrd->mtcd", folded[own], falling)
             parts.append(jnp.transpose(part, (0, 3, 1, 2)).reshape(-1, channels))
     return jnp.concatenate(parts)[_places(band_limit)]
+
+
+def _analyse_by_columns(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
+    """Return the same with the sums down the columns first: one pass over the image as it lies."""
+    degree, order = degrees(band_limit), orders(band_limit)
+    polar = grid.polar_angles()
+    table = associated(np.cos(polar), np.sin(polar), band_limit) * grid.row_weights()
+    # Both signs of an order see the same sum down the columns.
+    halves = np.flatnonzero(order >= 0)
+    sums = jnp.matmul(
+        jnp.asarray(table[degree[halves], order[halves]], image.dtype),
+        image.reshape(grid.height, -1),
+        precision="highest",
+    ).reshape(len(halves), grid.width, -1)
+    own = np.searchsorted(halves, degree * (degree + 1) + np.abs(order))
+    angles = np.abs(order)[:, None] * grid.azimuths()[None, :]
+    waves = np.where(order[:, None] < 0, np.sin(angles), np.cos(angles))
+    return _einsum("kw,kwc->kc", jnp.asarray(waves, image.dtype), sums[own])
 
 
 @partial(jax.jit, static_argnums=(0, 1))
