@@ -6,14 +6,16 @@ Everyone transforms the same 3 channels on two threads.  Cold is the first call 
 and run); warm the median of the following ones, taken in turns so that a busy machine slows all
 alike, best the fastest.  Ratio = our warm time over the peer's: below 1 is faster.  Each side's
 precision is printed: SHTns has doubles only, and takes planar channels; ours are interleaved, as
-images are.  On a busy machine compare the best: SHTns's threads wait for each other spinning.  Both
-peers are optional (``pip install shtns`` needs FFTW).
+images are.  Everyone runs twice and is timed the second time, when the processor's caches are his
+own.  Both peers are optional (``pip install shtns`` needs FFTW).
 """
 
 import argparse
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
+# SHTns's threads would spin on, after their own turn, and take the next one's processor.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import statistics
 import time
@@ -51,6 +53,7 @@ def timed(calls: dict) -> dict:
     warm = {name: [] for name in calls}
     for _ in range(REPEATS):
         for name, call in calls.items():
+            once(call)
             warm[name].append(once(call))
     return {name: (cold[name], statistics.median(warm[name]), min(warm[name])) for name in calls}
 
