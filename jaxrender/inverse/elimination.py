@@ -6,6 +6,7 @@ least-squares problem in sigma and mu alone (and the gains), whose derivative go
 solution.  The columns D and S may come from any model: the dual model's table, the exact integral.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -166,7 +167,7 @@ def condensed_residuals(
     return residuals(point, (problem, *condense(near, data)))
 
 
-@eqx.filter_jit
+@jax.jit
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
     """Let at most five samples stand for all: their inner products are the sums over all.
 
@@ -209,7 +210,8 @@ def search(
     if isinstance(model, LinearisedModel):
         # Nothing is lost by condensing once and for all, and one compiled search serves any number
         # of samples.
-        return _evaluate(problem, model, data, _best(problem, *condense(model, data), starts))
+        few, few_data = condense(model, data)
+        return _evaluate(problem, model, data, _best(problem, few, few_data, starts))
     if data.radiance.shape[0] < _MANY:
         return _best(problem, model, data, starts)
     few = _best(problem, model, data, starts, thinning=_THINNING)
@@ -228,7 +230,7 @@ def _best(
 ) -> Fit:
     """Search from every start."""
     # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
-    found = [_search(problem, model, data, jnp.asarray(s), (method, thinning)) for s in starts]
+    found = [_search(problem, model, data, jnp.asarray(s), how=(method, thinning)) for s in starts]
     if len(found) == 1:
         return found[0]
     costs = np.array([float(fit.solution.cost) for fit in found])
@@ -244,7 +246,8 @@ def _settle(
     settle, or ends higher than the columns promised.
     """
     for _ in range(_LAST_STEPS):
-        fit = _search(problem, *_condense_about(problem, model, data, point), point)
+        few, few_data = _condense_about(problem, model, data, point)
+        fit = _search(problem, few, few_data, point)
         moved = np.abs(np.asarray(fit.solution.point) - np.asarray(point))
         point = fit.solution.point
         if not np.all(moved < _SETTLED):
@@ -255,7 +258,7 @@ def _settle(
     return None
 
 
-@eqx.filter_jit
+@jax.jit
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
@@ -264,7 +267,7 @@ def _condense_about(
         return condense(LinearisedModel.about(model, physical.sigma, physical.mu), data)
 
 
-@eqx.filter_jit
+@jax.jit
 def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
     predicted = problem.predict(model, data, fit.solution.point, fit.linear)
@@ -272,7 +275,9 @@ def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     return Fit(fit.solution._replace(cost=jnp.sum(left**2) / 2), fit.linear, predicted)
 
 
-@eqx.filter_jit
+# Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
+# tenth of filter_jit's, of which a warm search would else be half.
+@partial(jax.jit, static_argnames="how")
 def _search(
     problem: Problem,
     model: Model,
