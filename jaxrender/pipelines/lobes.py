@@ -15,7 +15,7 @@ import numpy as np
 from jaxrender.brdf import BRDF, BRDFS, brdf_named
 from jaxrender.errors import InputError
 from jaxrender.shapes import Float
-from jaxrender.spectra import phong_transfer, spectrum_of
+from jaxrender.spectra import spectrum_of
 
 _MIRROR = "mirror"
 # What a name alone means.
@@ -55,8 +55,6 @@ class Lobe(NamedTuple):
         """Compute A_l to a degree."""
         if self.brdf is None:
             return np.ones(band_limit + 1)
-        if self.model == "phong":
-            return np.asarray(phong_transfer(np.asarray(self.parameters["exponent"]), band_limit))
         lobes = np.asarray(spectrum_of(self.brdf, band_limit))
         return np.asarray(self.brdf.amplitudes)[:, 0] @ lobes
 

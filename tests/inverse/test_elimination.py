@@ -18,7 +18,7 @@ import pytest
 from inverse_problems import toy_data, toy_model, toy_radiance
 from scipy.optimize import least_squares
 
-from jaxrender.inverse import MicrofacetUnknowns, Unknown
+from jaxrender.inverse import MicrofacetUnknowns, Unknown, elimination
 from jaxrender.inverse.elimination import (
     Problem,
     condensed_residuals,
@@ -255,6 +255,17 @@ def test_a_part_of_many_samples_leads_where_all_of_them_lead(noise):
     np.testing.assert_allclose(ends[0].mu, ends[1].mu, rtol=3e-4)
     np.testing.assert_allclose(ends[0].kd, ends[1].kd, rtol=3e-4)
     np.testing.assert_allclose(short.predicted, long.predicted, rtol=1e-3)
+
+
+def test_where_the_short_way_does_not_settle_the_long_one_is_taken(monkeypatch):
+    model = toy_model(count=5000, seed=4)
+    radiance = toy_radiance(model, KD, KS, SIGMA, MU)
+    unknowns = MicrofacetUnknowns()
+    problem, data = Problem.of(unknowns, 3), toy_data(radiance)
+    monkeypatch.setattr(elimination, "_LAST_STEPS", 0)
+    fit = search(problem, model, data, unknowns.starts(2))
+    assert bool(fit.solution.converged)
+    np.testing.assert_allclose(unknowns.unpack(fit.solution.point).sigma, SIGMA, rtol=1e-6)
 
 
 def test_wrong_names_and_numbers_are_refused():

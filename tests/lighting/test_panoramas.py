@@ -323,3 +323,12 @@ def test_table_4_1(probe, scale, table, rms):
     latlong = scale * to_own_latlong(pixels, "cross", 128)
     found = analyse(LatLongGrid(128, 256), latlong, 2)
     assert np.sqrt(np.mean((np.asarray(found) - np.array(table)) ** 2)) <= rms
+
+
+def test_directions_of_a_cross_are_those_of_its_texels():
+    layout = PANORAMAS["cross"]
+    directions, covered = layout.directions(32), layout.covers(32)
+    rows, columns = np.nonzero(covered)
+    centres = np.stack([rows, columns], axis=1) + 0.5
+    np.testing.assert_allclose(layout.pixels(directions[covered], 32), centres, atol=1e-9)
+    assert not directions[~covered].any()
