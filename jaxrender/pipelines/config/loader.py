@@ -12,7 +12,7 @@ on the command line, against the working directory.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -75,7 +75,7 @@ def json_schema(root: type[BaseModel] = RunConfig) -> dict[str, Any]:
 
 
 def _load(path: Path, overrides: Sequence[str], root: type[Root]) -> Root:
-    document = _read(path, root)
+    document = read_document(path, root)
     for index, argument in enumerate(overrides):
         apply_override(document, argument, index)
     problems = list(document.problems)
@@ -89,10 +89,14 @@ def _load(path: Path, overrides: Sequence[str], root: type[Root]) -> Root:
         raise_if_any(problems)
         raise
     raise_if_any(problems)
-    return _with_absolute_paths(config, document, path.absolute().parent)
+    return with_absolute_paths(config, document, {0: path.absolute().parent})
 
 
-def _read(path: Path, root: type[BaseModel]) -> Document:
+def read_document(path: Path, root: type[BaseModel]) -> Document:
+    """The plain data of a config file, with its places; other roots have other keys to name.
+
+    Raises InputError for what is no file, no YAML or no mapping.
+    """
     document = Document()
     text = _text(path)
 
@@ -140,14 +144,20 @@ def _drop_empty_sections(document: Document, root: type[BaseModel]) -> None:
             del document.data[key]
 
 
-def _with_absolute_paths(config: Root, document: Document, folder: Path) -> Root:
+def with_absolute_paths(config: Root, document: Document, folders: Mapping[int, Path]) -> Root:
+    """Resolve each path against the folder of the file that names it.
+
+    ``folders`` are by the first number of a place's order; what was typed on the command line, and
+    ``output``, are taken from the working directory.
+    """
+
     def absolute(section: BaseModel, location: Location) -> BaseModel:
         updates: dict[str, Any] = {}
         for name in type(section).model_fields:
             value, inner = getattr(section, name), (*location, name)
             if isinstance(value, Path):
-                typed = document.value_place(inner).order[0] == 1
-                base = Path.cwd() if typed or inner in _FROM_WORKING_DIRECTORY else folder
+                folder = folders.get(document.value_place(inner).order[0], Path.cwd())
+                base = Path.cwd() if inner in _FROM_WORKING_DIRECTORY else folder
                 updates[name] = (base / value.expanduser()).resolve()
             elif isinstance(value, BaseModel):
                 updates[name] = absolute(value, inner)

@@ -40,8 +40,8 @@ def apply_override(document: Document, argument: str, index: int) -> None:
         return refuse(f"the value is not understood: {error.message}")
     parts = tuple(key.split("."))
     try:
-        parent, location = _open_section(document, parts[:-1], place)
-        last = _step(parent, parts[-1], location)
+        parent, location = open_section(document, parts[:-1], place)
+        last = step_into(parent, parts[-1], location)
     except LookupError as error:
         return refuse(str(error.args[0]))
     location = (*location, last)
@@ -51,12 +51,12 @@ def apply_override(document: Document, argument: str, index: int) -> None:
     return None
 
 
-def _open_section(document: Document, parts: tuple[str, ...], place: Place) -> tuple[Any, Location]:
+def open_section(document: Document, parts: tuple[str, ...], place: Place) -> tuple[Any, Location]:
     """Walk down to the section that a key lies in, making what is not there."""
     section: Any = document.data
     location: Location = ()
     for part in parts:
-        step = _step(section, part, location)
+        step = step_into(section, part, location)
         location = (*location, step)
         if not isinstance(_inner(section, step), dict | list):
             # 'brdf.mu.fixed=1.5' over 'mu: free': the argument says what it should be instead.
@@ -71,7 +71,7 @@ def _inner(section: Any, step: str | int) -> Any:
     return section.get(step) if isinstance(section, dict) else section[step]
 
 
-def _step(section: dict | list, part: str, location: Location) -> str | int:
+def step_into(section: dict | list, part: str, location: Location) -> str | int:
     """One part of a dotted key as a key of a section or an index into a list."""
     if isinstance(section, dict):
         return part

@@ -1,0 +1,128 @@
+"""Which runs a sweep means, under which names, and what of them is there already.
+
+A run's name is the start of a hash of its whole config, the contents of all its input files and the
+version.  A folder with a readable ``result.json`` is finished; one with ``error.json`` failed, and
+is tried again.
+"""
+
+from __future__ import annotations
+
+import enum
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxrender.errors import InputError
+from jaxrender.pipelines.batch.task import Failure, Job
+from jaxrender.pipelines.config import CaptureConfig, RunConfig, load_recipe
+from jaxrender.pipelines.config.sweep import Sweep
+from jaxrender.pipelines.output import fingerprint, fingerprint_of, result_folder
+from jaxrender.pipelines.photographs import read_frames
+from jaxrender.pipelines.result import read_result, write_json
+from jaxrender.pipelines.scene import input_files
+
+# Hexadecimal digits of a name: two of 1e5 runs share one by accident with probability 3e-10.
+_NAME_LENGTH = 16
+
+RESULT = "result.json"
+_ERROR = "error.json"
+
+
+class State(enum.Enum):
+    """What is known of a run; the value is what the index calls it until there is an outcome."""
+
+    PENDING = "pending"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+
+class Planned(NamedTuple):
+    """One run of a batch."""
+
+    name: str
+    folder: Path
+    parameters: dict[str, Any]
+    config: RunConfig
+
+    def look(self) -> tuple[State, dict[str, Any]]:
+        """What is in the run's folder: its state, with the result or the error."""
+        if (self.folder / _ERROR).is_file():
+            return State.FAILED, _read_error(self.folder)
+        if (self.folder / RESULT).is_file():
+            try:
+                return State.FINISHED, read_result(self.folder)
+            except InputError:
+                return State.PENDING, {}
+        return State.PENDING, {}
+
+    def job(self) -> Job:
+        """The run as a worker is told of it."""
+        return Job(self.name, self.folder, self.config, replaces=self.folder.exists())
+
+    def keep_error(self, failure: Failure) -> None:
+        """Write the error of a run into its folder.
+
+        Raises InputError if files that are not ours are in the way.
+        """
+        content = {**failure._asdict(), "parameters": self.parameters}
+        with result_folder(self.folder, f"failed {self.name}", force=True) as into:
+            write_json(into / _ERROR, content)
+
+
+def plan_of(sweep: Sweep) -> tuple[Planned, ...]:
+    """Name the runs of a sweep.
+
+    Raises InputError for photographs, recipes and cameras that cannot be read.
+    """
+    data = _Data()
+    planned = []
+    for parameters, config in sweep.runs:
+        settings = f"{config.model_dump_json()}\n{data.digest(config)}"
+        name = fingerprint_of("batch", settings, [])[:_NAME_LENGTH]
+        planned.append(Planned(name, sweep.output / name, parameters, config))
+    return tuple(planned)
+
+
+class _Data:
+    """Digests of what runs read, each file read once however many runs share it."""
+
+    def __init__(self) -> None:
+        self._captures: dict[str, list[Path]] = {}
+        self._recipes: dict[Path, str] = {}
+        self._digests: dict[Path, str] = {}
+
+    def digest(self, config: RunConfig) -> str:
+        """A digest of the contents of everything that a run reads."""
+        recipe = config.capture.recipe
+        files = [path for path in input_files(config) if path != recipe]
+        if recipe is not None:
+            return self._recipe(recipe) + self._contents(files)
+        return self._contents([*files, *self._photographs(config.capture)])
+
+    def _photographs(self, capture: CaptureConfig) -> list[Path]:
+        key = capture.model_dump_json()
+        if key not in self._captures:
+            frames = read_frames(capture).frames
+            masks = [frame.mask_path for frame in frames if frame.mask_path is not None]
+            self._captures[key] = [*(frame.image_path for frame in frames), *masks]
+        return self._captures[key]
+
+    def _recipe(self, path: Path) -> str:
+        if path not in self._recipes:
+            recipe = load_recipe(path)
+            self._recipes[path] = fingerprint(recipe, input_files(recipe), purpose="synth")
+        return self._recipes[path]
+
+    def _contents(self, files: list[Path]) -> str:
+        for path in files:
+            if path not in self._digests:
+                self._digests[path] = fingerprint_of("batch data", "", [path])
+        return "".join(self._digests[path] for path in sorted(set(files)))
+
+
+def _read_error(folder: Path) -> dict[str, Any]:
+    try:
+        found = json.loads((folder / _ERROR).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

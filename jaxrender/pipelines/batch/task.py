@@ -1,0 +1,94 @@
+"""What a worker does: a recipe's photographs, and one run; an error is an answer, not a crash.
+
+All functions stand at the top level and take paths and small data, so that they travel to processes
+that were spawned and to other machines.  ``set_up`` is the caller's (the command line's) choice of
+precision and compilation cache, made once in each process.
+"""
+
+from __future__ import annotations
+
+import functools
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from jaxrender.errors import InputError
+from jaxrender.pipelines.batch.locks import exclusive
+from jaxrender.pipelines.caches import capture_folder, is_whole
+from jaxrender.pipelines.config import RunConfig, load_recipe
+from jaxrender.pipelines.run import fit
+from jaxrender.pipelines.synth import synthesise
+
+SetUp = Callable[[], None]
+
+
+class Job(NamedTuple):
+    """A run that is to be done; ``replaces`` says that its folder holds an earlier failure."""
+
+    name: str
+    folder: Path
+    config: RunConfig
+    replaces: bool
+
+    @property
+    def recipe(self) -> Path | None:
+        """The recipe whose photographs are fitted."""
+        return self.config.capture.recipe
+
+
+class Failure(NamedTuple):
+    """Why a run has no result."""
+
+    kind: str
+    message: str
+    traceback: str = ""
+
+    @classmethod
+    def of(cls, error: BaseException) -> Failure:
+        """An exception as data; bad input explains itself, anything else keeps its traceback."""
+        kind, message = type(error).__name__, str(error) or type(error).__name__
+        if isinstance(error, InputError):
+            return cls(kind, message)
+        return cls(kind, message, "".join(traceback.format_exception(error)))
+
+
+def render_photographs(recipe: Path, set_up: SetUp) -> Failure | None:
+    """Render a recipe's photographs into the cache, unless they are there."""
+    return _attempted(set_up, _photographs, recipe)
+
+
+def run_job(job: Job, rendered: Failure | None, set_up: SetUp) -> Failure | None:
+    """Do one run; ``rendered`` is what became of its photographs."""
+    return rendered or _attempted(set_up, _fitted, job)
+
+
+def _attempted(set_up: SetUp, action: Callable, *arguments) -> Failure | None:
+    try:
+        _once(set_up)
+        action(*arguments)
+    except Exception as error:
+        return Failure.of(error)
+    return None
+
+
+@functools.cache
+def _once(set_up: SetUp) -> None:
+    set_up()
+
+
+def _fitted(job: Job) -> None:
+    if job.recipe is not None:
+        # Only where this machine has another cache than the one that they were rendered into.
+        _photographs(job.recipe)
+    fit(job.config.model_copy(update={"output": job.folder}), force=job.replaces)
+
+
+def _photographs(path: Path) -> None:
+    recipe = load_recipe(path)
+    place = capture_folder(recipe, path)
+    if is_whole(recipe, place):
+        return
+    with exclusive(place.with_name(f"{place.name}.lock"), wait=True):
+        if not is_whole(recipe, place):
+            synthesise(recipe, path, place, force=True)
