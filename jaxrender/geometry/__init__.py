@@ -3,10 +3,11 @@
 ``directions`` and ``frames`` are device side (jit-able, differentiable): unit vectors, angles,
 mirror and half-way directions, and the rotations between a surface point's frame and the world.
 The rest is host side in float64.  ``cameras`` turn pixels into rays; a ``Shape`` (``hits``) answers
-where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by Embree (``tracing``,
-with its brute-force twin; ``tessellation`` makes spheres); ``surface`` puts the two together:
+where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by Embree (``tracing``;
+its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts the two together:
 ``observe(camera, shape)`` gives the point, normal and exit direction behind every pixel, of which
-``samples`` keeps what the forward model asks for.
+``samples`` keeps what the forward model asks for.  ``visibility`` tells what the surface itself can
+see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape.
 """
 
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
@@ -25,8 +26,16 @@ from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_l
 from jaxrender.geometry.hits import Hits, Shape
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.samples import SurfaceSamples
+from jaxrender.geometry.sculpture import sculpture
 from jaxrender.geometry.sphere import Sphere
 from jaxrender.geometry.surface import SurfaceView, observe
+from jaxrender.geometry.visibility import (
+    SurfacePlaces,
+    fibonacci_sphere,
+    random_rotations,
+    visible,
+    visible_along,
+)
 
 __all__ = [
     "Camera",
@@ -38,20 +47,26 @@ __all__ = [
     "Rays",
     "Shape",
     "Sphere",
+    "SurfacePlaces",
     "SurfaceSamples",
     "SurfaceView",
     "angles_from_direction",
     "direction_from_angles",
     "dot",
+    "fibonacci_sphere",
     "half_vectors",
     "look_at",
     "normalise",
     "observe",
+    "random_rotations",
     "reflect",
     "rotation",
+    "sculpture",
     "squared_acute_angle",
     "squared_angle",
     "to_local",
     "to_world",
+    "visible",
+    "visible_along",
     "world_from_local",
 ]

@@ -1,4 +1,4 @@
-"""The one question a surface answers: where does each ray meet it first, and facing where?
+"""What a surface answers: where does each ray meet it first and facing where, or does it at all?
 
 Host side, NumPy float64.  Shapes are two-sided: a ray that starts inside meets the surface from
 behind, and the normals stay those of the surface (outwards), so that callers can tell.
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 
 class Hits(NamedTuple):
@@ -20,6 +20,8 @@ class Hits(NamedTuple):
     points: Float[np.ndarray, "ray 3"]
     normals: Float[np.ndarray, "ray 3"]  # unit, smooth: for shading
     geometric_normals: Float[np.ndarray, "ray 3"]  # unit, of the face that was hit: for offsets
+    face: Int[np.ndarray, "ray"]  # -1 for a miss, or where the shape has no faces
+    barycentric: Float[np.ndarray, "ray 3"]  # weights of the face's corners, zero without one
 
 
 class Shape(eqx.Module):
@@ -33,6 +35,24 @@ class Shape(eqx.Module):
 
         Directions may have any length but zero.  Origins that lie on the surface must be moved off
         it along the geometric normal first, by about 1e-4 of the shape's diagonal.
+        """
+
+    @abc.abstractmethod
+    def occluded(
+        self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
+    ) -> Bool[np.ndarray, "ray"]:
+        """Whether rays meet the surface at all; rays as in ``first_hits``, but cheaper."""
+
+    @abc.abstractmethod
+    def occluded_pairs(
+        self,
+        origins: Float[np.ndarray, "place 3"],
+        directions: Float[np.ndarray, "direction 3"],
+        asked: Bool[np.ndarray, "place direction"],
+    ) -> Bool[np.ndarray, "pair"]:
+        """The same for those pairs of a place and a direction that are asked for, row by row.
+
+        One thread's portion of work: ``visible`` divides a large one up.
         """
 
     @abc.abstractmethod
@@ -56,6 +76,8 @@ def no_hits(rays: int) -> Hits:
         np.full(rays, np.inf),
         np.zeros((rays, 3)),
         np.zeros((rays, 3)),
+        np.zeros((rays, 3)),
+        np.full(rays, -1),
         np.zeros((rays, 3)),
     )
 

@@ -6,18 +6,17 @@ faces' angles, which on a 32 x 32 sphere errs by 0.1 degree where area weights e
 """
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.spatial import ConvexHull, QhullError
+from jaxtyping import Bool, Float, Int
 
+from jaxrender.geometry import convexity
 from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
 from jaxrender.geometry.tessellation import icosphere
-from jaxrender.geometry.tracing import EmbreeTracer, FaceHits, brute_force_first_faces
+from jaxrender.geometry.tracing import EmbreeTracer
+from jaxrender.geometry.triangles import FaceHits, brute_force_first_faces, brute_force_occluded
 from jaxrender.shapes import AnyArray
 
 # Twice a face's area, as part of its longest edge squared, below which it has no normal.
 _FLAT = 1e-14
-# Volume that the convex hull may add to a convex mesh: rounding only.
-_HULL_SLACK = 1e-9
 
 
 class Mesh(Shape):
@@ -30,6 +29,7 @@ class Mesh(Shape):
     vertices: Float[np.ndarray, "vertex 3"]
     faces: Int[np.ndarray, "face 3"]
     normals: Float[np.ndarray, "vertex 3"]
+    texture_coordinates: Float[np.ndarray, "vertex 2"] | None
     dropped_faces: int
     _tracer: EmbreeTracer
 
@@ -38,8 +38,13 @@ class Mesh(Shape):
         vertices: Float[AnyArray, "vertex 3"],
         faces: Int[AnyArray, "face 3"],
         normals: Float[AnyArray, "vertex 3"] | None = None,
+        texture_coordinates: Float[AnyArray, "vertex 2"] | None = None,
     ):
-        """Raises ValueError for non-finite values, missing faces, indices out of range."""
+        """Texture coordinates are u to the right and v upwards in the unit square.
+
+        A vertex has one pair of them: along a seam of the texture, vertices are split.  Raises
+        ValueError for non-finite values, missing faces, indices out of range.
+        """
         self.vertices = np.array(vertices, np.float64)
         _check_finite("vertex", self.vertices)
         faces = _checked_faces(np.array(faces, np.int64), len(self.vertices))
@@ -53,6 +58,10 @@ class Mesh(Shape):
         else:
             _check_finite("normal", np.asarray(normals))
             self.normals = _unit_or_zero(np.array(normals, np.float64))
+        self.texture_coordinates = None
+        if texture_coordinates is not None:
+            self.texture_coordinates = np.array(texture_coordinates, np.float64)
+            _check_finite("texture coordinate", self.texture_coordinates)
         self._tracer = EmbreeTracer(self.vertices, self.faces)
 
     @classmethod
@@ -93,33 +102,46 @@ class Mesh(Shape):
         found = brute_force_first_faces(origins, directions, triangles)
         return self._hits(origins, directions, found)
 
+    def occluded(
+        self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
+    ) -> Bool[np.ndarray, "ray"]:
+        """By Embree's any-hit query, two-sided, on all processors."""
+        return self._tracer.occluded(*unit_rays(origins, directions))
+
+    def occluded_pairs(
+        self,
+        origins: Float[np.ndarray, "place 3"],
+        directions: Float[np.ndarray, "direction 3"],
+        asked: Bool[np.ndarray, "place direction"],
+    ) -> Bool[np.ndarray, "pair"]:
+        """By Embree, the rays put together in single precision."""
+        return self._tracer.occluded_pairs(origins, directions, asked)
+
+    def occluded_brute_force(
+        self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
+    ) -> Bool[np.ndarray, "ray"]:
+        """The same by testing every triangle: slow, and the standard for ``occluded``."""
+        origins, directions = unit_rays(origins, directions)
+        return brute_force_occluded(origins, directions, self.vertices[self.faces])
+
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Of the vertices that faces use."""
-        corners = self.vertices[self.faces]
-        return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+        used = np.zeros(len(self.vertices), bool)
+        used[self.faces] = True
+        corners = self.vertices[used]
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def face_normals(self) -> Float[np.ndarray, "face 3"]:
+        """Unit normals of the faces themselves, outwards."""
+        return _unit_or_zero(_doubled_area(self.vertices[self.faces]))
 
     def is_closed(self) -> bool:
         """Whether every edge is used once in either direction (vertices at one place are one)."""
-        _, merged = np.unique(self.vertices, axis=0, return_inverse=True)
-        faces = merged[self.faces]
-        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-        keys = edges[:, 0] * len(self.vertices) + edges[:, 1]
-        opposite = edges[:, 1] * len(self.vertices) + edges[:, 0]
-        unique = np.unique(keys)
-        return len(unique) == len(keys) and np.array_equal(unique, np.unique(opposite))
+        return convexity.is_closed(self.vertices, self.faces)
 
     def is_convex(self) -> bool:
-        """Whether the mesh is closed and fills its convex hull."""
-        if not self.is_closed():
-            return False
-        lower, upper = self.bounds()
-        boxed = (self.vertices[self.faces] - (lower + upper) / 2) / (upper - lower).max()
-        volume = np.linalg.det(boxed).sum() / 6
-        try:
-            hull = ConvexHull(boxed.reshape(-1, 3)).volume
-        except QhullError:  # closed and flat: a sheet with two sides
-            return False
-        return bool(volume >= (1 - _HULL_SLACK) * hull)
+        """Whether the mesh is closed and fills its convex hull; found out once."""
+        return self._tracer.is_convex
 
     def _hits(self, origins: np.ndarray, directions: np.ndarray, found: FaceHits) -> Hits:
         hits = no_hits(len(origins))
@@ -140,6 +162,8 @@ class Mesh(Shape):
         hits.distance[hit] = np.einsum("ri,ri->r", points - origins[hit], directions[hit])
         hits.normals[hit] = smooth
         hits.geometric_normals[hit] = geometric
+        hits.face[hit] = found.face[hit]
+        hits.barycentric[hit] = weights
         return hits
 
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
 from jaxrender.shapes import AnyArray
@@ -58,6 +58,22 @@ class Sphere(Shape):
         # From the normal, not along the ray: on the surface even for a far-away origin.
         hits.points[hit] = self.center + self.radius * normals
         return hits
+
+    def occluded(
+        self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
+    ) -> Bool[np.ndarray, "ray"]:
+        """Whether the larger root lies in front of the origin."""
+        return self.first_hits(origins, directions).hit
+
+    def occluded_pairs(
+        self,
+        origins: Float[np.ndarray, "place 3"],
+        directions: Float[np.ndarray, "direction 3"],
+        asked: Bool[np.ndarray, "place direction"],
+    ) -> Bool[np.ndarray, "pair"]:
+        """Ray by ray."""
+        place, direction = np.nonzero(asked)
+        return self.occluded(origins[place], directions[direction])
 
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """The cube around the sphere."""

@@ -3,20 +3,26 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jaxrender.geometry.cameras import Camera
 from jaxrender.geometry.hits import Shape
 
 
 class SurfaceView(NamedTuple):
-    """Surface points behind the pixels of one photograph; all zero where ``hit`` is False."""
+    """Surface points behind the pixels of one photograph; all zero where ``hit`` is False.
+
+    ``face`` is -1 there, and everywhere on shapes without faces.
+    """
 
     hit: Bool[np.ndarray, "row column"]
     points: Float[np.ndarray, "row column 3"]
     normals: Float[np.ndarray, "row column 3"]
     outgoing: Float[np.ndarray, "row column 3"]  # unit, from the point to the camera
     exit_cosines: Float[np.ndarray, "row column"]  # N.V, positive where hit
+    geometric_normals: Float[np.ndarray, "row column 3"]  # of the face, not interpolated
+    face: Int[np.ndarray, "row column"]
+    barycentric: Float[np.ndarray, "row column 3"]  # weights of the face's three corners
 
 
 def observe(camera: Camera, shape: Shape) -> SurfaceView:
@@ -33,10 +39,17 @@ def observe(camera: Camera, shape: Shape) -> SurfaceView:
     cosines = np.einsum("ri,ri->r", hits.normals, outgoing)
     front = np.einsum("ri,ri->r", hits.geometric_normals, outgoing) > 0
     usable = hits.hit & front & (cosines > 0)
+
+    def seen(vectors: Float[np.ndarray, "ray 3"]) -> Float[np.ndarray, "row column 3"]:
+        return np.where(usable[:, None], vectors, 0).reshape(*image, 3)
+
     return SurfaceView(
         usable.reshape(image),
-        np.where(usable[:, None], hits.points, 0).reshape(*image, 3),
-        np.where(usable[:, None], hits.normals, 0).reshape(*image, 3),
-        np.where(usable[:, None], outgoing, 0).reshape(*image, 3),
+        seen(hits.points),
+        seen(hits.normals),
+        seen(outgoing),
         np.where(usable, cosines, 0).reshape(image),
+        seen(hits.geometric_normals),
+        np.where(usable, hits.face, -1).reshape(image),
+        seen(hits.barycentric),
     )

@@ -1,18 +1,21 @@
-"""First triangle along a ray: Embree, and the brute-force twin it is tested against.
+"""First triangle along a ray, or whether there is one, by Embree.
 
-Both answer with face numbers (-1 for a miss) and barycentric coordinates in float64.  Embree works
-in float32 and finds only the face; the meeting point is then computed again in float64 on that
-face, from the ray as it was given.
+Embree works in float32 and finds only the face; the meeting point is then computed again in float64
+on that face, from the ray as it was given.  ``triangles`` has the brute-force twins.
 """
 
 import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+
+from jaxrender.geometry import convexity
+from jaxrender.geometry.triangles import FaceHits, clipped_barycentric
 
 # Rays traced at once: enough to amortise a call, small enough for the cache.
 _CHUNK = 16384
@@ -20,15 +23,6 @@ _CHUNK = 16384
 # this part of the mesh's size (sixteen float32 roundings) leaves one in 50,000, and _repair catches
 # those.
 _JITTER = 1e-6
-# Slack of the brute-force test at a triangle's edges, so that neighbours leave no gap.
-_EDGE_SLACK = 1e-12
-
-
-class FaceHits(NamedTuple):
-    """Which face each ray meets first, -1 for none, and the weights of its three corners there."""
-
-    face: Int[np.ndarray, "ray"]
-    barycentric: Float[np.ndarray, "ray 3"]
 
 
 class EmbreeTracer:
@@ -58,6 +52,11 @@ class EmbreeTracer:
     def __reduce__(self):
         return EmbreeTracer, self._arrays
 
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether the mesh is convex: asked for often, and never changing."""
+        return convexity.is_convex(*self._arrays)
+
     def first_faces(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> FaceHits:
@@ -70,10 +69,56 @@ class EmbreeTracer:
             boxed = (origins[chunk] - self._center) / self._size
             face[chunk], barycentric[chunk] = self._trace(boxed, directions[chunk], start)
 
-        # Embree releases the interpreter's lock, and so do NumPy's loops.
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(trace, range(0, len(origins), _CHUNK)))
+        in_threads(trace, range(0, len(origins), _CHUNK))
         return FaceHits(face, barycentric)
+
+    def occluded(
+        self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
+    ) -> Bool[np.ndarray, "ray"]:
+        """Whether rays of unit direction meet any face; chunks run on all processors.
+
+        No jitter and no repair: a ray that leaks in at a vertex of a closed mesh meets it again on
+        its way out.
+        """
+        blocked = np.zeros(len(origins), bool)
+
+        def trace(start: int) -> None:
+            chunk = slice(start, start + _CHUNK)
+            boxed = (origins[chunk] - self._center) / self._size
+            towards = directions[chunk]
+            if np.einsum("ri,ri->r", boxed, boxed).max() < 1:
+                blocked[chunk] = self._any(boxed, towards)
+                return
+            reaches, entries = _advance_to_unit_sphere(boxed, towards)
+            blocked[chunk][reaches] = self._any(entries[reaches], towards[reaches])
+
+        in_threads(trace, range(0, len(origins), _CHUNK))
+        return blocked
+
+    def occluded_pairs(
+        self,
+        origins: Float[np.ndarray, "place 3"],
+        directions: Float[np.ndarray, "direction 3"],
+        asked: Bool[np.ndarray, "place direction"],
+    ) -> Bool[np.ndarray, "pair"]:
+        """The same for pairs of places and unit directions, in this thread.
+
+        What Embree is given is half of the work of asking it, so rays from within the mesh's box
+        are cast before they are paired.
+        """
+        place, direction = np.nonzero(asked)
+        boxed = (origins - self._center) / self._size
+        if not (np.einsum("pi,pi->p", boxed, boxed) < 1).all():
+            return self.occluded(origins[place], directions[direction])
+        single = boxed.astype(np.float32), directions.astype(np.float32)
+        return self._any(single[0].take(place, axis=0), single[1].take(direction, axis=0))
+
+    def _any(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        # embreex wants at least one ray; it answers 0 for a ray that is blocked, else -1.
+        if not len(origins):
+            return np.zeros(0, bool)
+        single = (rays.astype(np.float32, copy=False) for rays in (origins, directions))
+        return self._scene.run(*single, query="OCCLUDED") >= 0
 
     def _trace(self, origins: np.ndarray, directions: np.ndarray, seed: int) -> FaceHits:
         """One chunk, origins in units of the box."""
@@ -131,55 +176,17 @@ class EmbreeTracer:
         return np.einsum("ri,ri->r", points - origins, directions)
 
 
-def brute_force_first_faces(
-    origins: Float[np.ndarray, "ray 3"],
-    directions: Float[np.ndarray, "ray 3"],
-    triangles: Float[np.ndarray, "face 3 3"],
-) -> FaceHits:
-    """Every ray against every triangle in float64: for tests and small meshes only."""
-    face = np.full(len(origins), -1)
-    barycentric = np.zeros((len(origins), 3))
-    for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
-        weights, distance = _intersect(origin[None], direction[None], triangles)
-        inside = (weights >= -_EDGE_SLACK).all(axis=1) & (distance > 0)
-        if inside.any():
-            nearest = np.where(inside, distance, np.inf).argmin()
-            face[ray], barycentric[ray] = nearest, weights[nearest]
-    return FaceHits(face, barycentric)
+def in_threads(work: Callable[[int], None], items: Sequence[int]) -> None:
+    """Do independent pieces of work, on all processors if there are several.
 
-
-def clipped_barycentric(
-    origins: Float[np.ndarray, "ray 3"],
-    directions: Float[np.ndarray, "ray 3"],
-    triangles: Float[np.ndarray, "ray 3 3"],
-) -> Float[np.ndarray, "ray 3"]:
-    """Where each ray meets its triangle's plane, clipped to the triangle.
-
-    The clip moves only rays that passed an edge within the jitter; a triangle seen exactly edge-on
-    answers with its centre.
+    Embree releases the interpreter's lock, and so do NumPy's loops.
     """
-    weights, _ = _intersect(origins, directions, triangles)
-    weights = np.maximum(np.where(np.isfinite(weights), weights, 1), 0)
-    return weights / weights.sum(axis=1, keepdims=True)
-
-
-def _intersect(
-    origins: np.ndarray, directions: np.ndarray, triangles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates and distance of a ray in each triangle's plane (Moeller, Trumbore).
-
-    With edges e1, e2 from corner a, o + t d = a + u e1 + v e2; not finite for a parallel ray.
-    """
-    a = triangles[:, 0]
-    e1, e2 = triangles[:, 1] - a, triangles[:, 2] - a
-    from_a = origins - a
-    p, q = np.cross(directions, e2), np.cross(from_a, e1)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        inverse = 1 / np.einsum("ri,ri->r", e1, p)
-        u = np.einsum("ri,ri->r", from_a, p) * inverse
-        v = np.einsum("ri,ri->r", np.broadcast_to(directions, q.shape), q) * inverse
-        distance = np.einsum("ri,ri->r", e2, q) * inverse
-        return np.stack([1 - u - v, u, v], axis=-1), distance
+    if len(items) < 2:
+        for item in items:
+            work(item)
+        return
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(work, items))
 
 
 def _advance_to_unit_sphere(

@@ -2,7 +2,8 @@
 
 A ``Response`` (``response``) turns stored values into linear radiance, ``exposure`` brings
 photographs to one scale, ``masks`` selects the pixels that measured something and keeps account of
-the others, and ``noise`` says how far a measurement may lie from the truth.  Host side, float64.
+the others, ``noise`` says how far a measurement may lie from the truth, and ``silhouette`` finds
+the circle of a ball.  Host side, float64.
 """
 
 from jaxrender.imaging.exposure import relative_exposures, to_radiance
@@ -16,6 +17,7 @@ from jaxrender.imaging.masks import (
 )
 from jaxrender.imaging.noise import NoiseModel, estimate_noise
 from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_named
+from jaxrender.imaging.silhouette import Circle, circle_of
 
 __all__ = [
     "SRGB",
@@ -33,4 +35,6 @@ __all__ = [
     "saturated",
     "to_radiance",
     "usable_pixels",
+    "Circle",
+    "circle_of",
 ]

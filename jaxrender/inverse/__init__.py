@@ -1,4 +1,4 @@
-"""The division: materials from photographs, with error bars.
+"""The division: materials and lights from photographs, with error bars.
 
 ``outcomes``
     how a fit ended, in words
@@ -20,10 +20,20 @@
     the light split for the dual model, and as point masses for the integral
 ``brdf``
     the whole recovery of a BRDF under known light (T 6.4.2)
+``light_operator`` ``normal_equations`` ``lighting`` ``positivity``
+    photographs as linear measurements of an unknown light, streamed; its coefficients (T 6.15)
+``reflected_bins`` ``unseen_directions`` ``dual_lighting``
+    the light as a map of directions (T 6.17 to 6.21)
+``factorization``
+    light and material both unknown (T 6.4.4)
 """
 
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
+from jaxrender.inverse.dual_lighting import DualSettings, RecoveredDual, recover_dual
+from jaxrender.inverse.factorization import Factorization, FactorSettings, Known, factorize
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_operator import LightOperator, light_operator
+from jaxrender.inverse.lighting import LightSettings, RecoveredLight, recover_coefficients
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
@@ -38,4 +48,16 @@ __all__ = [
     "Outcome",
     "Unknown",
     "fit_brdf",
+    "DualSettings",
+    "RecoveredDual",
+    "recover_dual",
+    "FactorSettings",
+    "Factorization",
+    "Known",
+    "factorize",
+    "LightOperator",
+    "light_operator",
+    "LightSettings",
+    "RecoveredLight",
+    "recover_coefficients",
 ]

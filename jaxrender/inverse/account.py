@@ -5,11 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Shape
 from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.models import LinearisedModel, TabulatedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop
+from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
 from jaxrender.reflection import roughness_table
 
@@ -22,9 +24,13 @@ class Account(NamedTuple):
 
 
 def account_for(
-    stop: Stop, variant: Microfacet, prepared: PreparedLight, settings: FitSettings
+    stop: Stop,
+    variant: Microfacet,
+    prepared: PreparedLight,
+    settings: FitSettings,
+    shape: Shape | None = None,
 ) -> Account:
-    """Put error bars on the end of a fit, and say what they rest on."""
+    """Put error bars on the end of a fit, and say what they rest on; ``shape`` if it is concave."""
     unknowns, fit = stop.problem.unknowns, stop.fit
     physical = unknowns.unpack(fit.solution.point)
     near = stop.model
@@ -35,13 +41,15 @@ def account_for(
     steep = np.asarray(stop.observations.samples.exit_cosines) >= GRAZING_COSINE
     without_grazing = stop.data._replace(weights=stop.data.weights * steep[:, None])
     sigma = float(physical.sigma)
+    light = prepared.dual.for_frames(stop.data.frame)
     spectral = TabulatedModel(
         roughness_table(
             variant,
             stop.observations.samples,
-            prepared.dual.for_frames(stop.data.frame),
+            light,
             (sigma, 1.01 * sigma),
             transfer="gaussian",
+            shadows=shadows_of(shape, stop.observations, light),
         )
     )
     spectrum = LinearisedModel.about(spectral, physical.sigma, physical.mu)

@@ -7,6 +7,10 @@
    there.  How far it moves each parameter is the bias of the frequency fit, and is reported.
 4. *Account*: intervals from the full covariance, what is identifiable, where sigma comes from, and
    what would be different under a slightly different model.
+
+On a concave shape the frequency view is T 6.12, with transfer vectors and the visibilities of R and
+of the sources, and the exact one asks for every node of the light whether a sample sees it.  Light
+that bounces from one part of the object to another is in neither.
 """
 
 from collections.abc import Callable
@@ -17,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Shape
 from jaxrender.inverse.account import account_for, judge
 from jaxrender.inverse.conditioning import SigmaEvidence
 from jaxrender.inverse.elimination import Problem
@@ -33,9 +38,10 @@ from jaxrender.inverse.passes import (
     fit_in_rounds,
     values_of,
 )
+from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
-from jaxrender.reflection import roughness_table
+from jaxrender.reflection import DualLight, Shadows, roughness_table
 from jaxrender.shapes import Float
 
 # The roughness that the light is split at in the rough first pass.
@@ -45,6 +51,8 @@ _TABLE_REACH = 1.8
 # The light is split anew when the fit ends this far (in log sigma) from where it was split.
 _SPLIT_AGAIN = 0.25
 _SPLITS = 3
+# Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
+SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
 Stage = Callable[[str], AbstractContextManager]
 
@@ -86,22 +94,36 @@ def fit_brdf(
     variant: Microfacet,
     settings: FitSettings = DEFAULTS,
     stage: Stage = lambda name: nullcontext(),
+    *,
+    shape: Shape | None = None,
 ) -> BRDFFit:
     """Recover kd, ks, sigma and mu of T 6.2 from samples of the reflected light.
 
     ``variant`` tells the Fresnel angle, the masking and, by ``mu=None``, a metal; its numbers do
-    not matter.  ``stage`` is entered with the name of each step.  Raises ``ValueError`` for fewer
-    samples than unknowns.
+    not matter.  ``stage`` is entered with the name of each step.  ``shape`` is asked for shadows
+    where it is concave, and then the observations must have places.  Raises ``ValueError`` for
+    fewer samples than unknowns.
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
-    with stage("rough"):
-        found = _rough_fit(observations, light, problem, variant, settings)
+    shape = concave(shape)
+    if shape is not None:
+        with stage("shadows"):
+            observations = with_transfer(observations, shape, light.diffuse_degrees)
+
+    def shadows(light: DualLight) -> Shadows | None:
+        if shape is None:
+            return None
+        with stage("shadows"):
+            return shadows_of(shape, observations, light)
+
+    found = _rough_fit(observations, light, (problem, variant), settings, (shadows, stage))
     for _ in range(_SPLITS):
         at = _sigma(found)
         with stage("split"):
             brdf = variant.with_roughness(at, None).as_metal()
             prepared = prepare_light(light, observations, brdf, settings.split, settings.band_limit)
+        darkened = shadows(prepared.dual)
         with stage("table"):
             table = roughness_table(
                 variant,
@@ -109,6 +131,7 @@ def fit_brdf(
                 prepared.dual,
                 _table_range(unknowns, at),
                 transfer=settings.transfer,
+                shadows=darkened,
             )
         with stage("solve"):
             begin = Begin(settings.noise, None, np.asarray(found.fit.solution.point)[None])
@@ -117,11 +140,10 @@ def fit_brdf(
             break
     exact = None
     if settings.refine:
-        with stage("refine"):
-            exact = _refine(found, light, variant, settings)
+        exact = _refine(found, light, variant, settings, (shape, stage))
     final = found if exact is None else exact
     with stage("account"):
-        account = account_for(final, variant, prepared, settings)
+        account = account_for(final, variant, prepared, settings, shape)
         outcome, identifiable, reasons = judge(final, account)
     return BRDFFit(
         _material(final, variant),
@@ -139,11 +161,12 @@ def fit_brdf(
 def _rough_fit(
     observations: Observations,
     light: KnownLight,
-    problem: Problem,
-    variant: Microfacet,
+    sought: tuple[Problem, Microfacet],
     settings: FitSettings,
+    helpers: tuple[Callable[[DualLight], Shadows | None], Stage],
 ) -> Stop:
     """Find the neighbourhood of the answer from many starts."""
+    (problem, variant), (shadows, stage) = sought, helpers
     unknowns = problem.unknowns
     if unknowns.sigma.free:
         sigma = max(unknowns.sigma.lower, min(_ROUGH_SIGMA, unknowns.sigma.upper))
@@ -153,22 +176,44 @@ def _rough_fit(
         reach = (sigma, sigma * 1.01)
     split = "rough" if settings.split == "auto" else settings.split
     brdf = variant.with_roughness(sigma, None)
-    prepared = prepare_light(light, observations, brdf, split, settings.band_limit)
-    table = roughness_table(
-        variant, observations.samples, prepared.dual, reach, transfer=settings.transfer
-    )
-    begin = Begin(settings.noise, None, unknowns.starts(settings.starts))
-    return fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
+    with stage("rough"):
+        dual = prepare_light(light, observations, brdf, split, settings.band_limit).dual
+    darkened = shadows(dual)
+    with stage("rough"):
+        table = roughness_table(
+            variant,
+            observations.samples,
+            dual,
+            reach,
+            transfer=settings.transfer,
+            shadows=darkened,
+        )
+        begin = Begin(settings.noise, None, unknowns.starts(settings.starts))
+        return fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
 
 
-def _refine(frequency: Stop, light: KnownLight, variant: Microfacet, settings: FitSettings) -> Stop:
+def _refine(
+    frequency: Stop,
+    light: KnownLight,
+    variant: Microfacet,
+    settings: FitSettings,
+    where: tuple[Shape | None, Stage],
+) -> Stop:
     """Continue on the exact integral over a stratified subset."""
-    some, predicted = stratified_subset(
-        frequency.observations, frequency.fit.predicted, settings.refine_samples, settings.seed
-    )
-    nodes = exact_nodes(light, np.asarray(some.frame), _sigma(frequency))
-    model = ExactModel(variant, some.samples, nodes)
-    return descend(frequency, model, some, predicted, settings)
+    shape, stage = where
+    with stage("refine"):
+        some, predicted = stratified_subset(
+            frequency.observations, frequency.fit.predicted, settings.refine_samples, settings.seed
+        )
+        cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
+        nodes = exact_nodes(light, np.asarray(some.frame), _sigma(frequency), cells)
+    seen = None
+    if shape is not None:
+        with stage("shadows"):
+            seen = nodes_seen(shape, some, nodes)
+    with stage("refine"):
+        model = ExactModel(variant, some.samples, nodes, seen)
+        return descend(frequency, model, some, predicted, settings)
 
 
 def _sigma(stop: Stop) -> float:

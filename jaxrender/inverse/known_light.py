@@ -9,6 +9,7 @@ import numpy as np
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
     DirectionalSources,
     Environment,
@@ -82,6 +83,13 @@ class KnownLight(eqx.Module):
             directions[frame, : source.directions.shape[0]] = source.directions
             irradiance[frame, : source.directions.shape[0]] = source.irradiance
         return FrameNodes(directions, irradiance, np.asarray(frame_of_sample))
+
+    @property
+    def diffuse_degrees(self) -> int:
+        """The degree to which the environment is followed into the shadows of a concave shape."""
+        if self.environment is None:
+            return 0
+        return min(MOST_DIFFUSE_DEGREES, self.environment.grid.band_limit)
 
 
 class PreparedLight(NamedTuple):

@@ -15,7 +15,7 @@ from jaxrender.reflection import (
     integral_columns,
     integral_columns_by_frame,
 )
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 
 class Columns(NamedTuple):
@@ -53,11 +53,15 @@ class TabulatedModel(eqx.Module):
 
 
 class ExactModel(eqx.Module):
-    """The integral over the light's nodes, for the lobe of ``variant`` (its angle and masking)."""
+    """The integral over the light's nodes, for the lobe of ``variant`` (its angle and masking).
+
+    ``seen`` tells for each part of the light which of its nodes every sample sees; None: all.
+    """
 
     variant: Microfacet
     samples: SurfaceSamples
     nodes: tuple[LightNodes | FrameNodes, ...]
+    seen: tuple[Bool[AnyArray, "sample node"], ...] | None = None
 
     def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
         """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
@@ -79,15 +83,16 @@ class ExactModel(eqx.Module):
             else part
             for part in self.nodes
         )
-        return ExactModel(self.variant, samples, nodes)
+        seen = None if self.seen is None else tuple(part[::step] for part in self.seen)
+        return ExactModel(self.variant, samples, nodes, seen)
 
     def _integrate(self, lobe: Microfacet) -> Float[Array, "sample 2 channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [
-            integral_columns_by_frame(lobe, self.samples, part)
+            integral_columns_by_frame(lobe, self.samples, part, seen)
             if isinstance(part, FrameNodes)
-            else integral_columns(lobe, self.samples, part)
-            for part in self.nodes
+            else integral_columns(lobe, self.samples, part, seen)
+            for part, seen in zip(self.nodes, self.seen or [None] * len(self.nodes))
         ]
         return jnp.sum(jnp.stack(parts), axis=0)
 

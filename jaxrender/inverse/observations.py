@@ -1,10 +1,10 @@
-"""Usable pixels as measurements of radiance, and subsets of them."""
+"""Usable pixels as measurements of radiance, with what is known of where they lie, and subsets."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.geometry import SurfaceSamples
+from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.shapes import AnyArray, Float, Int
 
 _EXIT_COSINE_STRATA = 10
@@ -12,18 +12,28 @@ _BRIGHTNESS_STRATA = 4
 
 
 class Observations(NamedTuple):
-    """Radiance of samples of a surface, and which photograph each is from."""
+    """Radiance of samples of a surface, and which photograph each is from.
+
+    Shadows of a concave shape are traced from ``places``; ``transfer`` are the vectors of T 6.10
+    there, where they are known already.
+    """
 
     samples: SurfaceSamples
     radiance: Float[AnyArray, "sample channel"]
     frame: Int[AnyArray, "sample"]
+    places: SurfacePlaces | None = None
+    transfer: Float[AnyArray, "sample coefficient"] | None = None
 
     def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
         """Keep the samples of the given indices."""
         samples = SurfaceSamples(*(np.asarray(a)[index] for a in self.samples))
-        return Observations(
-            samples, np.asarray(self.radiance)[index], np.asarray(self.frame)[index]
-        )
+        radiance, frame = np.asarray(self.radiance)[index], np.asarray(self.frame)[index]
+        places, transfer = self.places, self.transfer
+        if places is not None:
+            places = SurfacePlaces(*(np.asarray(a)[index] for a in places))
+        if transfer is not None:
+            transfer = np.asarray(transfer)[index]
+        return Observations(samples, radiance, frame, places, transfer)
 
     @property
     def count(self) -> int:

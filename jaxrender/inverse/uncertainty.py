@@ -62,6 +62,11 @@ def uncertain_parameters(
     shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
     error = Parameters(*jax.tree.unflatten(structure, shaped))
     value = Parameters(*(np.asarray(leaf, float) for leaf in value))
+    return intervals(value, error)
+
+
+def intervals(value: Parameters, error: Parameters) -> Uncertain:
+    """Put 90 % intervals about values of known standard error."""
     return Uncertain(value, _bound(value, error, -1), _bound(value, error, 1), error)
 
 

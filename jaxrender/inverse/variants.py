@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet
+from jaxrender.geometry import Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import stratified_subset
 from jaxrender.inverse.passes import FitSettings, Stop, descend
+from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Parameters, to_parameters
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
@@ -40,20 +42,26 @@ class Variant(NamedTuple):
         return self.chi_squared > _REJECTED_ABOVE
 
 
-def fit_variants(fit: BRDFFit, light: KnownLight, settings: FitSettings) -> tuple[Variant, ...]:
-    """Refit every variant of the model but the one that was fitted, on a subset of the samples."""
+def fit_variants(
+    fit: BRDFFit, light: KnownLight, settings: FitSettings, shape: Shape | None = None
+) -> tuple[Variant, ...]:
+    """Refit every variant of the model but the one that was fitted, on a subset of the samples.
+
+    ``shape`` is that which the fit was given.
+    """
     final = fit.final
     some, predicted = stratified_subset(
         final.observations, np.asarray(final.fit.predicted), _SAMPLES, settings.seed
     )
     sigma = float(fit.brdf.sigma)
     nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA)
+    seen = nodes_seen(concave(shape), some, nodes)
     settings = settings._replace(noise=final.noise)
     # Differences of chi-squared on the subset stand for those on all samples of the fit.
     per_sample = final.observations.count / some.count
 
     def refit(variant: Microfacet) -> Stop:
-        model = ExactModel(variant, some.samples, nodes)
+        model = ExactModel(variant, some.samples, nodes, seen)
         return descend(final, model, some, predicted, settings, _TOLERANCE)
 
     base = refit(fit.brdf)

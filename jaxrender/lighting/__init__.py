@@ -23,6 +23,7 @@ from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.layouts import PANORAMAS, panorama_named
 from jaxrender.lighting.lobes import SmoothLobes
+from jaxrender.lighting.mirror_ball import BallLight, light_of_ball
 from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
@@ -51,4 +52,6 @@ __all__ = [
     "take",
     "to_latlong",
     "to_own_latlong",
+    "BallLight",
+    "light_of_ball",
 ]

@@ -1,25 +1,69 @@
-"""Where photographs that were rendered from a recipe are kept between runs."""
+"""What is kept between runs: photographs rendered from a recipe, and arrays that took long.
 
+All of it lies below ``XDG_CACHE_HOME`` or ``~/.cache`` and may be deleted at any time.
+"""
+
+import hashlib
 import os
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+
+import numpy as np
 
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.scene import input_files
-from jaxrender.pipelines.synth import written_files
+from jaxrender.pipelines.synth import purpose_of, written_files
 
 
 def capture_folder(recipe: RecipeConfig, recipe_path: Path) -> Path:
-    """Name the folder of a recipe's photographs: its content decides, not its path.
-
-    Below ``XDG_CACHE_HOME`` or ``~/.cache``; whatever is there may be deleted at any time.
-    """
-    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    base = base if base.is_absolute() else Path.home() / ".cache"
-    digest = fingerprint(recipe, input_files(recipe), purpose="synth")
-    return base / "jaxrender" / "captures" / f"{recipe_path.stem}-{digest[:16]}"
+    """Name the folder of a recipe's photographs: its content decides, not its path."""
+    digest = fingerprint(recipe, input_files(recipe), purpose=purpose_of(recipe))
+    return _base() / "captures" / f"{recipe_path.stem}-{digest[:16]}"
 
 
 def is_whole(recipe: RecipeConfig, folder: Path) -> bool:
     """Whether a folder of photographs still holds all that was written into it."""
     return all((folder / name).is_file() for name in written_files(recipe))
+
+
+def remembered(
+    kind: str, key: Sequence[np.ndarray | str], make: Callable[[], np.ndarray]
+) -> np.ndarray:
+    """Look an array up by the content that it depends on, or make it and keep it.
+
+    Where nothing can be kept, or what was kept is damaged, it is simply made.
+    """
+    digest = hashlib.sha256()
+    for part in key:
+        array = np.ascontiguousarray(part)
+        digest.update(f"{array.dtype.str} {array.shape};".encode())
+        digest.update(array.tobytes())
+    path = _base() / kind / f"{digest.hexdigest()[:32]}.npy"
+    try:
+        return np.load(path, allow_pickle=False)
+    except (OSError, ValueError):
+        made = make()
+    with suppress(OSError):
+        _keep(path, made)
+    return made
+
+
+def _keep(path: Path, array: np.ndarray) -> None:
+    """Write aside and rename, so that no other run reads half of it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as stream:
+        try:
+            np.save(stream, array)
+        except OSError:
+            Path(stream.name).unlink()
+            raise
+    os.replace(stream.name, path)
+
+
+def _base() -> Path:
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    base = base if base.is_absolute() else Path.home() / ".cache"
+    return base / "jaxrender"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Shape, SurfaceSamples, SurfaceView, observe
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView, observe
 from jaxrender.imaging import (
     Curve,
     Response,
@@ -118,13 +118,18 @@ def observations_of(photographs: list[Photograph]) -> Observations:
     """Gather the usable pixels of all photographs."""
     pick = [photograph.selection.usable for photograph in photographs]
     counts = [int(np.count_nonzero(usable)) for usable in pick]
+    views = [photograph.view for photograph in photographs]
+
+    def gathered(images: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([image[usable] for image, usable in zip(images, pick)])
+
     return Observations(
-        SurfaceSamples(
-            np.concatenate([p.view.normals[usable] for p, usable in zip(photographs, pick)]),
-            np.concatenate([p.view.outgoing[usable] for p, usable in zip(photographs, pick)]),
-        ),
-        np.concatenate([p.radiance[usable] for p, usable in zip(photographs, pick)]),
+        SurfaceSamples(gathered([v.normals for v in views]), gathered([v.outgoing for v in views])),
+        gathered([photograph.radiance for photograph in photographs]),
         np.repeat(np.arange(len(photographs)), counts),
+        SurfacePlaces(
+            gathered([v.points for v in views]), gathered([v.geometric_normals for v in views])
+        ),
     )
 
 

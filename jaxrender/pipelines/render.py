@@ -7,8 +7,9 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
-from jaxrender.geometry import observe
+from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
+from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.inverse.known_light import exact_nodes, prepare_light
 from jaxrender.inverse.observations import Observations
 from jaxrender.io import read_capture, write_image
@@ -19,7 +20,16 @@ from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import read_result
 from jaxrender.pipelines.scene import known_light, shape_of, sources_of_frame
-from jaxrender.reflection import DualForward, ExactForward, ForwardModel, render_view
+from jaxrender.pipelines.shadows import TransferField
+from jaxrender.reflection import (
+    DualForward,
+    ExactForward,
+    ForwardModel,
+    ShadowedDual,
+    ShadowedForward,
+    ShadowedModel,
+    render_view,
+)
 
 MODELS = ("integral", "dual")
 
@@ -73,7 +83,7 @@ def _render_views(config: RunConfig, found: dict, model: str, into: tuple[Path, 
     shape, material = shape_of(config.capture.geometry), material_of(found["brdf"])
     light = known_light(config.lighting, [frame.name for frame in capture.frames])
     scale = float(found.get("scale", 1.0))
-    shared: ForwardModel | None = None
+    shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
         view = observe(frame.camera, shape)
         sources = sources_of_frame(light, number)
@@ -83,20 +93,30 @@ def _render_views(config: RunConfig, found: dict, model: str, into: tuple[Path, 
         if lit and view.hit.any():
             if light.per_frame is not None or shared is None:
                 own = KnownLight(light.environment, sources)
-                shared = _forward(own, material, model, view)
+                shared = _forward(own, material, model, (shape, view))
             gain = scale * float(found.get("gains", {}).get(frame.name, 1.0))
             image[..., :3] = gain * render_view(material, view, shared)
         write_image(folder / f"{frame.name}.exr", image)
         progress.advance((number + 1) / len(capture.frames))
 
 
-def _forward(light: KnownLight, material: Microfacet, model: str, view) -> ForwardModel:
+def _forward(
+    light: KnownLight, material: Microfacet, model: str, seen: tuple[Shape, SurfaceView]
+) -> ForwardModel | ShadowedModel:
     """Prepare one photograph's light for either model."""
+    shape, view = seen
+    convex = shape.is_convex()
     if model == "integral":
-        parts = exact_nodes(light, np.zeros(0, int), float(material.sigma))
+        cells = None if convex else SHADOWED_ANGLE_PER_SIGMA
+        parts = exact_nodes(light, np.zeros(0, int), float(material.sigma), cells)
         nodes = parts[0]
         assert isinstance(nodes, LightNodes)
-        return ExactForward(LightNodes(*(jnp.asarray(a) for a in nodes)))
+        nodes = LightNodes(*(jnp.asarray(a) for a in nodes))
+        return ExactForward(nodes) if convex else ShadowedForward(shape, nodes)
     samples = camera_samples(view)
     observed = Observations(samples, np.zeros((len(samples.normals), 3)), np.zeros(0, int))
-    return DualForward(prepare_light(light, observed, material, "auto", None).dual)
+    dual = prepare_light(light, observed, material, "auto", None).dual
+    if convex:
+        return DualForward(dual)
+    field = TransferField.of(shape, light.diffuse_degrees, len(samples.normals))
+    return ShadowedDual(shape, dual, field.at)

@@ -20,8 +20,10 @@ from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.uncertainty import Parameters
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.pipelines.photographs import Photograph
+from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
 
+_LAMPS_SHOWN = 3
 _LIBRARIES = ("jax", "equinox", "optimistix", "lineax", "numpy", "scipy", "OpenImageIO", "embreex")
 
 
@@ -34,6 +36,7 @@ class Finding(NamedTuple):
     photographs: list[Photograph]
     model: str
     ks_per_channel: bool
+    transfer: TransferField | None = None
 
 
 def result_of(finding: Finding) -> dict[str, Any]:
@@ -58,7 +61,7 @@ def result_of(finding: Finding) -> dict[str, Any]:
         "residual": _residual(final),
         "noise": {"relative": final.noise.relative, "floor": final.noise.floor},
         "lighting": _lighting(finding),
-        "pixels": _pixels(finding.photographs),
+        "pixels": pixels_of(finding.photographs),
     }
     if finding.model == "microfacet":
         result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
@@ -69,13 +72,16 @@ def result_of(finding: Finding) -> dict[str, Any]:
             "residual": _residual(fit.frequency),
             "bias": {name: _plain(fit.bias[name]) for name in names},
         }
+    bounced = interreflection(fit)
+    if bounced:
+        result["interreflection"] = {**bounced, "sentence": sentence_on(bounced)}
     unknowns = final.problem.unknowns
     if unknowns.free_gains:
         gains = np.asarray(fit.parameters.value.gains)
         result["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
     if unknowns.free_scale:
         result["scale"] = float(fit.parameters.value.scale)
-    return _finite(result)
+    return finite(result)
 
 
 def provenance_of(inputs: list[Path], seed: int) -> dict[str, Any]:
@@ -121,12 +127,12 @@ def write_arrays(path: Path, finding: Finding) -> None:
             "source": max(dual.sources.directions.shape[0], 1),
             "component": 3,
         }
-        _write(light, "degree", ("coefficient",), degrees(dual.band_limit))
-        _write(light, "order", ("coefficient",), orders(dual.band_limit))
-        _write(light, "slow", ("coefficient", "channel"), dual.slow)
+        write_variable(light, "degree", ("coefficient",), degrees(dual.band_limit))
+        write_variable(light, "order", ("coefficient",), orders(dual.band_limit))
+        write_variable(light, "slow", ("coefficient", "channel"), dual.slow)
         if dual.sources.directions.shape[0]:
-            _write(light, "direction", ("source", "component"), dual.sources.directions)
-            _write(light, "irradiance", ("source", "channel"), dual.sources.irradiance)
+            write_variable(light, "direction", ("source", "component"), dual.sources.directions)
+            write_variable(light, "irradiance", ("source", "channel"), dual.sources.irradiance)
 
 
 def summary_of(result: dict[str, Any]) -> str:
@@ -144,6 +150,8 @@ def summary_of(result: dict[str, Any]) -> str:
         remark = "fixed" if known is None else remark
         remark += " model sensitive" if sensitive.get(name) else ""
         lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
+    if result["task"] != "brdf":
+        lines += _summary_of_light(result["lighting"])
     residual = result["residual"]
     lines.append(
         f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
@@ -157,10 +165,25 @@ def summary_of(result: dict[str, Any]) -> str:
         lines.append(f"bias of the frequency fit: {moved}")
     if "evidence" in result:
         lines.append(result["evidence"]["sentence"])
+    if "interreflection" in result:
+        lines.append(result["interreflection"]["sentence"])
     seconds = result.get("seconds", {})
     spent = ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())
     lines.append(f"seconds: {spent}")
     return "\n".join(lines)
+
+
+def _summary_of_light(light: dict[str, Any]) -> list[str]:
+    """Say what light was found."""
+    lamps = light["directional"]
+    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} sources"]
+    lines += [
+        f"  from {_shown(lamp['direction'])}, irradiance {_shown(lamp['irradiance'])}"
+        for lamp in lamps[:_LAMPS_SHOWN]
+    ]
+    if len(lamps) > _LAMPS_SHOWN:
+        lines.append(f"  and {len(lamps) - _LAMPS_SHOWN} weaker ones")
+    return [*lines, f"gauge: {light['gauge']}"]
 
 
 def _names(finding: Finding) -> list[str]:
@@ -185,8 +208,18 @@ def _shared(finding: Finding, name: str, parameters: Parameters) -> np.ndarray:
 
 
 def _pairs(finding: Finding, name: str, lower: Parameters, upper: Parameters) -> list:
-    low, high = (_plain(_shared(finding, name, bound)) for bound in (lower, upper))
+    return pairs(*(_shared(finding, name, bound) for bound in (lower, upper)))
+
+
+def pairs(lower, upper) -> list:
+    """Lay out an interval as [low, high], or one for each channel."""
+    low, high = _plain(lower), _plain(upper)
     return [list(pair) for pair in zip(low, high)] if isinstance(low, list) else [low, high]
+
+
+def named_values(names: list[str], parameters: Parameters) -> dict[str, Any]:
+    """Pick parameters by name as plain numbers, or lists of them by channel."""
+    return {name: _plain(getattr(parameters, name)) for name in names}
 
 
 def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:
@@ -235,7 +268,8 @@ def _lighting(finding: Finding) -> dict[str, Any]:
     return lighting
 
 
-def _pixels(photographs: list[Photograph]) -> dict[str, Any]:
+def pixels_of(photographs: list[Photograph]) -> dict[str, Any]:
+    """Count the usable pixels, and those that each rule removed."""
     removed: dict[str, int] = {}
     for photograph in photographs:
         for rule, count in photograph.selection.removed.items():
@@ -249,15 +283,16 @@ def _write_stop(file: h5netcdf.File, name: str, stop: Stop) -> None:
     observations = stop.observations
     channels = observations.radiance.shape[1]
     group.dimensions = {"sample": observations.count, "channel": channels, "component": 3}
-    _write(group, "normal", ("sample", "component"), observations.samples.normals)
-    _write(group, "outgoing", ("sample", "component"), observations.samples.outgoing)
-    _write(group, "radiance", ("sample", "channel"), observations.radiance)
-    _write(group, "predicted", ("sample", "channel"), stop.fit.predicted)
-    _write(group, "weight", ("sample", "channel"), stop.data.weights)
-    _write(group, "frame", ("sample",), observations.frame)
+    write_variable(group, "normal", ("sample", "component"), observations.samples.normals)
+    write_variable(group, "outgoing", ("sample", "component"), observations.samples.outgoing)
+    write_variable(group, "radiance", ("sample", "channel"), observations.radiance)
+    write_variable(group, "predicted", ("sample", "channel"), stop.fit.predicted)
+    write_variable(group, "weight", ("sample", "channel"), stop.data.weights)
+    write_variable(group, "frame", ("sample",), observations.frame)
 
 
-def _write(group, name: str, dimensions: tuple[str, ...], values) -> None:
+def write_variable(group, name: str, dimensions: tuple[str, ...], values) -> None:
+    """Write an array under named dimensions of a NetCDF group."""
     group.create_variable(name, dimensions, data=np.asarray(values))
 
 
@@ -269,12 +304,12 @@ def _plain(value) -> Any:
     return np.asarray(value, float).tolist()
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """Replace what JSON has no number for by null."""
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return bool(value) if isinstance(value, np.bool_) else value

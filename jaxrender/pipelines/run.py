@@ -6,15 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.inverse import KnownLight, Observations, fit_brdf
+from jaxrender.geometry import Shape
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.observations import random_subset
-from jaxrender.inverse.variants import fit_variants
-from jaxrender.io import write_environment, write_image
+from jaxrender.io import write_image
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, load_recipe, load_run_config, resolved_yaml
+from jaxrender.pipelines.light import recover_light
+from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.photographs import (
     Photograph,
@@ -24,27 +26,10 @@ from jaxrender.pipelines.photographs import (
     trace_photographs,
 )
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.result import (
-    Finding,
-    provenance_of,
-    read_result,
-    result_of,
-    summary_of,
-    write_arrays,
-    write_json,
-)
-from jaxrender.pipelines.scene import (
-    fault_of,
-    input_files,
-    known_light,
-    settings_of,
-    shape_of,
-    sources_of_frame,
-    unknowns_of,
-    variant_of,
-)
+from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.result import provenance_of, read_result, summary_of, write_json
+from jaxrender.pipelines.scene import fault_of, input_files, known_light, shape_of, unknowns_of
 from jaxrender.pipelines.synth import synthesise
-from jaxrender.reflection import DualForward, dual_light, render_view, render_views
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -63,8 +48,9 @@ class Loaded(NamedTuple):
 
     photographs: list[Photograph]
     observations: Observations
-    light: KnownLight
+    light: KnownLight | None
     inputs: list[Path]
+    shape: Shape
 
 
 def fit(
@@ -95,7 +81,7 @@ def fit(
         _check_samples(config, loaded)
         if dry_run:
             return FitReport("dry run", folder, _would_fit(config, loaded))
-        finding = _find(config, loaded, clock)
+        finding = _find(config, loaded, clock, progress)
         with result_folder(folder, digest, force) as into:
             result = _write(into, (folder.name, config, inputs), finding, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
@@ -123,7 +109,7 @@ def _with_photographs(
         }
     )
     lighting = config.lighting
-    if not lighting.given:
+    if config.task == "brdf" and not lighting.given:
         lighting = made.lighting.model_copy(
             update={"split": lighting.split, "free_scale": lighting.free_scale}
         )
@@ -134,13 +120,10 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
     with clock.stage("load"):
         assert config.capture.geometry is not None
         shape = shape_of(config.capture.geometry)
-        light = known_light(config.lighting, [frame.name for frame in capture.frames])
+        light = None
+        if config.task == "brdf":
+            light = known_light(config.lighting, [frame.name for frame in capture.frames])
         images = read_photographs(config.capture, capture, progress)
-    if not shape.is_convex():
-        progress.note(
-            "warning: the shape is not convex; its shadows on itself and interreflections are "
-            "not modelled, and pixels in its concavities will bias the fit"
-        )
     with clock.stage("trace"):
         with fault_of(str(config.capture.transforms)):
             photographs = trace_photographs(
@@ -150,12 +133,14 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
         observations = random_subset(
             observations_of(photographs), config.samples.count, config.samples.seed
         )
-    return Loaded(photographs, observations, light, inputs)
+    return Loaded(photographs, observations, light, inputs, shape)
 
 
-def _light_of_kept(light: KnownLight, capture, photographs: list[Photograph]) -> KnownLight:
+def _light_of_kept(
+    light: KnownLight | None, capture, photographs: list[Photograph]
+) -> KnownLight | None:
     """Drop the sources of photographs that were skipped."""
-    if light.per_frame is None:
+    if light is None or light.per_frame is None:
         return light
     kept = {photograph.frame.name for photograph in photographs}
     lights = zip(capture.frames, light.per_frame)
@@ -190,85 +175,47 @@ def _check_samples(config: RunConfig, loaded: Loaded) -> None:
         )
 
 
-def _find(config: RunConfig, loaded: Loaded, clock: Clock) -> Finding:
-    settings = settings_of(config)
-    unknowns = unknowns_of(config, len(loaded.photographs))
-    found = fit_brdf(
-        loaded.observations,
-        loaded.light,
-        unknowns,
-        variant_of(config.brdf),
-        settings,
-        clock.stage,
-    )
-    variants = ()
-    if config.solve.variants and config.brdf.model == "microfacet" and settings.refine:
-        with clock.stage("variants"):
-            variants = fit_variants(found, loaded.light, settings)
-    return Finding(
-        found,
-        variants,
-        loaded.light,
-        loaded.photographs,
-        config.brdf.model,
-        config.brdf.ks_per_channel,
-    )
+def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -> Recovery:
+    """Do what the task asks for."""
+    seen = (loaded.photographs, loaded.shape)
+    if config.task == "brdf":
+        assert loaded.light is not None
+        known = (loaded.observations, loaded.light)
+        return recover_material(config, known, seen, clock, progress)
+    return recover_light(config, loaded.observations, seen, clock, progress)
 
 
 def _write(
-    folder: Path, run: tuple[str, RunConfig, list[Path]], finding: Finding, clock: Clock
+    folder: Path, run: tuple[str, RunConfig, list[Path]], finding: Recovery, clock: Clock
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
     title, config, inputs = run
-    result = result_of(finding)
+    result = finding.result()
     result["provenance"] = provenance_of(inputs, config.samples.seed)
     with clock.stage("predict"):
-        predictions = _predict(finding)
+        predictions = finding.predict()
+    photographs = finding.photographs
     with clock.stage("write"):
         (folder / "config.yaml").write_text(resolved_yaml(config), encoding="utf-8")
-        write_arrays(folder / "result.nc", finding)
-        if finding.light.environment is not None:
-            write_environment(folder / "lighting.exr", finding.light.environment)
-        if finding.fit.light.split is not None:
-            write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
+        finding.write(folder)
         (folder / "images").mkdir()
-        for photograph, predicted in zip(finding.photographs, predictions):
+        for photograph, predicted in zip(photographs, predictions):
             residual = np.where(photograph.covered[..., None], photograph.radiance - predicted, 0)
             write_image(folder / "images" / f"{photograph.frame.name}_predicted.exr", predicted)
             write_image(folder / "images" / f"{photograph.frame.name}_residual.exr", residual)
     with clock.stage("report"):
-        from jaxrender.pipelines.report import FramePictures, ReportContents, write_report
+        from jaxrender.pipelines.report import FramePictures, write_report
 
         shown = np.unique(np.linspace(0, len(predictions) - 1, _SHOWN).round().astype(int))
         frames = tuple(
             FramePictures(p.frame.name, p.radiance, q, p.selection.usable, p.covered)
-            for p, q in ((finding.photographs[k], predictions[k]) for k in shown)
+            for p, q in ((photographs[k], predictions[k]) for k in shown)
         )
         result["seconds"] = clock.taken()
-        contents = ReportContents(title, result, finding.fit, finding.light, frames)
-        write_report(folder, contents)
+        write_report(folder, finding.contents(title, result, frames))
     result["seconds"] = clock.taken()
     write_json(folder / "result.json", result)
     return result
-
-
-def _predict(finding: Finding) -> list[np.ndarray]:
-    """Render every photograph again with the recovered material, by the dual model."""
-    material, prepared = finding.fit.brdf, finding.fit.light
-    gains = np.asarray(finding.fit.parameters.value.gains)
-    scale = float(finding.fit.parameters.value.scale)
-    views = [photograph.view for photograph in finding.photographs]
-
-    def light_of(number: int) -> DualForward:
-        own = sources_of_frame(finding.light, number)
-        return DualForward(dual_light(prepared.split, own, prepared.dual.band_limit))
-
-    if finding.light.per_frame is None:
-        images = render_views(material, views, light_of(0))
-    else:
-        images = [render_view(material, view, light_of(k)) for k, view in enumerate(views)]
-    gain = gains if len(gains) > 1 else np.ones(len(images))
-    return [scale * gain[k] * image for k, image in enumerate(images)]
 
 
 def _inputs(config: RunConfig, capture) -> list[Path]:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
+from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown
 from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
@@ -45,6 +46,8 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         if geometry.mesh is not None:
             return read_mesh(geometry.mesh, geometry.scale)
         assert isinstance(geometry, RecipeGeometryConfig)
+        if geometry.sculpture is not None:
+            return sculpture(geometry.sculpture.subdivisions, geometry.sculpture.seed)
         assert geometry.ellipsoid is not None
         radii, subdivisions = geometry.ellipsoid.radii, geometry.ellipsoid.subdivisions
         return Mesh.ellipsoid(np.array(radii, float), subdivisions)

@@ -1,7 +1,9 @@
 """Synthetic photographs from a recipe: the exact integral, noise, and all that a fit needs.
 
 Smooth lobes are integrated as the functions that they are, by a polar quadrature about each normal;
-environment images and sources by their point masses.  No part of the model that fits are made with
+environment images and sources by their point masses.  On a concave shape every light is a sum of
+point masses, each seen or not: lobes are sampled at directions evenly spread over the sphere, those
+of no image.  Light that bounces is left out.  No part of the model that fits are made with
 is used, and the environment image that a fit is given is coarser than what the photographs saw.
 """
 
@@ -15,10 +17,18 @@ from ruamel.yaml import YAML
 
 from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
-from jaxrender.geometry import Camera, Mesh, Pinhole, Shape, look_at, observe
+from jaxrender.geometry import (
+    Camera,
+    Mesh,
+    Pinhole,
+    Shape,
+    fibonacci_sphere,
+    look_at,
+    observe,
+)
 from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
-from jaxrender.lighting import Environment, LightNodes, SmoothLobes, to_latlong
+from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, to_latlong
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
@@ -31,11 +41,15 @@ from jaxrender.pipelines.scene import (
     shape_of,
     true_material,
 )
-from jaxrender.reflection import ExactForward, render_view
+from jaxrender.reflection import ExactForward, ShadowedForward, render_view
 from jaxrender.shapes import Float
 
 # Gauss nodes in the cosine for the smooth part: good to 1e-4 for lobes of roughness .08 and above.
 _POLAR_NODES = 48
+# Under shadows: directions at which lobes are sampled, less those that carry next to nothing ...
+_LOBE_NODES, _DARK = 2**15, 1e-5
+# ... and the largest image whose texels are all asked for; cells of this angle stand for others.
+_MOST_TEXELS, _CELL_ANGLE = 2**16, 0.014
 
 
 def synthesise(
@@ -52,13 +66,18 @@ def synthesise(
     identical capture that is there already is left alone.  Raises ``InputError``.
     """
     progress = progress or SilentProgress()
-    digest = fingerprint(recipe, input_files(recipe), purpose="synth")
+    digest = fingerprint(recipe, input_files(recipe), purpose=purpose_of(recipe))
     if prepare(folder, digest, force) is FolderState.FINISHED:
         progress.note(f"photographs of {recipe_path.name}: rendered before, in {folder}")
         return folder
     with progress.stage("render photographs"), result_folder(folder, digest, force) as into:
         _write_capture(recipe, recipe_path, into, progress)
     return folder
+
+
+def purpose_of(recipe: RecipeConfig) -> str:
+    """Tell photographs of meshes apart from those made before concave ones had shadows."""
+    return "synth" if recipe.geometry.mesh is None else "synth with shadows"
 
 
 def written_files(recipe: RecipeConfig) -> list[str]:
@@ -93,7 +112,7 @@ def _write_capture(
     recipe: RecipeConfig, recipe_path: Path, folder: Path, progress: Progress
 ) -> None:
     shape, material = shape_of(recipe.geometry), true_material(recipe.brdf)
-    light = _light_of(recipe)
+    light = _light_of(recipe, shape)
     if not any(np.any(np.asarray(energy) > 0) for energy in _energies(light)):
         raise InputError(f"{recipe_path}: lighting: the light is zero; give a radiance above 0")
     centre = np.asarray(shape.bounds()).mean(axis=0)
@@ -130,7 +149,7 @@ def _photograph(
     camera: Camera,
     shape: Shape,
     material: Microfacet,
-    light: ExactForward,
+    light: ExactForward | ShadowedForward,
     noise: tuple[NoiseModel, np.random.Generator],
 ) -> Float[np.ndarray, "row column 4"]:
     view = observe(camera, shape)
@@ -144,19 +163,35 @@ def _photograph(
     return image
 
 
-def _light_of(recipe: RecipeConfig) -> ExactForward:
+def _light_of(recipe: RecipeConfig, shape: Shape) -> ExactForward | ShadowedForward:
     parts = [directional_of(recipe.lighting.directional).nodes()]
-    environment = recipe_environment(recipe)
+    environment, lobes = recipe_environment(recipe), _lobes_of(recipe)
+    concave = not shape.is_convex()
+    if concave and lobes is not None:
+        parts.append(_sampled(lobes))
     if environment is not None:
         nodes = environment.nodes()
+        if concave and nodes.directions.shape[0] > _MOST_TEXELS:
+            nodes = condensed(environment, _CELL_ANGLE)
         lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
         parts.append(LightNodes(*(np.asarray(a)[lit] for a in nodes)))
     nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
-    return ExactForward(nodes, _lobes_of(recipe), _POLAR_NODES)
+    if concave:
+        return ShadowedForward(shape, nodes)
+    return ExactForward(nodes, lobes, _POLAR_NODES)
 
 
-def _energies(light: ExactForward) -> list:
-    return [light.nodes.irradiance] + ([] if light.lobes is None else [light.lobes.middle])
+def _sampled(lobes: SmoothLobes) -> LightNodes:
+    """Sum up smooth lobes at evenly spread directions."""
+    directions = fibonacci_sphere(_LOBE_NODES)
+    radiance = np.asarray(lobes.radiance(directions))
+    lit = radiance.max(axis=1) > _DARK * radiance.max()
+    return LightNodes(directions[lit], 4 * np.pi / _LOBE_NODES * radiance[lit])
+
+
+def _energies(light: ExactForward | ShadowedForward) -> list:
+    lobes = light.lobes if isinstance(light, ExactForward) else None
+    return [light.nodes.irradiance] + ([] if lobes is None else [lobes.middle])
 
 
 def _lobes_of(recipe: RecipeConfig) -> SmoothLobes | None:

@@ -11,7 +11,10 @@
 ``subspaces``
     the few images that all pictures of a matte object are mixed from
 ``dual``
-    the model of T 6.9: diffuse and slow light in frequency, fast light in angle
+    the model of T 6.9: diffuse and slow light in frequency, fast light in angle (T 6.12 with
+    shadows)
+``transfer``
+    transfer vectors (T 6.10): diffuse light on shapes that shadow themselves
 ``tabulated``
     the dual model as a table over roughness, for solvers
 ``render``
@@ -40,7 +43,9 @@ from jaxrender.reflection.convolution_flatland import (
 from jaxrender.reflection.dual import (
     DualGoal,
     DualLight,
+    Shadows,
     SourcesNeeded,
+    cast_shadows,
     dual_columns,
     dual_light,
     sources_needed,
@@ -51,6 +56,7 @@ from jaxrender.reflection.integral import (
     integral_columns_by_frame,
     polar_columns,
     radiance,
+    visible_nodes,
 )
 from jaxrender.reflection.irradiance import (
     IrradianceError,
@@ -65,6 +71,9 @@ from jaxrender.reflection.render import (
     DualForward,
     ExactForward,
     ForwardModel,
+    ShadowedDual,
+    ShadowedForward,
+    ShadowedModel,
     render,
     render_samples,
     render_view,
@@ -79,6 +88,13 @@ from jaxrender.reflection.subspaces import (
     relit,
 )
 from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
+from jaxrender.reflection.transfer import (
+    Quadrature,
+    TransferVectors,
+    interpolated,
+    shadowed_irradiance,
+    transfer_vectors,
+)
 
 __all__ = [
     "SurfacePoints",
@@ -112,12 +128,20 @@ __all__ = [
     "ExactForward",
     "ForwardModel",
     "FrameNodes",
+    "Quadrature",
     "RoughnessTable",
+    "Shadows",
+    "ShadowedDual",
+    "ShadowedForward",
+    "ShadowedModel",
     "SourcesNeeded",
+    "TransferVectors",
+    "cast_shadows",
     "dual_columns",
     "dual_light",
     "integral_columns",
     "integral_columns_by_frame",
+    "interpolated",
     "irradiance",
     "polar_columns",
     "radiance",
@@ -126,5 +150,8 @@ __all__ = [
     "render_view",
     "render_views",
     "roughness_table",
+    "shadowed_irradiance",
     "sources_needed",
+    "transfer_vectors",
+    "visible_nodes",
 ]

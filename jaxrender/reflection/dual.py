@@ -6,6 +6,10 @@ The slow part of the light is known by its coefficients and filtered; the source
 exactly, like in the integral.  What the model gets wrong is therefore known in closed form: each
 point mass left in the slow part contributes its energy times (lobe - azimuthal mean of the lobe).
 ``sources_needed`` adds that up, so a split is as fine as the error asked for, and no finer.
+
+On concave shapes ``Shadows`` make it T 6.12: transfer vectors instead of harmonics of the normal,
+and the visibilities of R and of the sources.  They depend on geometry and viewpoint only, and are
+traced once (``cast_shadows``).
 """
 
 from typing import NamedTuple
@@ -16,16 +20,25 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import BRDF, Microfacet
-from jaxrender.geometry import Components, SurfaceSamples, world_from_local
+from jaxrender.geometry import (
+    Components,
+    Shape,
+    SurfacePlaces,
+    SurfaceSamples,
+    visible_along,
+    world_from_local,
+)
 from jaxrender.harmonics import band_limit_of, degree_table, legendre
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes, LightSplit
 from jaxrender.reflection.integral import (
     FrameNodes,
     integral_columns,
     integral_columns_by_frame,
+    visible_nodes,
 )
 from jaxrender.reflection.irradiance import irradiance
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.reflection.transfer import shadowed_irradiance
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 from jaxrender.spectra import light_coefficients, transfer_of_samples
 
 
@@ -92,17 +105,67 @@ def dual_light(
     return DualLight(slow, sources, frames)
 
 
+class Shadows(NamedTuple):
+    """What a concave shape keeps from the light, for each sample: the visibilities of T 6.12."""
+
+    transfer: Float[AnyArray, "sample coefficient"]  # Y~_lm(x): of slow light into the diffuse part
+    reflected: Bool[AnyArray, "sample"]  # V(R): of slow light in the specular part
+    sources: Bool[AnyArray, "sample source"]  # V_j
+    frame_sources: Bool[AnyArray, "sample node"] | None = None  # the same of DualLight.frames
+
+
+def cast_shadows(
+    shape: Shape,
+    places: SurfacePlaces,
+    samples: SurfaceSamples,
+    light: DualLight,
+    transfer: Float[AnyArray, "sample coefficient"],
+) -> Shadows:
+    """Trace what T 6.12 asks for: the reflected rays, and those to every source (host side).
+
+    ``places`` are the samples' own; their transfer vectors are those of
+    :mod:`jaxrender.reflection.transfer`.
+    """
+    reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
+    sources = visible_nodes(shape, places, light.sources.nodes())
+    frames = light.frames
+    by_frame = None if frames is None else visible_nodes(shape, places, frames)
+    return Shadows(transfer, reflected, sources, by_frame)
+
+
 def dual_columns(
-    brdf: BRDF, samples: SurfaceSamples, light: DualLight, transfer: str = "exit-cosine"
+    brdf: BRDF,
+    samples: SurfaceSamples,
+    light: DualLight,
+    transfer: str = "exit-cosine",
+    shadows: Shadows | None = None,
 ) -> Float[Array, "sample lobe channel"]:
-    """Evaluate T 6.9 with the named transfer: the columns of kd and, for a microfacet, of ks."""
-    fast = integral_columns(brdf, samples, light.sources.nodes())
+    """Evaluate T 6.9 with the named transfer: the columns of kd and, for a microfacet, of ks.
+
+    With ``shadows`` it is T 6.12; diffuse light is then summed to the transfer vectors' degree.
+    """
+    seen, seen_by_frame = None, None
+    if shadows is not None:
+        seen = _mask(shadows.sources)
+        seen_by_frame = None if shadows.frame_sources is None else _mask(shadows.frame_sources)
+    fast = integral_columns(brdf, samples, light.sources.nodes(), seen)
     if light.frames is not None:
-        fast = fast + integral_columns_by_frame(brdf, samples, light.frames)
-    slow = [irradiance(light.slow, samples.normals)]
+        fast = fast + integral_columns_by_frame(brdf, samples, light.frames, seen_by_frame)
+    if shadows is None:
+        slow = [irradiance(light.slow, samples.normals)]
+    else:
+        slow = [shadowed_irradiance(light.slow, shadows.transfer)]
     if isinstance(brdf, Microfacet):
-        slow.append(slow_specular(brdf, samples, light.slow, transfer))
+        specular = slow_specular(brdf, samples, light.slow, transfer)
+        if shadows is not None:
+            specular = jnp.where(_mask(shadows.reflected)[:, None], specular, 0)
+        slow.append(specular)
     return jnp.stack(slow, axis=1) + fast
+
+
+def _mask(visibility: Bool[AnyArray, "*any"] | Float[AnyArray, "*any"]) -> Bool[Array, "*any"]:
+    """Take 1 or 0 for true or false."""
+    return jnp.asarray(visibility).astype(bool)
 
 
 def slow_specular(

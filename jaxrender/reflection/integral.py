@@ -8,6 +8,9 @@ masses; against the continuous hemisphere it errs by up to 1.5e-2 for 64 rows, 2
 for 512, because the horizon cuts between texels.  ``polar_columns`` serves smooth light without
 that error: nodes centred on each sample's normal end exactly at the horizon.
 
+Both integrals know no shadows unless told: ``visible`` is V(x, w_i), which darkens each node for
+the samples that do not see it (``jaxrender.geometry.visible`` finds it by ray tracing).
+
 Samples are worked off in chunks, so memory does not grow with their number, and everything is
 differentiable in the BRDF and in the light.
 """
@@ -20,9 +23,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import BRDF
-from jaxrender.geometry import Components, SurfaceSamples, world_from_local
+from jaxrender.geometry import (
+    Components,
+    Shape,
+    SurfacePlaces,
+    SurfaceSamples,
+    visible,
+    world_from_local,
+)
 from jaxrender.lighting import LightNodes
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Directions times samples worked on at once: small enough for a processor's cache.
 _PAIRS_PER_CHUNK = 2**15
@@ -41,29 +51,55 @@ class FrameNodes(NamedTuple):
 
 
 def integral_columns(
-    brdf: BRDF, samples: SurfaceSamples, nodes: LightNodes
+    brdf: BRDF,
+    samples: SurfaceSamples,
+    nodes: LightNodes,
+    visible: Bool[AnyArray, "sample node"] | None = None,
 ) -> Float[Array, "sample lobe channel"]:
-    """Sum each lobe's transfer function over all nodes of one light."""
-    directions, weights = jnp.asarray(nodes.directions), jnp.asarray(nodes.irradiance)
+    """Sum each lobe's transfer function over all nodes of one light, or over those it sees."""
+    light = LightNodes(*(jnp.asarray(a) for a in nodes))
 
-    def one(sample: SurfaceSamples) -> Float[Array, "lobe channel"]:
-        return _sum_over_nodes(brdf, sample, directions, weights)
+    def one(indexed: tuple) -> Float[Array, "lobe channel"]:
+        sample, seen = indexed
+        return _sum_over_nodes(brdf, sample, light, seen)
 
-    return _by_chunks(one, _as_arrays(samples), directions.shape[0])
+    return _by_chunks(one, (_as_arrays(samples), _mask(visible)), light.directions.shape[0])
 
 
 def integral_columns_by_frame(
-    brdf: BRDF, samples: SurfaceSamples, nodes: FrameNodes
+    brdf: BRDF,
+    samples: SurfaceSamples,
+    nodes: FrameNodes,
+    visible: Bool[AnyArray, "sample node"] | None = None,
 ) -> Float[Array, "sample lobe channel"]:
-    """Sum each lobe's transfer function over the nodes of the light of each sample's frame."""
+    """Sum each lobe's transfer function over the nodes of the light of each sample's frame.
+
+    ``visible`` speaks of the nodes of that frame.
+    """
     directions, weights = jnp.asarray(nodes.directions), jnp.asarray(nodes.irradiance)
 
-    def one(indexed: tuple[SurfaceSamples, Int[Array, ""]]) -> Float[Array, "lobe channel"]:
-        sample, frame = indexed
-        return _sum_over_nodes(brdf, sample, directions[frame], weights[frame])
+    def one(indexed: tuple) -> Float[Array, "lobe channel"]:
+        sample, frame, seen = indexed
+        light = LightNodes(directions[frame], weights[frame])
+        return _sum_over_nodes(brdf, sample, light, seen)
 
-    frames = jnp.asarray(nodes.frame_of_sample)
-    return _by_chunks(one, (_as_arrays(samples), frames), directions.shape[1])
+    indexed = _as_arrays(samples), jnp.asarray(nodes.frame_of_sample), _mask(visible)
+    return _by_chunks(one, indexed, directions.shape[1])
+
+
+def visible_nodes(
+    shape: Shape, places: SurfacePlaces, nodes: LightNodes | FrameNodes
+) -> Bool[np.ndarray, "sample node"]:
+    """Trace which nodes each sample sees, or which of its own frame's (host side)."""
+    directions = np.asarray(nodes.directions)
+    if not isinstance(nodes, FrameNodes):
+        return visible(shape, places, directions)
+    frame = np.asarray(nodes.frame_of_sample)
+    seen = np.zeros((len(frame), directions.shape[1]), bool)
+    for index, own in enumerate(directions):
+        rows = frame == index
+        seen[rows] = visible(shape, SurfacePlaces(*(np.asarray(a)[rows] for a in places)), own)
+    return seen
 
 
 def polar_columns(
@@ -119,15 +155,15 @@ def radiance(
 
 
 def _sum_over_nodes(
-    brdf: BRDF,
-    sample: SurfaceSamples,
-    directions: Float[Array, "node 3"],
-    weights: Float[Array, "node channel"],
+    brdf: BRDF, sample: SurfaceSamples, nodes: LightNodes, seen: Bool[Array, "node"] | None
 ) -> Float[Array, "lobe channel"]:
     frame = world_from_local(sample.normals)
-    incoming = Components.of(directions).in_frame(frame)
+    incoming = Components.of(nodes.directions).in_frame(frame)
     outgoing = Components.of(sample.outgoing).in_frame(frame)
-    return _sum(brdf.transfer(incoming, outgoing), weights)
+    lobes = brdf.transfer(incoming, outgoing)
+    if seen is not None:
+        lobes = tuple(jnp.where(seen, lobe, 0) for lobe in lobes)
+    return _sum(lobes, jnp.asarray(nodes.irradiance))
 
 
 def _sum(
@@ -153,6 +189,10 @@ def _incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
 
 def _by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample lobe channel"]:
     return jax.lax.map(one, samples, batch_size=max(1, _PAIRS_PER_CHUNK // max(nodes, 1)))
+
+
+def _mask(visible: Bool[AnyArray, "sample node"] | None) -> Bool[Array, "sample node"] | None:
+    return None if visible is None else jnp.asarray(visible)
 
 
 def _as_arrays(samples: SurfaceSamples) -> SurfaceSamples:

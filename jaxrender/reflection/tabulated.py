@@ -4,7 +4,7 @@ For given samples and light the specular column of T 6.9 is a smooth function of
 with the Fresnel ratio at the half angle, of log(mu - 1)).  It is evaluated once at equally spaced
 knots by the dual model's own parts and interpolated by cubic B-splines, so that value and
 derivative cost four rows of the table whatever the number of sources or degrees.
-:func:`jaxrender.reflection.dual.dual_columns` is the slow twin.
+:func:`jaxrender.reflection.dual.dual_columns` is the slow twin.  With ``Shadows`` it is T 6.12.
 """
 
 import equinox as eqx
@@ -16,9 +16,10 @@ from jaxrender.brdf import Microfacet, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import degree_table
 from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection.dual import DualLight
+from jaxrender.reflection.dual import DualLight, Shadows
 from jaxrender.reflection.integral import integral_columns, integral_columns_by_frame
 from jaxrender.reflection.irradiance import irradiance
+from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra import transfer_of_samples
 
@@ -117,6 +118,7 @@ def roughness_table(
     sigma_range: tuple[float, float],
     mu_range: tuple[float, float] = (1.1, 4.0),
     transfer: str = "exit-cosine",
+    shadows: Shadows | None = None,
 ) -> RoughnessTable:
     """Tabulate the dual model over a range of sigma (and of mu, where the lobe depends on it).
 
@@ -126,6 +128,8 @@ def roughness_table(
     dtype = jnp.asarray(samples.normals).dtype
     samples = SurfaceSamples(jnp.asarray(samples.normals), jnp.asarray(samples.outgoing))
     light = jax.tree.map(lambda x: _cast(x, dtype), _padded(light))
+    if shadows is not None:
+        shadows = _ready(shadows, light.sources.directions.shape[0], dtype)
     half = brdf.mu is not None and brdf.fresnel == "half"
     low, high = np.log(np.asarray(mu_range) - 1).tolist()
     log_mu = KnotRange.over(low, high, _MU_KNOTS) if half else _ONE_KNOT
@@ -134,7 +138,7 @@ def roughness_table(
     sigmas = jnp.exp(jnp.asarray(log_sigma.values(), dtype))
     mus = 1 + jnp.exp(jnp.asarray(log_mu.values(), dtype))
     with jax.default_matmul_precision("highest"):
-        diffuse, values = _tabulate(variant, samples, light, (mus, sigmas), transfer)
+        diffuse, values = _tabulate(variant, samples, light, (mus, sigmas), (transfer, shadows))
         spline = jnp.einsum(
             "am,bk,mksc->absc",
             jnp.asarray(log_mu.spline_from_values(), dtype),
@@ -150,34 +154,43 @@ def _tabulate(
     samples: SurfaceSamples,
     light: DualLight,
     knots: tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]],
-    transfer: str,
+    how: tuple[str, Shadows | None],
 ) -> tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]:
     """Evaluate the diffuse column, and the specular one over exit-angle Fresnel at every knot."""
-    mus, sigmas = knots
+    (mus, sigmas), (transfer, shadows) = knots, how
     metal = variant.mu is None
 
     def fast(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
         brdf = variant.with_roughness(sigma, None if metal else mu)
-        columns = integral_columns(brdf, samples, light.sources.nodes())
+        seen = None if shadows is None else shadows.sources
+        columns = integral_columns(brdf, samples, light.sources.nodes(), seen)
         if light.frames is not None:
-            columns = columns + integral_columns_by_frame(brdf, samples, light.frames)
+            seen = None if shadows is None else shadows.frame_sources
+            columns = columns + integral_columns_by_frame(brdf, samples, light.frames, seen)
         return columns
 
     def relative_fresnel(mu: Float[Array, ""]) -> Float[Array, "sample 1"]:
         return normalised_fresnel(None if metal else mu, samples.exit_cosines)[:, None]
 
     def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
-        def slow(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
+        def slow_part(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
             brdf = variant.with_roughness(sigma, None if metal else mu)
             passed = transfer_of_samples(brdf, samples.exit_cosines, light.band_limit, transfer)
             return jnp.einsum("sl,slc->sc", passed, by_degree, precision="highest")
 
-        column = jax.vmap(lambda sigma: fast(sigma, mu)[:, 1])(sigmas) + jax.lax.map(slow, sigmas)
+        column = jax.vmap(lambda sigma: fast(sigma, mu)[:, 1])(sigmas) + jax.lax.map(
+            slow_part, sigmas
+        )
         return column / relative_fresnel(mu)[None]
 
-    by_degree = degree_table(jnp.asarray(light.slow), samples.reflected)
-    diffuse = fast(sigmas[0], mus[0])[:, 0] + irradiance(jnp.asarray(light.slow), samples.normals)
-    return diffuse, jax.lax.map(row, mus)
+    slow = jnp.asarray(light.slow)
+    by_degree = degree_table(slow, samples.reflected)
+    if shadows is None:
+        diffuse = irradiance(slow, samples.normals)
+    else:
+        by_degree = jnp.where(shadows.reflected[:, None, None], by_degree, 0)
+        diffuse = shadowed_irradiance(slow, shadows.transfer)
+    return fast(sigmas[0], mus[0])[:, 0] + diffuse, jax.lax.map(row, mus)
 
 
 def _padded(light: DualLight) -> DualLight:
@@ -191,6 +204,18 @@ def _padded(light: DualLight) -> DualLight:
         np.concatenate([light.sources.irradiance, np.zeros((missing, channels))]),
     )
     return DualLight(light.slow, sources, light.frames)
+
+
+def _ready(shadows: Shadows, sources: int, dtype) -> Shadows:
+    """Cast what is to be multiplied, and let nobody see the sources that fill up."""
+    seen = np.asarray(shadows.sources).astype(bool)
+    by_frame = shadows.frame_sources
+    return Shadows(
+        jnp.asarray(shadows.transfer, dtype),
+        jnp.asarray(shadows.reflected).astype(bool),
+        jnp.asarray(np.pad(seen, ((0, 0), (0, sources - seen.shape[1])))),
+        None if by_frame is None else jnp.asarray(by_frame).astype(bool),
+    )
 
 
 def _cast(x: AnyArray, dtype) -> Array:

@@ -11,6 +11,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -76,6 +77,7 @@ brdf:
   ks_per_channel: true
   fresnel: half
   masking: smith
+  gauge: metal
 samples: {min_cosine: 0.2, count: 1e4, seed: 3}
 solve:
   band_limit: 12
@@ -87,6 +89,7 @@ solve:
   noise: {relative: 0.01}
   starts: 2
   free_exposure: true
+  most_sources: 3
   variants: false
 output: runs/full
 """
@@ -163,6 +166,7 @@ def test_defaults():
         "ks_per_channel": False,
         "fresnel": "exit",
         "masking": "none",
+        "gauge": "per-channel",
     }
     assert config.samples.model_dump() == {"min_cosine": 0.15, "count": 12000, "seed": 0}
     assert config.solve.model_dump() == {
@@ -175,6 +179,7 @@ def test_defaults():
         "noise": "estimate",
         "starts": 8,
         "free_exposure": False,
+        "most_sources": 48,
         "variants": True,
     }
 
@@ -195,6 +200,39 @@ def test_every_key_is_read():
     assert config.solve.refine == "off"
     assert config.solve.noise == NoiseConfig(relative=0.01, floor=0.0)
     assert config.solve.variants is False
+    assert (config.brdf.gauge, config.solve.most_sources) == ("metal", 3)
+
+
+LIGHT_TASKS = {
+    "task: factorize\n": None,
+    "task: factorize\nlighting: {directional: [{direction: [0, 0, 1], irradiance: 1}]}\n": (
+        "task factorize recovers the light; remove lighting, or choose task: brdf"
+    ),
+    "task: factorize\nbrdf: {model: lambertian}\n": (
+        "task factorize reads the light off the gloss; choose model microfacet"
+    ),
+    "task: factorize\nbrdf: {ks: 0.1}\n": (
+        "under unknown light only the ratio of kd and ks means anything; fix both or none"
+    ),
+    "task: factorize\nsolve: {free_exposure: true}\n": (
+        "task factorize needs known exposures; remove solve.free_exposure"
+    ),
+    "task: lighting\nbrdf: {kd: 0.1, sigma: 0.1}\n": (
+        "task lighting needs a known material; fix ks, mu, or choose task: factorize"
+    ),
+    "task: lighting\nbrdf: {kd: 0.1, ks: 0.2, sigma: 0.1, mu: none}\n": None,
+}
+
+
+@pytest.mark.parametrize("text", LIGHT_TASKS)
+def test_tasks_whose_light_is_unknown(text):
+    text += "capture: {transforms: a.json, geometry: {sphere: {}}}\n"
+    message = LIGHT_TASKS[text.rsplit("capture", 1)[0]]
+    if message is None:
+        assert run_config(text).task in ("factorize", "lighting")
+        return
+    with pytest.raises(InputError, match=re.escape(message)):
+        run_config(text)
 
 
 def test_recipe_defaults():
@@ -376,7 +414,10 @@ def test_case_matters_but_is_guessed(key):
 
 
 VALUES = {
-    ("task", "brdff"): "found 'brdff', accepted: 'brdf', did you mean 'brdf'?",
+    (
+        "task",
+        "brdff",
+    ): "found 'brdff', accepted: 'brdf', 'lighting' or 'factorize', did you mean 'brdf'?",
     ("capture.transforms", "12"): "found 12, accepted: a path",
     ("capture.geometry", "1"): "found 1, accepted: {sphere, mesh, scale}",
     ("capture.geometry.sphere.radius", "0"): "found 0, accepted: a number above 0",
@@ -475,7 +516,7 @@ def test_wrong_entry_of_a_list_of_sections():
 
 def test_missing_keys():
     assert message("capture: {recipe: a.yaml}\n") == (
-        "bad.yaml:1:1: missing key 'task', accepted: 'brdf'"
+        "bad.yaml:1:1: missing key 'task', accepted: 'brdf', 'lighting' or 'factorize'"
     )
     text = CAPTURE + "lighting:\n  environment: {scale: 2}\n"
     assert (
@@ -589,7 +630,7 @@ def test_sections_that_contradict_themselves(text):
 
 RECIPES = {
     ("geometry: {sphere: {}}", "geometry: {}"): (
-        "bad.yaml:1:1: geometry: found none; give exactly one of sphere, mesh, ellipsoid"
+        "bad.yaml:1:1: geometry: found none; give exactly one of sphere, mesh, ellipsoid, sculpture"
     ),
     ("geometry: {sphere: {}}", "geometry: {ellipsoid: {radii: [1, 2, 0]}}"): (
         "bad.yaml:1:31: geometry.ellipsoid.radii: found [1, 2, 0], accepted: three numbers above 0"

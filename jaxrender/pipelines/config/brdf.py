@@ -17,6 +17,7 @@ from jaxrender.pipelines.config.values import Accepts, Section, Switch
 Model = Literal["microfacet", "lambertian"]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
+Gauge = Literal["per-channel", "dielectric", "metal"]
 
 # The parameters that a purely diffuse material does not have.
 SPECULAR_KEYS = ("ks", "sigma", "mu", "ks_per_channel", "fresnel", "masking")
@@ -60,6 +61,8 @@ class BrdfConfig(Section):
     """Which angle the Fresnel factor takes: that of the exit direction, or of the half vector."""
     masking: Masking = "none"
     """Masking and shadowing between facets."""
+    gauge: Gauge = "per-channel"
+    """Under unknown light: how light and reflectance of the channels are told apart."""
 
     @model_validator(mode="after")
     def _agrees_with_its_model(self) -> BrdfConfig:

@@ -1,4 +1,4 @@
-"""The known shape of the object: a sphere, a mesh, or (in recipes) an ellipsoid."""
+"""The known shape of the object: a sphere, a mesh, or (in recipes) an ellipsoid or a sculpture."""
 
 from __future__ import annotations
 
@@ -32,6 +32,15 @@ class EllipsoidConfig(Section):
     """How often each triangle of the icosahedron is split in four."""
 
 
+class SculptureConfig(Section):
+    """A smooth concave shape about the origin: a unit sphere with deep dents and bumps."""
+
+    subdivisions: WholeNumber = 5
+    """How often each triangle of the icosahedron is split in four."""
+    seed: WholeNumber = 0
+    """Seed of the places, depths and widths of dents and bumps."""
+
+
 class GeometryConfig(Section):
     """The shape of the photographed object: exactly one of ``sphere`` and ``mesh``."""
 
@@ -55,10 +64,12 @@ class GeometryConfig(Section):
 
 
 class RecipeGeometryConfig(GeometryConfig):
-    """The shape to be rendered: exactly one of ``sphere``, ``mesh`` and ``ellipsoid``."""
+    """The shape to be rendered: one of ``sphere``, ``mesh``, ``ellipsoid`` and ``sculpture``."""
 
     ellipsoid: EllipsoidConfig | None = None
     """An ellipsoid: {radii, subdivisions}."""
+    sculpture: SculptureConfig | None = None
+    """A concave sculpture: {subdivisions, seed}."""
 
 
 def _shape_fields(section: GeometryConfig) -> list[str]:

@@ -17,12 +17,12 @@ from jaxrender.pipelines.config.values import ConfigPath, Section
 class RunConfig(Section):
     """A fit: what is known, what is asked, and how it is found."""
 
-    task: Literal["brdf"]
-    """What is recovered."""
+    task: Literal["brdf", "lighting", "factorize"]
+    """What is recovered: the material, the light, or both."""
     capture: CaptureConfig
     """The photographs and the shape."""
     lighting: LightingConfig = LightingConfig()
-    """The known light; may be left out with a recipe, whose own light is then used."""
+    """The known light; left out where it is recovered, or with a recipe, whose own is then used."""
     brdf: BrdfConfig = BrdfConfig()
     """The material model."""
     samples: SamplesConfig = SamplesConfig()
@@ -34,8 +34,38 @@ class RunConfig(Section):
 
     @model_validator(mode="after")
     def _has_light(self) -> RunConfig:
-        if self.capture.recipe is None and not self.lighting.given:
+        recovers_light = self.task != "brdf"
+        if recovers_light and self.lighting.given:
+            raise ValueError(
+                f"task {self.task} recovers the light; remove lighting, or choose task: brdf"
+            )
+        if not recovers_light and self.capture.recipe is None and not self.lighting.given:
             raise ValueError(
                 "no light given; lighting needs one of environment, directional, per_frame"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _knows_what_its_task_needs(self) -> RunConfig:
+        brdf = self.brdf
+        if self.task == "brdf":
+            return self
+        if brdf.model == "lambertian":
+            raise ValueError(
+                f"task {self.task} reads the light off the gloss; choose model microfacet"
+            )
+        if self.solve.free_exposure:
+            raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")
+        amounts = {"kd": not brdf.kd.free, "ks": not brdf.ks.free}
+        given = amounts | {"sigma": not brdf.sigma.free}
+        given["mu"] = brdf.mu == "none" or not brdf.mu.free
+        if self.task == "lighting" and not all(given.values()):
+            missing = ", ".join(name for name, is_given in given.items() if not is_given)
+            raise ValueError(
+                f"task lighting needs a known material; fix {missing}, or choose task: factorize"
+            )
+        if self.task == "factorize" and len(set(amounts.values())) > 1:
+            raise ValueError(
+                "under unknown light only the ratio of kd and ks means anything; fix both or none"
             )
         return self

@@ -62,5 +62,7 @@ class SolveConfig(Section):
     """Starting points of the search."""
     free_exposure: Switch = False
     """Whether each photograph has an unknown exposure."""
+    most_sources: Count = 48
+    """Directional sources that unknown light may have, beside its slow part."""
     variants: Switch = True
     """Whether the answer is compared with those of other models of the material."""

@@ -8,11 +8,13 @@
     how the fit ended and what it was made from; the table of parameters and what sigma rests on
 ``photographs`` ``light`` ``material`` ``residuals`` ``spectra``
     one section's figures a file
+``recovered_light``
+    the page of a light that was recovered: its pictures, and the path of the parameters
 ``page``
     the template ``report.html.j2`` and the style ``report.css`` filled with all of it
 """
 
-from jaxrender.pipelines.report.contents import FramePictures, ReportContents
+from jaxrender.pipelines.report.contents import FramePictures, LightContents, ReportContents
 from jaxrender.pipelines.report.page import write_report
 
-__all__ = ["FramePictures", "ReportContents", "write_report"]
+__all__ = ["FramePictures", "LightContents", "ReportContents", "write_report"]

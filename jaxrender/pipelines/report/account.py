@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from jaxrender.inverse import Outcome
-from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.contents import Contents, ReportContents
 from jaxrender.pipelines.report.wording import counted, is_number, percent, seconds, shown
 
 _HEADLINES = {
@@ -22,6 +22,8 @@ _STAGES = {
     "compile": "compiling",
     "solve": "fit in the frequency view",
     "refine": "refinement by the exact integral",
+    "light": "finding the light, source by source",
+    "shadows": "tracing shadows",
     "account": "error bars",
     "variants": "fits under other models",
     "predict": "rendering the predictions",
@@ -63,7 +65,7 @@ class Timings(NamedTuple):
     total: str
 
 
-def ending(contents: ReportContents) -> Ending:
+def ending(contents: Contents) -> Ending:
     """Say how the fit ended."""
     outcome = str(contents.result.get("outcome", contents.fit.outcome.value))
     headline, tone = _HEADLINES.get(outcome, (outcome, "warn"))
@@ -72,15 +74,12 @@ def ending(contents: ReportContents) -> Ending:
     return Ending(headline, tone, known.get(outcome, ""), tuple(str(r) for r in reasons))
 
 
-def figures(contents: ReportContents) -> tuple[Figure, ...]:
+def figures(contents: Contents) -> tuple[Figure, ...]:
     """Sum up how well the material explains the photographs."""
-    result, final = contents.result, contents.fit.final
-    residual = result.get("residual", {})
-    error = residual.get("relative_rms", final.relative_rms)
-    samples = residual.get("samples", final.observations.count)
-    noise = result.get("noise", {})
-    relative = noise.get("relative", final.noise.relative)
-    floor = noise.get("floor", final.noise.floor)
+    result = contents.result
+    residual, noise = result.get("residual", {}), result.get("noise", {})
+    error, samples = residual.get("relative_rms"), residual.get("samples")
+    relative, floor = noise.get("relative"), noise.get("floor")
     found = [
         Figure("Left unexplained", percent(error), f"rms, of {counted(samples)} samples"),
         Figure("Noise", percent(relative), f"of the radiance, over a floor of {shown(floor, 2)}"),
@@ -95,13 +94,13 @@ def figures(contents: ReportContents) -> tuple[Figure, ...]:
     return tuple(found)
 
 
-def removed_pixels(contents: ReportContents) -> tuple[tuple[str, str], ...]:
+def removed_pixels(contents: Contents) -> tuple[tuple[str, str], ...]:
     """List how many pixels each rule left out."""
     removed = contents.result.get("pixels", {}).get("removed", {})
     return tuple((str(rule), counted(count)) for rule, count in removed.items())
 
 
-def timings(contents: ReportContents) -> Timings | None:
+def timings(contents: Contents) -> Timings | None:
     """List where the time went; None where nobody measured."""
     spent = contents.result.get("seconds") or {}
     spent = {str(name): float(value) for name, value in spent.items() if is_number(value)}
@@ -115,7 +114,7 @@ def timings(contents: ReportContents) -> Timings | None:
     return Timings(stages, seconds(sum(spent.values())))
 
 
-def provenance(contents: ReportContents) -> tuple[tuple[str, str], ...]:
+def provenance(contents: Contents) -> tuple[tuple[str, str], ...]:
     """Flatten the provenance to pairs of a dotted name and a value."""
     return tuple(_flat(contents.result.get("provenance", {}), ""))
 

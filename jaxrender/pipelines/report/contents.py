@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse import BRDFFit, Factorization, KnownLight
 from jaxrender.shapes import Bool, Float
 
 
@@ -35,3 +35,27 @@ class ReportContents(NamedTuple):
     def is_lambertian(self) -> bool:
         """Whether the material was fitted without a specular lobe."""
         return self.result.get("brdf", {}).get("model") == "lambertian"
+
+
+Panorama = Float[np.ndarray, "row column channel"]
+
+
+class LightContents(NamedTuple):
+    """All that the report of a recovered light shows.
+
+    ``images`` are the whole light and its slow part.
+    """
+
+    title: str
+    result: dict[str, Any]
+    fit: Factorization
+    images: tuple[Panorama, Panorama]
+    frames: tuple[FramePictures, ...]
+
+    @property
+    def is_lambertian(self) -> bool:
+        """Never: such a material has no gloss to see the light in."""
+        return False
+
+
+Contents = ReportContents | LightContents

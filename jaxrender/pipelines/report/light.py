@@ -93,6 +93,11 @@ def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
     )
 
 
+def circles_on_map(sources: DirectionalSources) -> tuple[Circle, ...]:
+    """Draw sources as circles on a map of one unit a degree."""
+    return _on_map(sources, _strongest(sources))
+
+
 def _picture(radiance: Float[np.ndarray, "row column channel"], key: float) -> str:
     return data_uri(tone_mapped(shrunk(radiance, _LONGEST_SIDE), key))
 

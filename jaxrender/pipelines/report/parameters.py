@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.inverse.conditioning import GRAZING_COSINE
-from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.contents import Contents, ReportContents
 from jaxrender.pipelines.report.display import hex_colour
 from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numbers, percent, shown
 
@@ -76,7 +76,7 @@ class Evidence(NamedTuple):
     bars: tuple[EvidenceBar, ...]
 
 
-def parameters(contents: ReportContents) -> tuple[Parameter, ...]:
+def parameters(contents: Contents) -> tuple[Parameter, ...]:
     """List the parameters that the material has, in the order of T 6.2."""
     given = contents.result.get("brdf", {})
     names = [name for name in _MEANINGS if name in given]
@@ -85,7 +85,7 @@ def parameters(contents: ReportContents) -> tuple[Parameter, ...]:
     return tuple(_parameter(contents, name) for name in names)
 
 
-def _parameter(contents: ReportContents, name: str) -> Parameter:
+def _parameter(contents: Contents, name: str) -> Parameter:
     result = contents.result
     letter, index, meaning = _MEANINGS[name]
     lines = _lines(contents, name)
@@ -95,11 +95,11 @@ def _parameter(contents: ReportContents, name: str) -> Parameter:
     reasons = [reason for reason in result.get("reasons", ()) if _is_about(str(reason), name)]
     sensitive = {True: "yes", False: "no", None: MISSING}[_flag(result, "model_sensitive", name)]
     albedo = np.pi * np.array(_values(contents, "value", name))
-    swatch = hex_colour(albedo) if name == "kd" and albedo.size else None
+    swatch = hex_colour(albedo) if name == "kd" and albedo.size and _is_absolute(result) else None
     return Parameter(letter, index, meaning, lines, swatch, verdict, tuple(reasons), sensitive)
 
 
-def _lines(contents: ReportContents, name: str) -> tuple[Line, ...]:
+def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
     values = _values(contents, "value", name)
     intervals = np.array(_values(contents, "interval", name)).reshape(-1, 2)
     errors = _values(contents, "error", name)
@@ -114,13 +114,13 @@ def _lines(contents: ReportContents, name: str) -> tuple[Line, ...]:
             shown(_at(errors, k), 2),
             shown(_at(before, k)),
             percent(_at(bias, k), sign=True),
-            shown(np.pi * value, 3) if name == "kd" else "",
+            shown(np.pi * value, 3) if name == "kd" and _is_absolute(contents.result) else "",
         )
         for k, value in enumerate(values)
     )
 
 
-def _values(contents: ReportContents, what: str, name: str) -> list[float]:
+def _values(contents: Contents, what: str, name: str) -> list[float]:
     """Look a parameter up in the result, or in the fit where the result does not have it."""
     result, fitted = contents.result, contents.fit.parameters
     key = {"value": "brdf", "interval": "interval90", "error": "standard_error"}[what]
@@ -135,6 +135,11 @@ def _values(contents: ReportContents, what: str, name: str) -> list[float]:
     found = np.asarray(found, float)
     # A metal's mu is NaN there.
     return found.ravel().tolist() if np.isfinite(found).all() else []
+
+
+def _is_absolute(result: dict[str, Any]) -> bool:
+    """Whether reflectances have a scale of their own, not that of a gauge."""
+    return result.get("task") != "factorize"
 
 
 def _flag(result: dict[str, Any], key: str, name: str) -> bool | None:
@@ -210,7 +215,7 @@ def _bar(name: str, error: Any, largest: float) -> EvidenceBar:
     return EvidenceBar(name, percent(error), 100 * error / largest if largest > 0 else 0.0)
 
 
-def in_degrees(contents: ReportContents) -> str | None:
+def in_degrees(contents: Contents) -> str | None:
     """Say the roughness as an angle."""
     values = [] if contents.is_lambertian else _values(contents, "value", "sigma")
     return f"{shown(math.degrees(values[0]), 2)}°" if values else None

@@ -1,0 +1,48 @@
+"""Whether a triangle mesh is closed, and whether it bounds a convex body.  Host side, float64."""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull, QhullError
+
+# Volume that the convex hull may add to a convex mesh: rounding only.
+_HULL_SLACK = 1e-9
+# Faces that every corner must lie behind before the hull is built at all, and by how much (volume
+# of the tetrahedron in front of the face, mesh in a unit box) it may fail to.
+_WITNESSES = 64
+_WITNESS_SLACK = 1e-6
+
+
+def is_closed(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> bool:
+    """Whether every edge is used once in either direction (vertices at one place are one)."""
+    _, merged = np.unique(vertices, axis=0, return_inverse=True)
+    faces = merged[faces]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    keys = edges[:, 0] * len(vertices) + edges[:, 1]
+    opposite = edges[:, 1] * len(vertices) + edges[:, 0]
+    unique = np.unique(keys)
+    return len(unique) == len(keys) and np.array_equal(unique, np.unique(opposite))
+
+
+def is_convex(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> bool:
+    """Whether the mesh is closed and fills its convex hull."""
+    triangles = vertices[faces]
+    lower, upper = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    boxed = (triangles - (lower + upper) / 2) / (upper - lower).max()
+    # The cheap question first.
+    if not _behind_largest_faces(boxed) or not is_closed(vertices, faces):
+        return False
+    volume = np.linalg.det(boxed).sum() / 6
+    try:
+        hull = ConvexHull(boxed.reshape(-1, 3)).volume
+    except QhullError:  # closed and flat: a sheet with two sides
+        return False
+    return bool(volume >= (1 - _HULL_SLACK) * hull)
+
+
+def _behind_largest_faces(triangles: Float[np.ndarray, "face 3 3"]) -> bool:
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    largest = np.argsort(np.einsum("fi,fi->f", normals, normals))[-_WITNESSES:]
+    normals = normals[largest]
+    offsets = np.einsum("fi,fi->f", normals, triangles[largest, 0])
+    height = (triangles.reshape(-1, 3) @ normals.T).max(axis=0) - offsets
+    return bool((height < 6 * _WITNESS_SLACK).all())

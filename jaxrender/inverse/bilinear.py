@@ -1,0 +1,128 @@
+"""Light times BRDF, both unknown: least squares of B_lmpq = Lambda_l L_lm rho_lpq (T 2.59).
+
+Either factor is a linear problem once the other is known, and in either every unknown stands alone;
+so the normal equations of both together are two diagonals and a rectangle between them.  Taking the
+BRDF out (a Schur complement) leaves a matrix of the size of the light, whose inverse is also the
+covariance.  One light coefficient is held: the product does not know its scale.  Host, float64.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.shapes import Float, Int
+
+_STEPS, _HALVINGS = 40, 12
+# The search ends when no unknown moves by more than this part of the largest of its kind.
+_SETTLED = 1e-14
+# A step must not raise chi-squared by more than this part of it: rounding.
+_ROUNDING = 1e-12
+
+
+class Bilinear(NamedTuple):
+    """Measured coefficients of some degrees, flat (l, m) first, and what they are products of.
+
+    ``wavelengths`` is Lambda_l of each row, ``unknown`` the place of rho_lpq in the vector of BRDF
+    unknowns (shared where reciprocity says so), ``weights`` 1 / variance, zero where there is no
+    such coefficient, ``held`` the light coefficient that keeps its value.
+    """
+
+    values: Float[np.ndarray, "row outgoing_degree order"]
+    weights: Float[np.ndarray, "row outgoing_degree order"]
+    wavelengths: Float[np.ndarray, "row"]
+    unknown: Int[np.ndarray, "row outgoing_degree order"]
+    held: int
+
+    def residual(self, factors: "Factors") -> Float[np.ndarray, "row outgoing_degree order"]:
+        """Measured less predicted."""
+        light = (self.wavelengths * factors.light)[:, None, None]
+        return self.values - light * factors.brdf[self.unknown]
+
+    def cost(self, factors: "Factors") -> float:
+        """Chi-squared."""
+        return float(np.sum(self.weights * self.residual(factors) ** 2))
+
+
+class Factors(NamedTuple):
+    """Light coefficients and BRDF unknowns."""
+
+    light: Float[np.ndarray, "row"]
+    brdf: Float[np.ndarray, "unknown"]
+
+
+def refine(problem: Bilinear, start: Factors) -> Factors:
+    """Descend by Gauss-Newton from a start near the answer."""
+    factors, cost = start, problem.cost(start)
+    for _ in range(_STEPS):
+        step = _Normal.at(problem, factors).step()
+        for _ in range(_HALVINGS):
+            trial = Factors(factors.light + step.light, factors.brdf + step.brdf)
+            trial_cost = problem.cost(trial)
+            if trial_cost <= cost * (1 + _ROUNDING):
+                break
+            step = Factors(step.light / 2, step.brdf / 2)
+        else:
+            return factors
+        factors, cost = trial, trial_cost
+        if all(np.abs(d).max() <= _SETTLED * np.abs(x).max() for d, x in zip(step, factors)):
+            return factors
+    return factors
+
+
+def standard_errors(problem: Bilinear, factors: Factors) -> Factors:
+    """Compute the standard error of every unknown, that of the others' errors included."""
+    normal = _Normal.at(problem, factors)
+    covariance = normal.light_covariance()
+    through = normal.mixed / normal.brdf[None, :]
+    brdf = 1 / normal.brdf + np.einsum("ik,ij,jk->k", through, covariance, through)
+    return Factors(np.sqrt(np.diag(covariance)), np.sqrt(brdf))
+
+
+class _Normal(NamedTuple):
+    """Normal equations at a point: two diagonals, the rectangle between, and the gradients."""
+
+    light: Float[np.ndarray, "row"]
+    brdf: Float[np.ndarray, "unknown"]
+    mixed: Float[np.ndarray, "row unknown"]
+    gradient: Factors
+    held: int
+
+    @classmethod
+    def at(cls, problem: Bilinear, factors: Factors) -> "_Normal":
+        residual, weights = problem.residual(factors), problem.weights
+        by_light = problem.wavelengths[:, None, None] * factors.brdf[problem.unknown]
+        by_brdf = np.broadcast_to(
+            (problem.wavelengths * factors.light)[:, None, None], residual.shape
+        )
+        rows, unknowns = len(factors.light), len(factors.brdf)
+        place = problem.unknown.ravel()
+        flat = np.arange(rows)[:, None, None] * unknowns + problem.unknown
+        return cls(
+            np.sum(weights * by_light**2, axis=(1, 2)),
+            np.bincount(place, (weights * by_brdf**2).ravel(), unknowns),
+            np.bincount(
+                flat.ravel(), (weights * by_light * by_brdf).ravel(), rows * unknowns
+            ).reshape(rows, unknowns),
+            Factors(
+                np.sum(weights * by_light * residual, axis=(1, 2)),
+                np.bincount(place, (weights * by_brdf * residual).ravel(), unknowns),
+            ),
+            problem.held,
+        )
+
+    def step(self) -> Factors:
+        through = self.mixed / self.brdf[None, :]
+        light = self.light_covariance() @ (self.gradient.light - through @ self.gradient.brdf)
+        return Factors(light, (self.gradient.brdf - self.mixed.T @ light) / self.brdf)
+
+    def light_covariance(self) -> Float[np.ndarray, "row row"]:
+        """Invert what is left of the light once the BRDF is taken out; zero for the one held."""
+        left = np.diag(self.light) - (self.mixed / self.brdf[None, :]) @ self.mixed.T
+        free = np.arange(len(self.light)) != self.held
+        scale = 1 / np.sqrt(np.maximum(self.light, np.finfo(float).tiny))
+        scaled = (left * scale[:, None] * scale[None, :])[np.ix_(free, free)]
+        # What the data say nothing about does not move, and has the error of everything else.
+        inverse = np.linalg.pinv(scaled, rcond=1e-15, hermitian=True)
+        covariance = np.zeros_like(left)
+        covariance[np.ix_(free, free)] = inverse * np.outer(scale[free], scale[free])
+        return covariance

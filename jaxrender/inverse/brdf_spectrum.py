@@ -1,0 +1,259 @@
+"""A BRDF as coefficients, from photographs under known light (T 6.4.2, figure 6.2).
+
+B is linear in rho_lpq, so they solve a linear system; in normal equations, it is as large as the
+coefficients are many, whatever the number of pixels.  No model of the surface is needed, but much
+of the answer is left open: nothing is seen below the horizon, where a truncated series is free, and
+light without a degree says nothing about that degree.  A weak prior settles it: coefficients are of
+the size of the first one, and there is nothing below the horizon.  What the prior and what the data
+say is told apart by ``resolution``, and the posterior covariance counts both.
+
+Truncation makes ringing (T figure 6.2): ``attenuated`` damps it, which is the same as lighting the
+surface more softly.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.spectrum_basis import SpectrumBasis
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float
+
+# Samples worked on at once: at order 12 their rows take 20 MB.
+_CHUNK = 1024
+# Noise is never taken to be less than this part of the mean radiance: exact data have none.
+_LEAST_NOISE = 1e-6
+# What the fit begins with where no noise is given; the residual then says what it is.
+_FIRST_RELATIVE, _FIRST_FLOOR = 0.02, 0.01
+
+
+class Prior(NamedTuple):
+    """What is taken for granted, relative to the first coefficient.
+
+    ``size`` is the standard deviation of every coefficient, ``horizon`` that of the function's
+    component along anything below either horizon; infinite: nothing is taken for granted.
+    """
+
+    size: float = 1.0
+    horizon: float = 0.1
+
+    def precision(self, basis: SpectrumBasis, first: float) -> Float[np.ndarray, "unknown unknown"]:
+        """Return the inverse covariance of the unknowns; ``first`` is rho_000 or a guess at it."""
+        norms = np.diag(basis.norms())
+        hidden = norms - basis.visible_overlap()
+        return norms / (self.size * first) ** 2 + hidden / (self.horizon * first) ** 2
+
+
+DEFAULT_PRIOR, NO_PRIOR = Prior(), Prior(np.inf, np.inf)
+
+
+class NormalEquations(NamedTuple):
+    """Sums over samples: A' W A, A' W B, B' W B, for each channel, and how many samples.
+
+    Those of two sets of samples add up to those of both.
+    """
+
+    matrix: Float[np.ndarray, "channel unknown unknown"]
+    vector: Float[np.ndarray, "channel unknown"]
+    squares: Float[np.ndarray, "channel"]
+    count: int
+
+    def joined(self, other: "NormalEquations") -> "NormalEquations":
+        """Return the normal equations of both sets of samples."""
+        return NormalEquations(
+            self.matrix + other.matrix,
+            self.vector + other.vector,
+            self.squares + other.squares,
+            self.count + other.count,
+        )
+
+    def first_coefficient(self) -> Float[np.ndarray, "channel"]:
+        """Return what rho_000 would be if it were alone: the size of things."""
+        return np.abs(self.vector[:, 0]) / self.matrix[:, 0, 0]
+
+
+class BRDFSpectrum(NamedTuple):
+    """Recovered coefficients with the covariance of their errors.
+
+    ``resolution`` is, for each unknown, the part that the data have in it (0: all prior, 1: none);
+    its sum is the number of coefficients that the photographs determine.
+    """
+
+    basis: SpectrumBasis
+    values: Float[np.ndarray, "unknown channel"]
+    covariance: Float[np.ndarray, "channel unknown unknown"]
+    resolution: Float[np.ndarray, "unknown channel"]
+    noise: NoiseModel | None = None
+    relative_rms: float = float("nan")
+
+    @property
+    def coefficients(self) -> Float[np.ndarray, "degree outgoing_degree order channel"]:
+        """rho_lpq of rho^, or rho~_lpq where reciprocal, for q = 0 ... (T 2.53)."""
+        return self.basis.spread(self.values)
+
+    @property
+    def standard_error(self) -> Float[np.ndarray, "unknown channel"]:
+        """The standard error of each unknown."""
+        return np.sqrt(np.einsum("cuu->uc", self.covariance))
+
+    def transfer(
+        self, incoming: Float[AnyArray, "pair 3"], outgoing: Float[AnyArray, "pair 3"]
+    ) -> tuple[Float[np.ndarray, "pair channel"], Float[np.ndarray, "pair channel"]]:
+        """Evaluate rho cos t_i for local directions above the horizon, and its standard error."""
+        rows = np.asarray(self.basis.pair_rows(incoming, outgoing))
+        variance = np.einsum("su,cuv,sv->sc", rows, self.covariance, rows, optimize=True)
+        return rows @ self.values, np.sqrt(np.maximum(variance, 0))
+
+    def radiance(
+        self, light: Coefficients, samples: SurfaceSamples
+    ) -> Float[np.ndarray, "sample channel"]:
+        """Render samples under light given by coefficients: the convolution (T 2.55)."""
+        values = jnp.asarray(self.values)
+        parts = [
+            np.asarray(_render(self.basis, jnp.asarray(light), chunk, values))[:size]
+            for chunk, size in _chunks(samples)
+        ]
+        return np.concatenate(parts)
+
+    def attenuated(self, transfer: Float[np.ndarray, "degree"]) -> "BRDFSpectrum":
+        """Multiply degree l (in the reciprocal form p too) by ``transfer``: less ringing.
+
+        In the plain form that is the reflection of light so filtered (T 6.4.2).
+        Raises ``ValueError`` unless there is a factor for each degree.
+        """
+        transfer = np.asarray(transfer, float)
+        if transfer.shape != (self.basis.band_limit + 1,):
+            raise ValueError(
+                f"{transfer.shape[0]} factors for degrees 0 to {self.basis.band_limit}: give "
+                f"{self.basis.band_limit + 1}"
+            )
+        degree, outgoing, _ = self.basis.indices
+        factor = transfer[degree] * (transfer[outgoing] if self.basis.reciprocal else 1)
+        return self._replace(
+            values=self.values * factor[:, None],
+            covariance=self.covariance * np.outer(factor, factor)[None],
+        )
+
+
+def normal_equations(
+    basis: SpectrumBasis,
+    light: Coefficients,
+    observations: Observations,
+    deviation: Float[AnyArray, "sample channel"],
+) -> NormalEquations:
+    """Sum up the normal equations of samples with given standard deviations of their noise."""
+    channels = observations.radiance.shape[1]
+    total = NormalEquations(
+        np.zeros((channels, basis.count, basis.count)),
+        np.zeros((channels, basis.count)),
+        np.zeros(channels),
+        0,
+    )
+    weights = 1 / np.asarray(deviation)
+    target = np.asarray(observations.radiance) * weights
+    first = 0
+    for chunk, size in _chunks(observations.samples):
+        last, short = first + size, ((0, _CHUNK - size), (0, 0))
+        parts = _sums(
+            basis,
+            jnp.asarray(light),
+            chunk,
+            (np.pad(weights[first:last], short), np.pad(target[first:last], short)),
+        )
+        matrix, vector, squares = (np.asarray(part) for part in parts)
+        total = total.joined(NormalEquations(matrix, vector, squares, size))
+        first = last
+    return total
+
+
+def solve_spectrum(
+    basis: SpectrumBasis, equations: NormalEquations, prior: Prior = DEFAULT_PRIOR
+) -> BRDFSpectrum:
+    """Solve for the coefficients under a prior, with their posterior covariance."""
+    values, covariances, resolutions = [], [], []
+    firsts = equations.first_coefficient()
+    for matrix, vector, first in zip(equations.matrix, equations.vector, firsts):
+        covariance = _inverse(matrix + prior.precision(basis, float(first)))
+        values.append(covariance @ vector)
+        covariances.append(covariance)
+        resolutions.append(np.einsum("uv,vu->u", covariance, matrix))
+    return BRDFSpectrum(
+        basis, np.stack(values, -1), np.stack(covariances), np.stack(resolutions, -1)
+    )
+
+
+def fit_brdf_spectrum(
+    observations: Observations,
+    light: Coefficients,
+    basis: SpectrumBasis,
+    noise: NoiseModel | None = None,
+    prior: Prior = DEFAULT_PRIOR,
+) -> BRDFSpectrum:
+    """Recover rho_lpq from samples under light given by its coefficients (T 6.4.2).
+
+    Samples are weighed by the noise; where none is given, by that of the residuals, which then
+    holds what the order leaves out as well.  Raises ``ValueError`` for no samples, and for light
+    that is zero at degree 0.
+    """
+    radiance = np.asarray(observations.radiance)
+    if not len(radiance):
+        raise ValueError("no samples: nothing was measured")
+    if not np.all(np.asarray(light)[0]):
+        raise ValueError("the light's coefficient of degree 0 is zero: give coefficients of light")
+    level = np.sqrt(np.mean(radiance**2))
+    given, model = (
+        noise is not None,
+        noise or NoiseModel(_FIRST_RELATIVE, _FIRST_FLOOR * float(level)),
+    )
+    predicted = np.abs(radiance)
+    for _ in range(1 if given else 3):
+        deviation = np.asarray(model.standard_deviation(np.maximum(predicted, 0)))
+        deviation = np.hypot(deviation, _LEAST_NOISE * level)
+        equations = normal_equations(basis, light, observations, deviation)
+        found = solve_spectrum(basis, equations, prior)
+        predicted = found.radiance(light, observations.samples)
+        if not given:
+            model = estimate_noise(radiance - predicted, predicted)
+    rms = np.sqrt(np.sum((radiance - predicted) ** 2) / np.sum(radiance**2))
+    return found._replace(noise=model, relative_rms=float(rms))
+
+
+@jax.jit(static_argnames="basis")
+def _sums(
+    basis: SpectrumBasis, light: Array, samples: SurfaceSamples, weighted: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    weights, target = weighted
+    rows = basis.rows(light, samples) * weights[:, None, :]
+    with jax.default_matmul_precision("highest"):
+        matrix = jnp.einsum("suc,svc->cuv", rows, rows)
+        vector = jnp.einsum("suc,sc->cu", rows, target)
+    return matrix, vector, jnp.sum(target**2, axis=0)
+
+
+@jax.jit(static_argnames="basis")
+def _render(basis: SpectrumBasis, light: Array, samples: SurfaceSamples, values: Array) -> Array:
+    rows = basis.rows(light, samples)
+    return jnp.einsum("suc,uc->sc", rows, values, precision="highest")
+
+
+def _chunks(samples: SurfaceSamples) -> Iterator[tuple[SurfaceSamples, int]]:
+    """Cut samples into pieces of one size, the last filled up, with how many of each count."""
+    arrays = [np.asarray(a) for a in samples]
+    for first in range(0, len(arrays[0]), _CHUNK):
+        parts = [a[first : first + _CHUNK] for a in arrays]
+        size = len(parts[0])
+        short = ((0, _CHUNK - size), (0, 0))
+        yield SurfaceSamples(*(np.pad(part, short, mode="edge") for part in parts)), size
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Invert a symmetric matrix; what has no information at all gets a huge variance."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale[None, :])
+    values = np.maximum(values, np.finfo(float).eps * len(matrix))
+    return (vectors / values[None, :]) @ vectors.T * scale[:, None] * scale[None, :]

@@ -1,0 +1,29 @@
+"""Factorization: light and material from photographs alone (T 6.4.4).
+
+``response``
+    how samples respond to each part of an unknown light, as functions of the material
+``joint``
+    Gauss-Newton over material and lamps with the light eliminated
+``pursuit``
+    which lamps would explain most of what is left
+``rounds``
+    lamps added while they pay, then the exact integral's corrections
+``account``
+    gauges and error bars
+``recover``
+    the whole of it
+"""
+
+from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
+from jaxrender.inverse.factorization.recover import Factorization, factorize
+from jaxrender.inverse.factorization.rounds import FactorSettings, Known, Round
+
+__all__ = [
+    "GAUGES",
+    "FactorSettings",
+    "Factorization",
+    "Known",
+    "RecoveredScene",
+    "Round",
+    "factorize",
+]

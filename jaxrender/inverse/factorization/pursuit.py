@@ -1,0 +1,128 @@
+"""Matching pursuit: which lamps would explain most of what is left?
+
+A lamp in direction d adds one column to each channel's light.  Projected off the columns that are
+there already, the column's correlation with the weighted residual says how much of chi-squared a
+lamp of the best energy would take away:
+
+gain_c(d) = (g_c' W r_c)^2 / (g_c' W g_c - |C^-1 M_c' W g_c|^2),     C C' = M_c' W M_c + Lambda
+
+summed over the channels in which its energy is positive.  The best lamp joins the columns, the
+others are projected off it too, and so on: orthogonal matching pursuit, at fixed material.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxrender.inverse.factorization.joint import Measured, mixed_columns, solve_columns
+from jaxrender.inverse.factorization.response import (
+    Columns,
+    Guess,
+    Response,
+    gloss_share,
+    lobes_towards,
+)
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+
+# A direction that the columns already there explain but for this part has nothing to add.
+_NOTHING_LEFT = 1e-3
+
+
+class Pursued(NamedTuple):
+    """The candidates chosen, in the order of choice, and what each took off chi-squared."""
+
+    chosen: Int[Array, "found"]
+    gains: Float[Array, "found"]
+
+
+class _Channel(NamedTuple):
+    """One channel's candidate columns, whitened, as seen from the columns already there."""
+
+    lamps: Float[Array, "sample candidate"]
+    inside: Float[Array, "part candidate"]
+    along: Float[Array, "candidate"]
+    free: Float[Array, "candidate"]
+
+
+@partial(jax.jit, static_argnames="count")
+def pursue(
+    response: Response,
+    guess: Guess,
+    measured: Measured,
+    towards: Float[AnyArray, "candidate 3"],
+    count: int,
+    seen: Bool[AnyArray, "sample candidate"] | None = None,
+) -> Pursued:
+    """Choose ``count`` of the candidate directions one after the other.
+
+    ``seen`` says which of them each sample sees; all, where it is left out.
+    """
+    with jax.default_matmul_precision("highest"):
+        lamps = Guess(guess.gloss, guess.sigma, guess.mu, jnp.asarray(towards))
+        channels = _prepare(response, guess, measured, _pair(response, lamps, seen))
+        size = jnp.sum(channels.lamps**2, axis=1)
+
+        def one_more(step: Int[Array, ""], state: tuple) -> tuple:
+            chosen, gains, rows, along, free = state
+            open_ = free > _NOTHING_LEFT * size
+            gain = jnp.where(open_ & (along > 0), along**2 / jnp.where(open_, free, 1), 0)
+            total = jnp.sum(gain, axis=0)
+            best = jnp.argmax(total)
+            across = jnp.einsum("cs,csk->ck", channels.lamps[:, :, best], channels.lamps)
+            across = across - jnp.einsum("cp,cpk->ck", channels.inside[:, :, best], channels.inside)
+            across = across - jnp.einsum("cr,crk->ck", rows[:, :, best], rows)
+            root = jnp.sqrt(jnp.maximum(free[:, best], _NOTHING_LEFT * size[:, best]))
+            row = across / root[:, None]
+            # Where its energy would be negative a channel goes without the lamp.
+            amount = jnp.maximum(along[:, best], 0) / root
+            along = along - row * amount[:, None]
+            return (
+                chosen.at[step].set(best),
+                gains.at[step].set(total[best]),
+                rows.at[:, step].set(row),
+                along,
+                free - row**2,
+            )
+
+        candidates, colours = towards.shape[0], channels.along.shape[0]
+        dtype = channels.along.dtype
+        empty = (
+            jnp.zeros(count, int),
+            jnp.zeros(count, dtype),
+            jnp.zeros((colours, count, candidates), dtype),
+            channels.along,
+            channels.free,
+        )
+        chosen, gains, *_ = jax.lax.fori_loop(0, count, one_more, empty)
+        return Pursued(chosen, gains)
+
+
+def _pair(
+    response: Response, lamps: Guess, seen: Bool[AnyArray, "sample candidate"] | None
+) -> Columns:
+    """Evaluate how the samples respond to every candidate."""
+    specular = lobes_towards(response.lobe(lamps), response.samples, lamps.directions)
+    diffuse = jnp.maximum(response.samples.normals @ lamps.directions.T, 0)
+    if seen is None:
+        return Columns(diffuse, specular)
+    return Columns(*(jnp.where(jnp.asarray(seen), part, 0) for part in (diffuse, specular)))
+
+
+def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:
+    columns = mixed_columns(response, guess)
+    solved = solve_columns(columns, measured)
+    diffuse, specular = candidates
+    left = measured.radiance - solved.predicted
+
+    def of_channel(columns, weights, left, share, factor) -> _Channel:
+        lamps = weights[:, None] * ((1 - share) * diffuse + share * specular)
+        across = (weights[:, None] * columns).T @ lamps
+        inside = jax.scipy.linalg.solve_triangular(factor, across, lower=True)
+        free = jnp.sum(lamps**2, 0) - jnp.sum(inside**2, 0)
+        return _Channel(lamps, inside, (weights * left) @ lamps, free)
+
+    return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(
+        columns, jnp.asarray(measured.weights), left, gloss_share(guess), solved.normal
+    )

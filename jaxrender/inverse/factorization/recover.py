@@ -1,0 +1,194 @@
+"""The whole recovery: photographs of an object of known shape in, light and material out."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Shape, visible, visible_along
+from jaxrender.harmonics import coefficient_count
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.factorization.account import RecoveredScene, account_of
+from jaxrender.inverse.factorization.response import Response
+from jaxrender.inverse.factorization.rounds import (
+    DEFAULTS,
+    NOTHING_KNOWN,
+    FactorSettings,
+    Known,
+    Round,
+    State,
+    Task,
+    begin,
+    free_unknowns,
+    light_the_scene,
+    settle,
+    weigh_by_noise,
+)
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.shadowing import concave, places_of, with_transfer
+from jaxrender.inverse.uncertainty import Uncertain, within_reach
+from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
+from jaxrender.shapes import Float
+
+# A logarithm this close to its bound is at it.
+_AT_BOUND = 0.01
+# The residual, as a multiple of the noise that photographs usually have, above which light of many
+# sources is said to be only sketched.
+_SKETCHED = 0.05
+
+
+class Factorization(NamedTuple):
+    """A recovered material and light, with all that is known about how well they are known."""
+
+    brdf: Microfacet
+    scene: RecoveredScene
+    parameters: Uncertain
+    outcome: Outcome
+    identifiable: dict[str, bool]
+    reasons: tuple[str, ...]
+    rounds: tuple[Round, ...]
+    predicted: Float[np.ndarray, "sample channel"]
+    noise: NoiseModel
+    gauge: str
+
+    @property
+    def relative_rms(self) -> float:
+        """sqrt(sum r^2 / sum B^2) at the end."""
+        return self.rounds[-1].relative_rms
+
+
+def factorize(
+    observations: Observations,
+    variant: Microfacet,
+    settings: FactorSettings = DEFAULTS,
+    known: Known = NOTHING_KNOWN,
+    *,
+    gauge: str = "per-channel",
+    shape: Shape | None = None,
+    stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+    watch: Callable[[Round], None] = lambda round_: None,
+) -> Factorization:
+    """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
+
+    Of ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking.  Reflectances
+    and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
+    ``shape`` and the observations' places are to be given; its shadows are then modelled, its
+    interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
+    little of the sphere of directions.
+    """
+    task = _task(observations, variant, settings, known, concave(shape))
+    _check_enough(task)
+    with stage("light"):
+        state = light_the_scene(task, begin(task), watch)
+    with stage("refine"):
+        state = settle(task, state, watch)
+    with stage("account"):
+        parameters, scene = account_of(task, state, gauge)
+        outcome, identifiable, reasons = _judge(task, state, parameters)
+    assert state.joint is not None
+    _, noise = weigh_by_noise(task, state)
+    value = parameters.value
+    mu = None if variant.mu is None else float(value.mu)
+    brdf = Microfacet(value.kd, value.ks, float(value.sigma), mu, variant.fresnel, variant.masking)
+    predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
+    return Factorization(
+        brdf,
+        scene,
+        parameters,
+        outcome,
+        identifiable,
+        reasons,
+        state.rounds,
+        predicted,
+        noise,
+        gauge,
+    )
+
+
+def _task(
+    observations: Observations,
+    variant: Microfacet,
+    settings: FactorSettings,
+    known: Known,
+    shape: Shape | None,
+) -> Task:
+    samples, radiance = observations.samples, np.asarray(observations.radiance, float)
+    lamps = settings.most_sources
+    response = Response.of_convex(variant, samples, settings.band_limit, lamps)
+    if shape is None:
+        return Task(radiance, response, None, known, settings)
+    places = places_of(observations)
+    transfer = np.asarray(with_transfer(observations, shape, settings.band_limit).transfer)
+    transfer = transfer[:, : coefficient_count(settings.band_limit)]
+    reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
+    response = response.shadowed(transfer, reflected)
+    return Task(
+        radiance, response, lambda towards: visible(shape, places, towards), known, settings
+    )
+
+
+def _check_enough(task: Task) -> None:
+    unknowns = task.response.slow_count
+    if len(task.radiance) < 4 * unknowns:
+        raise ValueError(
+            f"{len(task.radiance)} samples for light of {unknowns} coefficients: use more "
+            "photographs or samples, or a lower band_limit"
+        )
+
+
+def _judge(
+    task: Task, state: State, parameters: Uncertain
+) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
+    """Decide what is identifiable and how it ended, in words."""
+    assert state.joint is not None
+    free = free_unknowns(task, state)
+    channels = task.radiance.shape[1]
+    searched = {
+        "kd": bool(free[:channels].any()),
+        "ks": bool(free[:channels].any()),
+        "sigma": bool(free[channels]),
+        "mu": bool(free[channels + 1]),
+    }
+    bound = {
+        "sigma": _at_bound(float(parameters.value.sigma), SIGMA_BOUNDS, 0.0),
+        "mu": _at_bound(float(parameters.value.mu), MU_BOUNDS, 1.0),
+    }
+    identifiable, reasons = {}, []
+    for name in (name for name, is_free in searched.items() if is_free):
+        reached = within_reach(parameters, name)
+        identifiable[name] = reached and not bound.get(name, False)
+        if bound.get(name, False):
+            reasons.append(f"{name} is at a bound of its range")
+        elif not reached:
+            reasons.append(_why(name, parameters))
+    residual = state.rounds[-1].relative_rms
+    if residual > _SKETCHED:
+        reasons.append(
+            f"the light found leaves {100 * residual:.1f} % of the photographs unexplained: allow "
+            "more sources, or a higher band limit; error bars do not know of it"
+        )
+    if not np.all(np.isfinite(np.asarray(state.joint.solved.light))):
+        return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
+    if any(bound[name] and searched[name] for name in bound):
+        return Outcome.AT_BOUND, identifiable, tuple(reasons)
+    good = all(identifiable.values())
+    return (Outcome.CONVERGED if good else Outcome.NOT_IDENTIFIABLE), identifiable, tuple(reasons)
+
+
+def _at_bound(value: float, bounds: tuple[float, float], origin: float) -> bool:
+    low, high = (abs(np.log((value - origin) / (bound - origin))) for bound in bounds)
+    return bool(min(low, high) < _AT_BOUND)
+
+
+def _why(name: str, parameters: Uncertain) -> str:
+    low, high = (np.ravel(getattr(bound, name)) for bound in parameters[1:3])
+    shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
+    sentence = f"{name} is not identifiable: its 90 % interval is {shown}"
+    if name == "sigma":
+        return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
+    if name == "mu":
+        return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
+    return f"{sentence}; too little tells gloss and matt apart"

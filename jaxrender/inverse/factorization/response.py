@@ -1,0 +1,149 @@
+"""Radiance as a function of unknown light and unknown material (T 6.9, 6.12), linear in the light.
+
+B_ic = sum_k x_kc [ (1 - g_c) D_ik + g_c S_ik(sigma, mu, directions) ]
+
+The light x is slow coefficients followed by the energies of directional sources; D and S are how
+the samples respond to each of them by a white diffuse and a white specular lobe.  In each channel
+only the product of light and reflectance shows, so kd + ks = 1 there, and the *gloss* g = ks is
+what is left of both (T 6.4.4).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Components, SurfaceSamples, world_from_local
+from jaxrender.harmonics import band_limit_of, degrees, real_basis
+from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.spectra import lambertian_transfer, transfer_of_samples
+
+
+class Guess(NamedTuple):
+    """The nonlinear unknowns in the variables of the search; ``mu`` is unused for a metal.
+
+    ``gloss`` is log(ks / kd) of each channel, ``sigma`` log sigma, ``mu`` log(mu - 1).
+    """
+
+    gloss: Float[AnyArray, "channel"]
+    sigma: Float[AnyArray, ""]
+    mu: Float[AnyArray, ""]
+    directions: Float[AnyArray, "source 3"]
+
+
+class Columns(NamedTuple):
+    """How each sample responds to each part of the light: slow coefficients, then sources."""
+
+    diffuse: Float[Array, "sample part"]
+    specular: Float[Array, "sample part"]
+
+
+class Response(eqx.Module):
+    """Samples of a surface under slow light of a given band limit and directional sources.
+
+    ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
+    itself; ``mirror_basis`` holds V(R) Y_lm(R); ``lit`` which source each sample sees.  Of
+    ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking.
+    """
+
+    variant: Microfacet
+    samples: SurfaceSamples
+    diffuse_basis: Float[AnyArray, "sample coefficient"]
+    mirror_basis: Float[AnyArray, "sample coefficient"]
+    lit: Float[AnyArray, "sample source"]
+
+    @classmethod
+    def of_convex(
+        cls, variant: Microfacet, samples: SurfaceSamples, band_limit: int, sources: int
+    ) -> "Response":
+        """Make the response of an object that never shadows itself."""
+        normals = jnp.asarray(samples.normals)
+        each = lambertian_transfer(band_limit)[degrees(band_limit)]
+        diffuse = real_basis(normals, band_limit) * jnp.asarray(each, normals.dtype)[None, :]
+        mirror = real_basis(samples.reflected, band_limit)
+        lit = jnp.ones((normals.shape[0], sources), normals.dtype)
+        samples = SurfaceSamples(normals, jnp.asarray(samples.outgoing))
+        return cls(variant, samples, diffuse, mirror, lit)
+
+    def shadowed(
+        self,
+        transfer: Float[AnyArray, "sample coefficient"],
+        reflected: Bool[AnyArray, "sample"],
+    ) -> "Response":
+        """Let the object shadow itself: transfer vectors for A_l Y_lm(n), and V(R) (T 6.12)."""
+        seen = jnp.asarray(reflected)[:, None]
+        mirror = jnp.where(seen, jnp.asarray(self.mirror_basis), 0)
+        return Response(self.variant, self.samples, transfer, mirror, self.lit)
+
+    def thinned(self, step: int) -> "Response":
+        """Keep one in ``step`` samples."""
+        samples = SurfaceSamples(*(jnp.asarray(a)[::step] for a in self.samples))
+        bases = (jnp.asarray(a)[::step] for a in (self.diffuse_basis, self.mirror_basis, self.lit))
+        return Response(self.variant, samples, *bases)
+
+    @property
+    def slow_count(self) -> int:
+        """The number of slow coefficients."""
+        return self.diffuse_basis.shape[1]
+
+    def lobe(self, guess: Guess) -> Microfacet:
+        """Make the material of amplitude one that a guess speaks of."""
+        metal = self.variant.mu is None
+        mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
+        return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
+
+    def columns(self, guess: Guess) -> Columns:
+        """Evaluate both lobes' responses to every part of the light."""
+        specular = jnp.concatenate([self.slow_specular(guess), self.source_specular(guess)], axis=1)
+        diffuse = self.source_diffuse(jnp.asarray(guess.directions))
+        return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
+
+    def passed(self, guess: Guess) -> Float[Array, "sample degree"]:
+        """Evaluate the transfer h_l(t_o) of every sample."""
+        band_limit = band_limit_of(self.slow_count)
+        return transfer_of_samples(self.lobe(guess), self.samples.exit_cosines, band_limit)
+
+    def mirrored(
+        self, slow: Float[Array, "coefficient channel"]
+    ) -> Float[Array, "sample degree channel"]:
+        """Evaluate V(R) sum_m L_lm Y_lm(R): what a mirror would show of each degree."""
+        band_limit = band_limit_of(self.slow_count)
+        starts = [degree * degree for degree in range(1, band_limit + 1)]
+        bases = jnp.split(jnp.asarray(self.mirror_basis), starts, axis=1)
+        lights = jnp.split(slow, starts, axis=0)
+        return jnp.stack([basis @ light for basis, light in zip(bases, lights)], axis=1)
+
+    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
+        """Evaluate h_l(t_o) V(R) Y_lm(R)."""
+        each = degrees(band_limit_of(self.slow_count))
+        return self.passed(guess)[:, each] * jnp.asarray(self.mirror_basis)
+
+    def source_diffuse(self, directions: Float[Array, "source 3"]) -> Float[Array, "sample source"]:
+        """Evaluate the clamped cosine towards every source."""
+        cosines = jnp.matmul(self.samples.normals, directions.T, precision="highest")
+        return jnp.maximum(cosines, 0) * self.lit
+
+    def source_specular(self, guess: Guess) -> Float[Array, "sample source"]:
+        """Evaluate the specular lobe towards every source."""
+        return lobes_towards(self.lobe(guess), self.samples, guess.directions) * self.lit
+
+
+def lobes_towards(
+    lobe: Microfacet, samples: SurfaceSamples, directions: Float[AnyArray, "source 3"]
+) -> Float[Array, "sample source"]:
+    """Evaluate the specular lobe F S G / (4 cos t_o) of every sample towards every direction."""
+    directions = jnp.asarray(directions)
+
+    def one(sample: SurfaceSamples) -> Float[Array, "source"]:
+        frame = world_from_local(sample.normals)
+        incoming = Components.of(directions).in_frame(frame)
+        return lobe.transfer(incoming, Components.of(sample.outgoing).in_frame(frame))[1]
+
+    return jax.vmap(one)(SurfaceSamples(*(jnp.asarray(a) for a in samples)))
+
+
+def gloss_share(guess: Guess) -> Float[Array, "channel"]:
+    """Evaluate ks / (kd + ks) of each channel."""
+    return jax.nn.sigmoid(jnp.asarray(guess.gloss))

@@ -1,0 +1,232 @@
+"""The light as harmonic coefficients, from photographs of a known material (T 6.4.3, 6.15, 6.16).
+
+Linear least squares in L_lm for l <= l*, from normal equations that are streamed once.  The
+cut-off regularises: l* is given, or ``auto``, the highest degree whose predicted standard error is
+below 1/4 of its size.  Roughness sets it (the lobe passes e^-1 of degree 1 / sigma, so l* ~ 1 /
+sigma), and so does the noise: what the model leaves unexplained counts as noise.  Optionally a
+penalty on detail, growing as l(l+1), and non-negative light (``positivity``).
+
+With the operator's transfer ``none`` the result is the light filtered by the lobe; with any other,
+the light itself, as far as its degrees go.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.harmonics import LatLongGrid, degrees, real_basis, synthesise
+from jaxrender.inverse.light_operator import LightOperator
+from jaxrender.inverse.normal_equations import (
+    NO_INFORMATION,
+    DegreeReport,
+    NormalEquations,
+    degree_report,
+    noise_variance,
+    normal_equations,
+)
+from jaxrender.inverse.positivity import (
+    CoefficientMisfit,
+    Positive,
+    hard_positive,
+    soft_positive,
+)
+from jaxrender.lighting import HarmonicLight
+from jaxrender.shapes import AnyArray, Float
+
+POSITIVITIES = ("none", "soft", "hard")
+
+
+class LightSettings(NamedTuple):
+    """How a light is recovered; ``penalty`` is relative to what is known of degree 0.
+
+    ``penalty`` p adds p l(l+1) times the information on degree 0 to that on each coefficient.
+    ``strength`` is lambda of T 6.24.
+    """
+
+    band_limit: int | str = "auto"
+    penalty: float = 0.0
+    positivity: str = "none"
+    strength: float = 1.0
+
+
+DEFAULT_LIGHT = LightSettings()
+
+
+class RecoveredLight(NamedTuple):
+    """Coefficients with their error bars, and what each degree rests on.
+
+    Standard errors are infinite for what the photographs do not tell at all (there the
+    coefficients are 0).  They count the noise, scaled up where the residual exceeds it; of the
+    bias of a cut-off or penalty they know nothing, and of positivity nothing either, which can only
+    make them smaller.
+    """
+
+    coefficients: Float[np.ndarray, "coefficient channel"]
+    standard_errors: Float[np.ndarray, "coefficient channel"]
+    covariance: Float[np.ndarray, "channel coefficient coefficient"]
+    band_limit: int
+    degrees: DegreeReport
+    chi_squared: Float[np.ndarray, "channel"]
+    reasons: tuple[str, ...]
+
+    @property
+    def light(self) -> HarmonicLight:
+        """The recovered light as a light like any other."""
+        return HarmonicLight(self.coefficients)
+
+    def image(self, height: int) -> Float[np.ndarray, "row column channel"]:
+        """Sample it on a latitude-longitude image; unlike an environment it may be negative."""
+        return np.asarray(synthesise(LatLongGrid(height, 2 * height), self.coefficients))
+
+
+def recover_coefficients(
+    operator: LightOperator,
+    radiance: Float[AnyArray, "sample channel"],
+    weights: Float[AnyArray, "sample channel"] | None = None,
+    settings: LightSettings = DEFAULT_LIGHT,
+) -> RecoveredLight:
+    """Recover L_lm from radiance with weights 1 / noise (``None``: equal, the noise unknown).
+
+    ``auto`` looks for the cut-off up to the operator's band limit.  Raises ``ValueError`` as
+    ``solve_coefficients`` and ``normal_equations``.
+    """
+    equations = normal_equations(operator, radiance, weights)
+    return solve_coefficients(equations, settings, noise_known=weights is not None)
+
+
+def solve_coefficients(
+    equations: NormalEquations, settings: LightSettings = DEFAULT_LIGHT, noise_known: bool = True
+) -> RecoveredLight:
+    """Solve normal equations that were added up before.
+
+    Raises ``ValueError`` for a band limit beyond that of the equations, a negative penalty or
+    strength, an unknown positivity, and no measurement at all.
+    """
+    _check(equations, settings)
+    report = degree_report(equations, _penalty(equations, settings.penalty), noise_known)
+    band_limit = settings.band_limit
+    if band_limit == "auto":
+        band_limit = report.recoverable_degree
+    assert isinstance(band_limit, int)
+    cut = equations.cut(band_limit)
+    penalty = _penalty(cut, settings.penalty)
+    nodes = _nodes(band_limit) if settings.positivity != "none" else None
+    found = [_solve(*channel, penalty, noise_known) for channel in zip(*cut)]
+    coefficients = np.stack([one.light for one in found], axis=1)
+    reasons = _reasons(band_limit, settings, report)
+    if nodes is not None:
+        positive = [_positive(*channel, penalty, nodes, settings) for channel in zip(*cut)]
+        coefficients = np.stack([one.light for one in positive], axis=1)
+        if not all(one.converged for one in positive):
+            reasons += (f"the {settings.positivity} positivity did not converge",)
+    covariance = np.stack([one.covariance for one in found])
+    errors = np.stack([_standard_errors(one) for one in found], axis=1)
+    chi_squared = np.array(
+        [_squares(*channel, light) for channel, light in zip(zip(*cut), coefficients.T)]
+    )
+    return RecoveredLight(
+        coefficients, errors, covariance, band_limit, report, chi_squared, reasons
+    )
+
+
+class _Solution(NamedTuple):
+    light: Float[np.ndarray, "coefficient"]
+    covariance: Float[np.ndarray, "coefficient coefficient"]
+    unknown: Float[np.ndarray, "coefficient"]
+
+
+def _solve(gram, moment, energy, measured, penalty, noise_known) -> _Solution:
+    """Solve one channel, leaving out the directions that no measurement tells anything about."""
+    values, vectors = np.linalg.eigh(gram + np.diag(penalty))
+    told = values > len(moment) * NO_INFORMATION * values.max()
+    inverse = np.where(told, 1 / np.where(told, values, 1), 0)
+    covariance = (vectors * inverse[None, :]) @ vectors.T
+    light = covariance @ moment
+    left = _squares(gram, moment, energy, measured, light)
+    variance = noise_variance(left, measured - told.sum(), noise_known)
+    return _Solution(light, covariance * variance, np.sum(vectors[:, ~told] ** 2, axis=1))
+
+
+def _standard_errors(one: _Solution) -> Float[np.ndarray, "coefficient"]:
+    # A coefficient that lies in the null space to more than rounding is not known at all.
+    return np.where(one.unknown > 1e-6, np.inf, np.sqrt(np.diag(one.covariance)))
+
+
+def _positive(gram, moment, energy, measured, penalty, nodes, settings) -> Positive:
+    # A trace of penalty makes the minimum unique where the data are silent.
+    floor = NO_INFORMATION * len(moment) * np.trace(gram)
+    definite = gram + np.diag(penalty + floor)
+    basis, weights = nodes
+    misfit = CoefficientMisfit(
+        gram=definite,
+        moment=moment,
+        energy=float(energy),
+        measured=float(measured),
+        basis=basis,
+        weights=weights,
+    )
+    if settings.positivity == "soft":
+        return soft_positive(misfit, settings.strength)
+    return hard_positive(misfit)
+
+
+def _squares(gram, moment, energy, measured, light) -> float:
+    """Compute chi^2; rounding may leave that of exact data slightly below 0."""
+    return max(float(energy - 2 * moment @ light + light @ gram @ light), 0.0)
+
+
+def _penalty(equations: NormalEquations, strength: float) -> Float[np.ndarray, "coefficient"]:
+    degree = degrees(equations.band_limit)
+    known = float(np.mean(np.asarray(equations.gram)[:, 0, 0]))
+    return strength * known * degree * (degree + 1.0)
+
+
+def _nodes(band_limit: int) -> tuple[np.ndarray, np.ndarray]:
+    """Evaluate the harmonics on a grid fine enough for them, and its solid angles."""
+    rows = 2 * (band_limit + 1)
+    grid = LatLongGrid(rows, 2 * rows)
+    basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), band_limit))
+    return basis, grid.weights().ravel()
+
+
+def _reasons(band_limit: int, settings: LightSettings, report: DegreeReport) -> tuple[str, ...]:
+    """Say in words what limits the light."""
+    highest, last = report.recoverable_degree, len(report.size) - 1
+    error = report.relative_error
+    reasons = [
+        f"degree {highest} is the highest that can be told: relative standard error "
+        f"{100 * error[highest]:.2g} %"
+        + (f", {100 * error[highest + 1]:.2g} % one degree further" if highest < last else "")
+    ]
+    if settings.band_limit == "auto" and highest == last:
+        reasons.append(f"the cut-off is the highest degree asked for, {last}: more could be told")
+    if band_limit > highest:
+        lost = np.flatnonzero(error[: band_limit + 1] >= 0.25)
+        reasons.append(f"of degree {lost[0]} to {band_limit} there is more noise than light")
+    if report.unexplained > 2:
+        reasons.append(
+            f"the residual is {report.unexplained**0.5:.2g} times the noise: the light has detail "
+            "beyond the band limit, or the material is another"
+        )
+    return tuple(reasons)
+
+
+def _check(equations: NormalEquations, settings: LightSettings) -> None:
+    limit, most = settings.band_limit, equations.band_limit
+    if limit != "auto" and not (isinstance(limit, int) and 0 <= limit <= most):
+        raise ValueError(
+            f"band_limit={limit!r}: give 'auto' or a degree from 0 to {most}, the operator's"
+        )
+    if settings.penalty < 0 or settings.strength < 0:
+        raise ValueError(
+            f"penalty={settings.penalty}, strength={settings.strength}: neither may be negative"
+        )
+    if settings.positivity not in POSITIVITIES:
+        raise ValueError(
+            f"positivity={settings.positivity!r}: choose one of {', '.join(POSITIVITIES)}"
+        )
+    if not np.all(np.asarray(equations.measured) > 0) or not np.any(np.asarray(equations.gram)):
+        raise ValueError(
+            "the equations hold no measurement that light reaches: give samples of weight above 0 "
+            "and a material that reflects"
+        )

@@ -1,0 +1,119 @@
+"""Materials that vary over a surface: K_d and K_s of every texel or vertex.
+
+``measurements``
+    observations in the order of the sites that they show
+``site_systems``, ``specular_prior``
+    the four unknowns of every site, solved exactly; what to expect of K_s where nobody saw it
+``alternation``
+    the thesis's confidence weights and iteration (T 6.14): the twin
+``forward``, ``search``
+    any forward model, a part at a time; sigma and mu with all of the texture eliminated
+``whole_surface``, ``fit``, ``known_light``
+    every site with its standard errors and marks; the whole recovery (T 6.13), also by region, and
+    with the light split on the way
+``diffuse_light``, ``glossy_light``
+    texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
+    matte object; light from what moves with the view
+``maps``
+    site values as images
+"""
+
+from jaxrender.inverse.texture.alternation import (
+    Alternation,
+    Confidence,
+    alternate,
+    confidence,
+)
+from jaxrender.inverse.texture.diffuse_light import (
+    DiffuseFactors,
+    DiffuseProblem,
+    diffuse_problem,
+    factor_diffuse,
+    texture_under,
+)
+from jaxrender.inverse.texture.fit import (
+    TextureFit,
+    TextureSettings,
+    fit_texture,
+    fit_texture_by_region,
+)
+from jaxrender.inverse.texture.forward import (
+    DualModel,
+    Forward,
+    ModelOf,
+    dual_forward,
+    exact_forward,
+)
+from jaxrender.inverse.texture.glossy_light import (
+    GlossyLight,
+    GlossyProblem,
+    GlossyTexture,
+    recover_glossy,
+    solve_view_dependent,
+)
+from jaxrender.inverse.texture.known_light import forward_under, recover_texture
+from jaxrender.inverse.texture.maps import dilated, image_of_sites
+from jaxrender.inverse.texture.measurements import (
+    SiteData,
+    SiteObservations,
+    by_shares,
+    by_site,
+    whole_sites,
+)
+from jaxrender.inverse.texture.site_systems import (
+    SiteMaterial,
+    SiteSums,
+    SpecularPrior,
+    site_errors,
+    site_sums,
+    solve_freely,
+    solve_sites,
+)
+from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
+
+__all__ = [
+    "Alternation",
+    "Confidence",
+    "DiffuseFactors",
+    "DiffuseProblem",
+    "DualModel",
+    "Forward",
+    "GlossyLight",
+    "GlossyProblem",
+    "GlossyTexture",
+    "Lobe",
+    "ModelOf",
+    "SiteData",
+    "SiteMaterial",
+    "SiteObservations",
+    "SiteSums",
+    "SpecularPrior",
+    "Texture",
+    "TextureFit",
+    "TextureSettings",
+    "alternate",
+    "by_shares",
+    "by_site",
+    "confidence",
+    "diffuse_problem",
+    "dilated",
+    "dual_forward",
+    "exact_forward",
+    "factor_diffuse",
+    "fit_texture",
+    "fit_texture_by_region",
+    "forward_under",
+    "image_of_sites",
+    "recover_glossy",
+    "recover_texture",
+    "site_errors",
+    "site_sums",
+    "solve_freely",
+    "solve_sites",
+    "solve_surface",
+    "solve_view_dependent",
+    "spread_of",
+    "texture_under",
+    "whole_sites",
+]

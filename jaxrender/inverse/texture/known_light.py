@@ -1,0 +1,92 @@
+"""A texture under a known light: the light is split at the roughness that is found, as for a BRDF.
+
+The dual model needs to know which parts of the light are narrow beside the lobe, which nobody knows
+at first: so split at a small roughness and search, then split at what was found and search again.
+"""
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.inverse.known_light import KnownLight, exact_nodes, prepare_light
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.texture.fit import TextureFit, TextureSettings, fit_texture
+from jaxrender.inverse.texture.forward import Forward, dual_forward, exact_forward
+from jaxrender.inverse.texture.measurements import by_site, whole_sites
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.shapes import Int
+
+# The roughness that the light is split at in the first pass, and the table's reach in the second.
+_ROUGH_SIGMA, _TABLE_REACH = 0.06, 1.8
+# The light is split anew when the search ends this far (in log sigma) from where it was split.
+_SPLIT_AGAIN, _SPLITS = 0.25, 3
+# Up to so many pairs of an observation and a direction of the light the sites are solved on the
+# exact integral, within a minute or two: the dual model's 1 % would show in K_d beside the noise.
+_AFFORDABLE_PAIRS = 2**28
+# Observations that the rough pass looks at.
+_ROUGH_SAMPLES = 4000
+
+
+def recover_texture(
+    observations: Observations,
+    site: Int[np.ndarray, "sample"],
+    count: int,
+    light: KnownLight,
+    variant: Microfacet,
+    *,
+    unknowns: MicrofacetUnknowns | None = None,
+    settings: TextureSettings | None = None,
+    exact: bool = True,
+) -> TextureFit:
+    """Recover K_d and K_s of every site of an object that does not shadow itself.
+
+    ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
+    the Fresnel angle, the masking and, by ``mu=None``, a metal.  With ``exact`` sigma and mu are
+    refined on the integral, and the sites solved on it, too, unless observations times directions
+    exceed 2^28.  For shadows, build a :class:`Forward` and call ``fit_texture``.
+    """
+    settings = settings or TextureSettings()
+    unknowns = unknowns or MicrofacetUnknowns(mu=MicrofacetUnknowns().mu if variant.mu else None)
+    measured = by_site(observations, site, count)
+    some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
+    low, high = _sigma_range(unknowns)
+    found = float(np.clip(_ROUGH_SIGMA, low, high))
+    rough = forward_under(light, observations, variant, found, (low, high), "rough", exact=False)
+    rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES)
+    fit = fit_texture(some, rough, unknowns, rough_settings)
+    for _ in range(_SPLITS):
+        before, found = found, fit.sigma
+        reach = (max(low, found / _TABLE_REACH), min(high, found * _TABLE_REACH))
+        forward = forward_under(light, observations, variant, found, reach, exact=exact)
+        fit = fit_texture(measured, forward, unknowns, settings, fit.lobe.point)
+        if abs(np.log(fit.sigma / found)) < _SPLIT_AGAIN or before == found:
+            break
+    return fit
+
+
+def forward_under(
+    light: KnownLight,
+    observations: Observations,
+    variant: Microfacet,
+    sigma: float,
+    sigma_range: tuple[float, float],
+    split: str | float = "auto",
+    exact: bool = True,
+) -> Forward:
+    """Model observations under a known light, split at ``sigma``."""
+    brdf = variant.with_roughness(sigma, None).as_metal()
+    prepared = prepare_light(light, observations, brdf, split, None)
+    dual = dual_forward(variant, observations, prepared.dual, sigma_range)
+    if not exact:
+        return dual
+    nodes = exact_nodes(light, np.asarray(observations.frame), sigma)
+    integral = exact_forward(variant, observations, nodes)
+    directions = sum(part.directions.shape[-2] for part in nodes)
+    affordable = observations.count * directions <= _AFFORDABLE_PAIRS
+    return Forward(dual.search, integral if affordable else dual.final, integral)
+
+
+def _sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:
+    if unknowns.sigma.fixed is not None:
+        sigma = unknowns.sigma.fixed[0]
+        return sigma, 1.01 * sigma
+    return unknowns.sigma.lower, unknowns.sigma.upper

@@ -1,0 +1,176 @@
+"""Variable projection over all sites: sigma and mu, with the whole texture eliminated.
+
+For given sigma and mu every site's material is the exact solution of a small system, so what is
+searched stays two numbers however many texels there are.  Derivatives go through the elimination
+(Golub and Pereyra).  ``shared`` takes one K_s for all sites, as phase 1 of T 6.4.2 does; otherwise
+each site has its own, held together by a weak prior.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.models import Columns, LinearisedModel, Model
+from jaxrender.inverse.solvers import least_squares, simplex
+from jaxrender.inverse.texture.alternation import confidence
+from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.inverse.texture.site_systems import (
+    SiteMaterial,
+    SpecularPrior,
+    site_sums,
+    solve_freely,
+    solve_sites,
+)
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.shapes import AnyArray, Array, Bool, Float
+
+# The refinement on an expensive model ends when a step moves no search variable by more than this.
+_SETTLED, _STEPS = 1e-4, 8
+# Turns in which the thesis's weights follow the sigma and mu that they depend on.
+_TURNS = 3
+
+
+class LobeFit(NamedTuple):
+    """Where a search ended: the search variables, the texture there, and what it predicts.
+
+    ``cost`` is half of chi-squared, the prior's part included.
+    """
+
+    point: Float[Array, "unknown"]
+    material: SiteMaterial
+    predicted: Float[Array, "sample channel"]
+    cost: Float[Array, ""]
+    converged: Bool[Array, ""]
+
+
+class TextureProblem(eqx.Module):
+    """What is unknown of the lobe, the prior of K_s, and whether K_s is one for all sites."""
+
+    unknowns: MicrofacetUnknowns
+    prior: SpecularPrior
+    shared: Bool[AnyArray, ""]
+
+    def material(
+        self, model: Model, data: SiteData, point: Float[Array, "unknown"]
+    ) -> tuple[SiteMaterial, Columns]:
+        """Solve for the texture at a point; returned with the columns there."""
+        physical = self.unknowns.unpack(point)
+        columns = model.columns(physical.sigma, physical.mu)
+        return solve_sites(site_sums(data, columns), self.prior, self.shared), columns
+
+
+def predicted(
+    material: SiteMaterial, columns: Columns, data: SiteData
+) -> Float[Array, "sample channel"]:
+    """Predict the radiance of every observation (T 6.13)."""
+    site = jnp.asarray(data.site)
+    kd, ks = jnp.asarray(material.kd)[site], jnp.asarray(material.ks)[site]
+    return kd * columns.diffuse + ks[:, None] * columns.specular
+
+
+def residuals(
+    point: Float[Array, "unknown"], args: tuple[TextureProblem, Model, SiteData]
+) -> Float[Array, "residual"]:
+    """Weighted residuals with the texture eliminated, and what the prior holds against it."""
+    problem, model, data = args
+    material, columns = problem.material(model, data, point)
+    left = jnp.asarray(data.weights) * (data.radiance - predicted(material, columns, data))
+    precision = jnp.where(problem.shared, 0, jnp.asarray(problem.prior.precision))
+    off = jnp.sqrt(precision) * (material.ks - problem.prior.mean)
+    return jnp.concatenate([left.ravel(), off])
+
+
+def search(
+    problem: TextureProblem,
+    model: Model,
+    data: SiteData,
+    starts: Float[AnyArray, "start unknown"],
+    method: str = "variable-projection",
+) -> LobeFit:
+    """Search from every start and keep the best; ``method="simplex"`` is the thesis's."""
+    # One after the other: one compiled program serves them all.
+    found = [_search(problem, model, data, jnp.asarray(s), method) for s in starts]
+    costs = np.array([float(fit.cost) for fit in found])
+    return found[int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))]
+
+
+def refine(problem: TextureProblem, model: Model, data: SiteData, start: LobeFit) -> LobeFit:
+    """Continue on an expensive model, linearised anew at each step."""
+    fit = start
+    for _ in range(_STEPS):
+        physical = problem.unknowns.unpack(fit.point)
+        near = LinearisedModel.about(model, physical.sigma, physical.mu)
+        before, fit = fit, search(problem, near, data, fit.point[None])
+        if np.all(np.abs(np.asarray(fit.point) - np.asarray(before.point)) < _SETTLED):
+            return fit
+    return fit._replace(converged=jnp.zeros((), bool))
+
+
+def first_phase(
+    problem: TextureProblem,
+    model: Model,
+    data: SiteData,
+    exit_cosines: Float[AnyArray, "sample"],
+    starts: Float[AnyArray, "start unknown"],
+) -> LobeFit:
+    """Search as phase 1 of T 6.4.2 does: by simplex, one K_s, squared residuals times W_d."""
+    shared = TextureProblem(problem.unknowns, problem.prior, np.asarray(True))
+    point = jnp.asarray(starts[0])
+    for turn in range(_TURNS):
+        physical = problem.unknowns.unpack(point)
+        trust = confidence(model.columns(physical.sigma, physical.mu), exit_cosines)
+        weights = jnp.broadcast_to(jnp.sqrt(trust.diffuse)[:, None], data.radiance.shape)
+        own = SiteData(data.radiance, weights, data.site, data.count)
+        fit = search(shared, model, own, starts if turn == 0 else point[None], "simplex")
+        point = fit.point
+    return fit
+
+
+@eqx.filter_jit
+def free_textures(
+    unknowns: MicrofacetUnknowns, model: Model, data: SiteData, point: Float[Array, "unknown"]
+) -> tuple[SiteMaterial, Float[Array, "site"], Float[Array, "sample channel"]]:
+    """Solve for the texture without bounds or prior.
+
+    Returned with the precision of each K_s and the radiance that is predicted.
+    """
+    physical = unknowns.unpack(point)
+    columns = model.columns(physical.sigma, physical.mu)
+    material, precision = solve_freely(site_sums(data, columns))
+    return material, precision, predicted(material, columns, data)
+
+
+@eqx.filter_jit
+def lobe_information(
+    problem: TextureProblem, model: Model, data: SiteData, point: Float[Array, "unknown"]
+) -> Float[Array, "unknown unknown"]:
+    """Compute the inverse covariance of the search variables, the texture being unknown."""
+    with jax.default_matmul_precision("highest"):
+        jacobian = jax.jacfwd(residuals)(point, (problem, model, data))
+        return jacobian.T @ jacobian
+
+
+@eqx.filter_jit
+def _search(
+    problem: TextureProblem,
+    model: Model,
+    data: SiteData,
+    start: Float[Array, "unknown"],
+    method: str,
+) -> LobeFit:
+    solver = {"variable-projection": least_squares, "simplex": simplex}[method]
+    size = jnp.sqrt(jnp.sum((jnp.asarray(data.weights) * data.radiance) ** 2))
+    with jax.default_matmul_precision("highest"):
+        # In units of what is measured, as the solvers ask for.
+        solution = solver(lambda p, args: residuals(p, args) / size, start, (problem, model, data))
+        material, columns = problem.material(model, data, solution.point)
+    return LobeFit(
+        solution.point,
+        material,
+        predicted(material, columns, data),
+        solution.cost * size**2,
+        solution.converged,
+    )

@@ -1,0 +1,161 @@
+"""The normal equations of every site, solved exactly and within bounds.
+
+B = K_d(x) D + K_s(x) S (T 6.13), with K_d of every channel and one K_s (a dielectric's has no
+colour): at each site a system whose matrix is an arrow, all channels' K_d meeting in K_s.  Taking
+K_d out leaves one equation in K_s,
+
+    (S'S + p) K_s + sum_c (D'S)_c max(0, (D'B - D'S K_s)_c / (D'D)_c) = S'B + p m
+
+whose left side is convex, increasing and made of straight pieces (one more for each channel whose
+K_d has reached zero).  Newton's method therefore finds its root in as many steps as there are
+pieces, and K_d, K_s >= 0 hold exactly.  p and m are a weak prior: precision and mean of K_s.  The
+same equation, summed over all sites, is that of one K_s for the whole surface (phase 1 of T 6.4.2).
+
+Differentiable, where no K_d or K_s is just reaching zero.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxrender.inverse.models import Columns
+from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.shapes import AnyArray, Array, Bool, Float
+
+# Newton steps.  A site's own equation needs at most one more than it has channels; that of one K_s
+# for all sites passes the pieces of many sites at once.
+_STEPS = 12
+# What is left of S'S without D, below this part of it, is rounding: K_s is then not determined.
+_ROUNDING = {"float64": 1e-11, "float32": 1e-5}
+
+
+class SiteSums(NamedTuple):
+    """Weighted inner products of the columns D and S and the measurement B over each site."""
+
+    dd: Float[Array, "site channel"]
+    ds: Float[Array, "site channel"]
+    ss: Float[Array, "site channel"]
+    db: Float[Array, "site channel"]
+    sb: Float[Array, "site channel"]
+
+
+class SpecularPrior(NamedTuple):
+    """What is known of K_s beforehand: its mean over the sites, and 1 / variance (0: nothing)."""
+
+    mean: Float[AnyArray, ""]
+    precision: Float[AnyArray, ""]
+
+
+class SiteMaterial(NamedTuple):
+    """K_d and K_s of every site."""
+
+    kd: Float[AnyArray, "site channel"]
+    ks: Float[AnyArray, "site"]
+
+
+def site_sums(data: SiteData, columns: Columns) -> SiteSums:
+    """Add up the inner products of each site's observations."""
+    squares = jnp.asarray(data.weights) ** 2
+    diffuse, specular, radiance = columns.diffuse, columns.specular, jnp.asarray(data.radiance)
+    pairs = (
+        (diffuse, diffuse),
+        (diffuse, specular),
+        (specular, specular),
+        (diffuse, radiance),
+        (specular, radiance),
+    )
+    products = jnp.stack([squares * a * b for a, b in pairs], axis=1)
+    sums = over_sites(products, data)
+    return SiteSums(*(sums[:, k] for k in range(len(pairs))))
+
+
+def over_sites(values: Float[Array, "sample *rest"], data: SiteData) -> Float[Array, "site *rest"]:
+    """Add up the rows of each site."""
+    return jax.ops.segment_sum(
+        values, jnp.asarray(data.site), num_segments=data.count, indices_are_sorted=True
+    )
+
+
+def solve_sites(
+    sums: SiteSums, prior: SpecularPrior, shared: Bool[AnyArray, ""] | bool = False
+) -> SiteMaterial:
+    """Solve for K_d and K_s of every site, both at least zero; ``shared`` for one K_s of all sites.
+
+    Where the observations do not tell K_s it is the prior's mean, where they do not tell K_d zero.
+    """
+    fixed_sums, fixed_prior = jax.lax.stop_gradient((sums, prior))
+
+    def step(_, active: Bool[Array, "site channel"]) -> Bool[Array, "site channel"]:
+        ks = _root(fixed_sums, fixed_prior, active, shared)
+        return fixed_sums.db - fixed_sums.ds * ks[:, None] > 0
+
+    active = jax.lax.fori_loop(0, _STEPS, step, jnp.ones(sums.dd.shape, bool))
+    ks = jnp.maximum(_root(sums, prior, active, shared), 0)
+    kd = _quotient(sums.db - sums.ds * ks[:, None], sums.dd)
+    return SiteMaterial(jnp.maximum(kd, 0), ks)
+
+
+def solve_freely(sums: SiteSums) -> tuple[SiteMaterial, Float[Array, "site"]]:
+    """Solve without bounds or prior; returned with the precision of each K_s (0: not told)."""
+    zero = jnp.zeros((), sums.dd.dtype)
+    every = jnp.ones(sums.dd.shape, bool)
+    slope, right = _piece(sums, SpecularPrior(zero, zero), every, False)
+    ks = _quotient(right, slope)
+    kd = _quotient(sums.db - sums.ds * ks[:, None], sums.dd)
+    return SiteMaterial(kd, ks), slope
+
+
+def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
+    """Compute the standard errors of K_d and K_s: the roots of the inverse system's diagonal.
+
+    They know nothing of the bounds: what is held at zero may still be anything up to about its
+    error.  Infinite where nothing was measured.
+    """
+    every = jnp.ones(sums.dd.shape, bool)
+    slope, _ = _piece(sums, prior, every, False)
+    ks_variance = jnp.where(slope > 0, 1 / jnp.where(slope > 0, slope, 1), jnp.inf)
+    ratio = _quotient(sums.ds, sums.dd)
+    # Without a prior a K_s that nothing tells is taken for zero, and K_d for all there is.
+    through = jnp.where(slope > 0, ks_variance, 0)[:, None]
+    kd_variance = 1 / jnp.where(sums.dd > 0, sums.dd, 1) + ratio**2 * through
+    kd_variance = jnp.where(sums.dd > 0, kd_variance, jnp.inf)
+    return SiteMaterial(jnp.sqrt(kd_variance), jnp.sqrt(ks_variance))
+
+
+def _root(
+    sums: SiteSums,
+    prior: SpecularPrior,
+    active: Bool[Array, "site channel"],
+    shared: Bool[AnyArray, ""] | bool,
+) -> Float[Array, "site"]:
+    """Find where the straight piece of the equation in K_s meets its right side."""
+    slope, right = _piece(sums, prior, active, shared)
+    return jnp.where(slope > 0, _quotient(right, slope), prior.mean)
+
+
+def _piece(
+    sums: SiteSums,
+    prior: SpecularPrior,
+    active: Bool[Array, "site channel"],
+    shared: Bool[AnyArray, ""] | bool,
+) -> tuple[Float[Array, "site"], Float[Array, "site"]]:
+    """Compute slope and right side of the piece where ``active`` channels have K_d > 0."""
+    taken_out = jnp.where(active, _quotient(sums.ds**2, sums.dd), 0)
+    explained = jnp.where(active, _quotient(sums.ds * sums.db, sums.dd), 0)
+    parts = (sums.ss - taken_out, sums.ss, sums.sb - explained)
+    slope, whole, right = (_gathered(jnp.sum(part, axis=1), shared) for part in parts)
+    told = slope > _ROUNDING[slope.dtype.name] * whole
+    precision = jnp.where(jnp.asarray(shared), 0, jnp.asarray(prior.precision))
+    slope = jnp.where(told, slope, 0) + precision
+    return slope, jnp.where(told, right, 0) + precision * prior.mean
+
+
+def _gathered(values: Float[Array, "site"], shared: Bool[AnyArray, ""] | bool):
+    """Give every site the sum over all, if they share their K_s."""
+    return jnp.where(jnp.asarray(shared), jnp.sum(values), values)
+
+
+def _quotient(a: Float[Array, "*any"], b: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    """Divide, with 0 for a division by 0."""
+    return jnp.where(b > 0, a / jnp.where(b > 0, b, 1), 0)

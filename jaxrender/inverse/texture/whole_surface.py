@@ -1,0 +1,229 @@
+"""Every site solved at the sigma and mu that were found, a chunk of observations at a time.
+
+Standard errors are those of each site's own system, and those of sigma and mu carried through it.
+What cannot be trusted is marked: K_d where its standard error is large or the site's observations
+contradict each other, K_s where the prior says more than the photographs.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.texture.alternation import alternate, confidence
+from jaxrender.inverse.texture.forward import ModelOf
+from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
+from jaxrender.inverse.texture.search import predicted
+from jaxrender.inverse.texture.site_systems import (
+    SiteMaterial,
+    SpecularPrior,
+    over_sites,
+    site_errors,
+    site_sums,
+    solve_sites,
+)
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+
+# Observations solved at once.
+_CHUNK = 2**14
+# K_d is marked where its standard error exceeds this part of it ...
+_TRUSTED_ERROR = 0.05
+# ... (of what is dark, this part of the typical K_d counts as well) ...
+_DARK = 0.1
+# ... or where the residuals are this many times what the noise makes them.
+_TRUSTED_MISFIT = 3.0
+_LEAST_NOISE = 1e-6
+
+
+class Lobe(NamedTuple):
+    """sigma and mu as search variables, with their covariance."""
+
+    unknowns: MicrofacetUnknowns
+    point: Float[np.ndarray, "unknown"]
+    covariance: Float[np.ndarray, "unknown unknown"]
+
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of sigma and mu in their own units, 0 for what is not searched."""
+
+        def values(point: Float[Array, "unknown"]) -> Float[Array, "2"]:
+            physical = self.unknowns.unpack(point)
+            mu = jnp.zeros_like(physical.sigma) if physical.mu is None else physical.mu
+            return jnp.stack([physical.sigma, mu])
+
+        jacobian = np.asarray(jax.jacfwd(values)(jnp.asarray(self.point)))
+        variances = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        sigma, mu = np.sqrt(np.maximum(variances, 0))
+        return float(sigma), float(mu)
+
+
+class Texture(NamedTuple):
+    """The material of every site with its standard errors; NaN and infinite where unseen.
+
+    ``misfit`` is the root mean square of a site's residuals in units of the noise; ``kd_marked``
+    says where K_d is not to be trusted, ``ks_marked`` where K_s is the prior's more than its own.
+    ``relative_rms`` is sqrt(sum r^2 / sum B^2) over all observations.
+    """
+
+    kd: Float[np.ndarray, "site channel"]
+    ks: Float[np.ndarray, "site"]
+    kd_error: Float[np.ndarray, "site channel"]
+    ks_error: Float[np.ndarray, "site"]
+    misfit: Float[np.ndarray, "site"]
+    seen: Int[np.ndarray, "site"]
+    kd_marked: Bool[np.ndarray, "site"]
+    ks_marked: Bool[np.ndarray, "site"]
+    relative_rms: float
+
+    @property
+    def relative_error(self) -> Float[np.ndarray, "site"]:
+        """The largest standard error of a site's K_d beside its value: how bad it may be."""
+        return _relative_error(self.kd, self.kd_error)
+
+    def with_sites(self, chosen: Bool[np.ndarray, "site"], other: "Texture") -> "Texture":
+        """Replace the chosen sites by those of another texture."""
+        changed: dict = {"relative_rms": max(self.relative_rms, other.relative_rms)}
+        for name, own, others in zip(self._fields[:-1], self[:-1], other[:-1]):
+            mask = chosen[:, None] if np.ndim(own) == 2 else chosen
+            changed[name] = np.where(mask, others, own)
+        return self._replace(**changed)
+
+
+class _Solved(NamedTuple):
+    """What a chunk gives back, by site of the chunk."""
+
+    material: SiteMaterial
+    errors: SiteMaterial
+    own_precision: Float[Array, "site"]
+    squares: Float[Array, "site"]
+    residual: Float[Array, ""]
+
+
+def solve_surface(
+    measured: SiteObservations,
+    model_of: ModelOf,
+    lobe: Lobe,
+    prior: SpecularPrior,
+    how: tuple[NoiseModel, str],
+) -> Texture:
+    """Solve every site at the sigma and mu of ``lobe``; ``how`` is the noise and the method."""
+    noise, method = how
+    channels = measured.radiance.shape[1]
+    kd = np.full((measured.count, channels), np.nan)
+    ks, misfit = np.full(measured.count, np.nan), np.full(measured.count, np.nan)
+    kd_error = np.full_like(kd, np.inf)
+    ks_error, own = np.full(measured.count, np.inf), np.zeros(measured.count)
+    left = 0.0
+    scale = float(np.sqrt(np.mean(measured.radiance**2))) or 1.0
+    for chunk in in_chunks(measured, _CHUNK):
+        part, sites = chunk.measured, chunk.sites
+        share = np.where(chunk.filled, 0, part.share)
+        even = np.broadcast_to(np.sqrt(share)[:, None], part.radiance.shape)
+        data = SiteData(part.radiance, even, part.site, part.count)
+        variance = np.asarray([noise.relative**2, noise.floor**2 + (_LEAST_NOISE * scale) ** 2])
+        settings = (variance, method == "thesis")
+        solved = _solve(model_of(part.index), data, part.exit_cosines, (lobe, prior), settings)
+        count = len(sites)
+        kd[sites], ks[sites] = (np.asarray(a)[:count] for a in solved.material)
+        kd_error[sites], ks_error[sites] = (np.asarray(a)[:count] for a in solved.errors)
+        own[sites] = np.asarray(solved.own_precision)[:count]
+        freedom = np.maximum(measured.seen[sites] * channels - channels - 1, 1)
+        misfit[sites] = np.sqrt(np.asarray(solved.squares)[:count] / freedom)
+        left += float(solved.residual)
+    energy = float(np.sum(measured.share[:, None] * measured.radiance**2))
+    bad = ~(_relative_error(kd, kd_error) <= _TRUSTED_ERROR) | ~(misfit <= _TRUSTED_MISFIT)
+    return Texture(
+        kd,
+        ks,
+        kd_error,
+        ks_error,
+        misfit,
+        measured.seen,
+        bad,
+        ~(own > float(prior.precision)),
+        float(np.sqrt(left / energy)) if energy > 0 else 0.0,
+    )
+
+
+def _relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site"]:
+    seen = np.isfinite(kd_error).all(axis=1)
+    if not seen.any():
+        return np.full(len(kd), np.inf)
+    typical = np.median(kd[seen], axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.max(kd_error / (kd + _DARK * typical), axis=1)
+    return np.where(seen, relative, np.inf)
+
+
+@eqx.filter_jit
+def _solve(
+    model: Model,
+    data: SiteData,
+    exit_cosines: Float[AnyArray, "sample"],
+    known: tuple[Lobe, SpecularPrior],
+    settings: tuple[Float[AnyArray, "2"], bool],
+) -> _Solved:
+    """Solve a chunk's sites: once to weigh by what is predicted, then with derivatives."""
+    lobe, prior = known
+    variance, alternating = settings
+    point, share = jnp.asarray(lobe.point), jnp.asarray(data.weights)
+
+    def weighted(guess: Float[Array, "sample channel"]) -> SiteData:
+        weights = share * jax.lax.rsqrt(variance[0] * jnp.maximum(guess, 0) ** 2 + variance[1])
+        return SiteData(data.radiance, weights, data.site, data.count)
+
+    def columns_at(point: Float[Array, "unknown"]) -> tuple[Columns, Columns]:
+        physical = lobe.unknowns.unpack(point)
+        columns = model.columns(physical.sigma, physical.mu)
+        return columns, columns
+
+    with jax.default_matmul_precision("highest"):
+        by_point, columns = jax.jacfwd(columns_at, has_aux=True)(point)
+        data = weighted(jnp.asarray(data.radiance))
+        first = solve_sites(site_sums(data, columns), prior)
+        data = weighted(predicted(first, columns, data))
+
+        def material_at(moved: Float[Array, "unknown"]) -> SiteMaterial:
+            near = Columns(*(c + by @ (moved - point) for c, by in zip(columns, by_point)))
+            return solve_sites(site_sums(data, near), prior)
+
+        sums = site_sums(data, columns)
+        material = solve_sites(sums, prior)
+        own = site_errors(sums, prior)
+        through = jax.jacfwd(material_at)(point)
+        errors = SiteMaterial(
+            _with_lobe(jnp.asarray(own.kd), through.kd, lobe.covariance),
+            _with_lobe(jnp.asarray(own.ks), through.ks, lobe.covariance),
+        )
+        if alternating:
+            trust = confidence(columns, exit_cosines)
+            material = _alternated(data, columns, (trust, share), prior)
+    off = predicted(material, columns, data) - data.radiance
+    squares = jnp.sum(over_sites((jnp.asarray(data.weights) * off) ** 2, data), axis=1)
+    precision = jnp.where(errors.ks > 0, 1 / errors.ks**2 - prior.precision, 0)
+    return _Solved(material, errors, precision, squares, jnp.sum((share * off) ** 2))
+
+
+def _with_lobe(
+    own: Float[Array, "*site"],
+    by_point: Float[Array, "*site unknown"],
+    covariance: Float[AnyArray, "unknown unknown"],
+) -> Float[Array, "*site"]:
+    """Add to a site's own standard errors those of sigma and mu."""
+    carried = jnp.einsum("...i,ij,...j->...", by_point, jnp.asarray(covariance), by_point)
+    return jnp.sqrt(own**2 + carried)
+
+
+def _alternated(data: SiteData, columns, weights: tuple, prior: SpecularPrior) -> SiteMaterial:
+    trust, share = weights
+    diffuse, specular = (
+        site_sums(
+            SiteData(data.radiance, share * jnp.sqrt(one)[:, None], data.site, data.count), columns
+        )
+        for one in trust
+    )
+    return alternate(diffuse, specular, jnp.asarray(prior.mean)).material

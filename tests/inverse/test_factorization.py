@@ -1,0 +1,261 @@
+"""Light and material both unknown.
+
+- The derivatives of the joint step are those of the prediction: gloss, lobe and directions.
+- A step's gain is real, and material and lamp of a small scene are found from photographs by the
+  exact integral, with noise, within a few of the stated standard errors.
+- Pursuit picks the lamp that is there; on noise alone it finds nothing worth adding.
+- Two lamps found for one become one; an idle lamp is dropped.
+- Gauges: products of light and reflectance never change; one ks for all channels of a dielectric;
+  light of one mean colour over a metal.
+- Shadows: on a concave object the shadowed model explains what the convex one cannot.
+- Too few samples and unknown gauges are refused.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import ball_samples
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import fibonacci_sphere
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse import Observations
+from jaxrender.inverse.factorization import FactorSettings, Known, factorize
+from jaxrender.inverse.factorization.account import account_of
+from jaxrender.inverse.factorization.joint import (
+    Measured,
+    _moved,
+    _tangents,
+    reduced_system,
+    solve_light,
+)
+from jaxrender.inverse.factorization.pursuit import pursue
+from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.rounds import (
+    State,
+    Task,
+    add_lamps,
+    begin,
+    corrected,
+    descend,
+    measured,
+    response_of,
+    with_neighbours_merged,
+    without_idle_lamps,
+)
+from jaxrender.lighting import DirectionalSources, SmoothLobes
+from jaxrender.reflection import integral_columns, polar_columns, radiance
+
+LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
+ENERGY = np.array([1.2, 1.15, 1.05])
+PAINT = Microfacet(np.array([0.245, 0.281, 0.2]), np.full(3, 0.115), 0.15, 1.38)
+AREA = SmoothLobes(
+    np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
+    np.radians([65.0, 80.0]),
+    np.array([[1.0, 0.97, 0.92], [0.06, 0.07, 0.09]]),
+)
+NOISE = NoiseModel(0.01, 0.0005)
+BAND_LIMIT, LAMPS = 10, 4
+
+
+@pytest.fixture(scope="module")
+def photographs() -> Observations:
+    """An area light and a lamp on a painted ball, by the exact integral, with noise."""
+    samples, _ = ball_samples(1500, 0.15, seed=1)
+    columns = integral_columns(PAINT, samples, _lamp().nodes())
+    columns = columns + polar_columns(PAINT, samples, AREA.radiance)
+    exact = np.asarray(radiance(PAINT, columns))
+    noisy = NOISE.add(exact, np.random.default_rng(0))
+    return Observations(samples, noisy, np.zeros(len(noisy), int))
+
+
+@pytest.fixture(scope="module")
+def found(photographs):
+    settings = FactorSettings(BAND_LIMIT, LAMPS)
+    return factorize(photographs, PAINT, settings)
+
+
+def _lamp() -> DirectionalSources:
+    return DirectionalSources(LAMP[None], ENERGY[None])
+
+
+def _task(photographs: Observations) -> Task:
+    response = Response.of_convex(PAINT, photographs.samples, BAND_LIMIT, LAMPS)
+    settings = FactorSettings(BAND_LIMIT, LAMPS)
+    return Task(photographs.radiance, response, settings=settings)
+
+
+def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
+    """A state at the true material with lamps in the given directions, fitted."""
+    known = begin(task._replace(known=Known((0.32, 0.29, 0.365), 0.15, 1.38)))
+    slots, active = np.array(known.guess.directions), known.active.copy()
+    for slot, direction in enumerate(directions):
+        slots[slot], active[slot] = direction / np.linalg.norm(direction), True
+    guess = known.guess._replace(directions=jnp.asarray(slots))
+    weights = 1 / np.asarray(NOISE.standard_deviation(task.radiance))
+    return descend(task, known._replace(guess=guess, active=active, weights=weights), 8)
+
+
+def test_material_and_lamp_are_found(found):
+    total = PAINT.kd + PAINT.ks
+    value, error = found.parameters.value, found.parameters.standard_error
+    for name, truth in (("kd", PAINT.kd / total), ("ks", PAINT.ks / total), ("sigma", 0.15)):
+        off = np.abs(getattr(value, name) - truth) / getattr(error, name)
+        assert np.all(off < 4), name
+        assert np.all(getattr(error, name) < 0.01), name
+    assert abs(value.mu - 1.38) < 4 * error.mu < 0.02
+    assert found.relative_rms == pytest.approx(0.01, rel=0.1)
+    # The lamp: within a twentieth of a degree, its energy within half a per cent, in the gauge.
+    assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.05))
+    np.testing.assert_allclose(found.scene.sources.irradiance[0], ENERGY * total, rtol=5e-3)
+    assert found.outcome.value == "converged"
+    assert all(found.identifiable.values())
+
+
+def test_the_light_is_found(found):
+    """The first nine coefficients, lamp included, by a quadrature that knows of no fit."""
+    from jaxrender.harmonics import LatLongGrid, analyse, real_basis
+
+    grid = LatLongGrid(64, 128)
+    image = AREA.radiance(jnp.asarray(grid.directions().reshape(-1, 3))).reshape(64, 128, 3)
+    lamp = np.asarray(real_basis(jnp.asarray(LAMP[None]), 2)).T * ENERGY
+    truth = (np.asarray(analyse(grid, image, 2)) + lamp) * (PAINT.kd + PAINT.ks)
+    np.testing.assert_allclose(found.scene.total[:9], truth, atol=6e-3 * np.abs(truth[0]).max())
+    assert np.all(found.scene.slow_error > 0)
+
+
+def test_derivatives_of_the_prediction(photographs):
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
+    response = response_of(task, state)
+    light = state.joint.solved.light
+    tangents = np.asarray(_tangents(response, state.guess, light))
+
+    def predict(guess: Guess):
+        share = jax.nn.sigmoid(guess.gloss)[:, None, None]
+        diffuse, specular = response.columns(guess)
+        mixed = (1 - share) * diffuse[None] + share * specular[None]
+        return jnp.einsum("csp,pc->cs", mixed, light)
+
+    for unknown in [0, 2, 3, 4, 5, 6, 5 + LAMPS, 6 + LAMPS]:
+        step = np.zeros(tangents.shape[-1])
+        step[unknown] = 1e-5
+        ahead, behind = (predict(_moved(state.guess, jnp.asarray(s))) for s in (step, -step))
+        slope = np.asarray(ahead - behind) / 2e-5
+        np.testing.assert_allclose(
+            tangents[..., unknown], slope, atol=2e-6 * np.abs(slope).max(), err_msg=str(unknown)
+        )
+
+
+def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
+    """The second derivative of the cost along gloss, the light following, at the minimum."""
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP])
+    response, data = response_of(task, state), measured(task, state)
+    _, system = reduced_system(response, state.guess, data)
+
+    def cost(step: float) -> float:
+        moved = state.guess._replace(gloss=state.guess.gloss + jnp.array([step, 0.0, 0.0]))
+        return float(solve_light(response, moved, data).cost)
+
+    # Gauss-Newton leaves out what the residual bends: a per cent of it at this noise.
+    second = (cost(3e-2) - 2 * cost(0.0) + cost(-3e-2)) / 9e-4
+    assert float(system.curvature[0, 0]) == pytest.approx(second, rel=0.03)
+
+
+def test_pursuit_finds_the_lamp_and_then_nothing(photographs):
+    task = _task(photographs)
+    dark = _with_lamps(task, [])
+    towards = np.concatenate([fibonacci_sphere(500), LAMP[None]])
+    pursued = pursue(response_of(task, dark), dark.guess, measured(task, dark), towards, 1)
+    assert int(pursued.chosen[0]) == 500
+    lit = _with_lamps(task, [LAMP])
+    # Once the exact integral has put right what the dual model leaves out.
+    lit = descend(task, corrected(task, lit), 8)
+    assert np.array_equal(add_lamps(task, lit, 2).active, lit.active)
+
+
+def test_pursued_gains_are_what_the_cost_loses(photographs):
+    """At fixed material and light of full rank, the gain promised is the gain had."""
+    task = _task(photographs)
+    dark = _with_lamps(task, [])
+    data, response = measured(task, dark), response_of(task, dark)
+    pursued = pursue(response, dark.guess, data, LAMP[None], 1)
+    before = solve_light(response, dark.guess, data)
+    guess = dark.guess._replace(directions=jnp.asarray(np.tile(LAMP, (LAMPS, 1))))
+    one = np.zeros((len(task.radiance), LAMPS))
+    one[:, 0] = 1
+    lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
+    after = solve_light(lit, guess, data)
+    assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-6)
+
+
+def test_one_lamp_found_twice_becomes_one(photographs):
+    task = _task(photographs)
+    aside = np.cross(LAMP, [0.0, 0.0, 1.0]) * 0.04
+    twice = _with_lamps(task, [LAMP + aside, LAMP - aside])
+    merged = with_neighbours_merged(task, twice)
+    assert np.count_nonzero(merged.active) == 1
+    assert np.asarray(merged.guess.directions)[merged.active][0] @ LAMP > np.cos(2e-3)
+
+
+def test_idle_lamps_are_switched_off(photographs):
+    task = _task(photographs)
+    idle = _with_lamps(task, [LAMP, np.array([-0.6, -0.7, -0.3])])
+    idle = descend(task, corrected(task, idle), 8)
+    kept = without_idle_lamps(task, idle)
+    assert np.count_nonzero(kept.active) == 1
+    assert np.asarray(kept.guess.directions)[kept.active][0] @ LAMP > 0.9999
+
+
+@pytest.mark.parametrize("gauge", ["dielectric", "metal"])
+def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP])
+    plain, light = account_of(task, state, "per-channel")
+    other, changed = account_of(task, state, gauge)
+    np.testing.assert_allclose(
+        other.value.kd[None, :] * changed.total, plain.value.kd[None, :] * light.total, rtol=1e-12
+    )
+    assert np.mean(other.value.kd + other.value.ks) == pytest.approx(1)
+    if gauge == "dielectric":
+        np.testing.assert_allclose(other.value.ks, other.value.ks[0])
+        # The paint's own colour comes out, because its gloss has none.
+        np.testing.assert_allclose(
+            other.value.kd / other.value.kd[0], PAINT.kd / PAINT.kd[0], rtol=0.02
+        )
+    else:
+        np.testing.assert_allclose(changed.slow[0], changed.slow[0, 0])
+
+
+def test_what_is_known_stays(photographs):
+    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+    found = factorize(photographs, PAINT, settings, Known(sigma=0.15, mu=1.38))
+    assert float(found.brdf.sigma) == pytest.approx(0.15)
+    assert found.parameters.standard_error.sigma == 0
+    assert set(found.identifiable) == {"kd", "ks"}
+
+
+def test_too_few_samples_are_refused(photographs):
+    few = photographs.take(np.arange(100))
+    with pytest.raises(ValueError, match="100 samples for light of 121 coefficients"):
+        factorize(few, PAINT, FactorSettings(BAND_LIMIT, LAMPS))
+
+
+def test_unknown_gauge_is_refused(photographs):
+    task = _task(photographs)
+    with pytest.raises(ValueError, match="gauge='plastic': choose one of per-channel"):
+        account_of(task, _with_lamps(task, []), "plastic")
+
+
+def test_a_penalty_belongs_to_each_part(photographs):
+    """Smoothness pulls degree l by l (l + 1), and never the mean or a lamp."""
+    task = _task(photographs)
+    data = measured(task, begin(task))
+    penalty = np.asarray(data.penalty)
+    assert isinstance(data, Measured)
+    assert np.all(penalty[0] == 0)
+    assert np.all(penalty[121:] == 0)
+    np.testing.assert_allclose(penalty[4], 3 * penalty[1])

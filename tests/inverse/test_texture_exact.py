@@ -1,0 +1,94 @@
+"""A texture under known light, from photographs made by the exact integral with 1 % noise.
+
+- sigma and mu lie within 3.5 standard errors of the truth and a small bias of the fit's own light
+  image; K_d is good to 2 % rms where it is not marked; errors match their standard errors.
+- The bad sites are the marked ones: area under the curve above .9; unseen sites are NaN and marked.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import known_light
+from texture_problems import IMAGE, MU, SIGMA, noisy, textured_ball
+
+from jaxrender.brdf import Microfacet
+from jaxrender.inverse import MicrofacetUnknowns, Outcome
+from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.texture import TextureSettings, by_site, exact_forward, fit_texture
+from jaxrender.inverse.texture.forward import Forward
+from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
+
+# The sum over an image of 48 rows errs by about 1e-3 of smooth light's integral.
+LIGHT_BIAS = 2e-3
+WITHIN = 3.5
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return textured_ball()
+
+
+@pytest.fixture(scope="module")
+def fit(ball):
+    """Every step is taken on the exact model, linearised; light as an image of 48 rows."""
+    seen = noisy(ball)
+    nodes = exact_nodes(known_light(48), seen.frame, SIGMA)
+    exact = exact_forward(Microfacet(np.ones(3), np.ones(3), SIGMA, MU), seen, nodes)
+
+    def search(index):
+        return LinearisedModel.about(exact(index), jnp.asarray(0.2), jnp.asarray(1.5))
+
+    unknowns = MicrofacetUnknowns(
+        sigma=sigma_unknown(0.1, 0.3, start=0.2), mu=mu_unknown(1.2, 3.0, start=1.5)
+    )
+    measured = by_site(seen, ball.site, len(ball.kd))
+    settings = TextureSettings(starts=1, search_samples=1200, exact_samples=1200)
+    return fit_texture(measured, Forward(search, exact, exact), unknowns, settings)
+
+
+def test_the_lobe_is_recovered(fit):
+    assert fit.outcome is Outcome.CONVERGED
+    assert abs(fit.sigma - SIGMA) < WITHIN * fit.sigma_error + LIGHT_BIAS * SIGMA
+    assert abs(fit.mu - MU) < WITHIN * fit.mu_error + LIGHT_BIAS * MU
+    assert 0 < fit.sigma_error < 0.01 * SIGMA
+    assert fit.noise.relative == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_texture_is_recovered_where_it_is_not_marked(fit, ball):
+    good = ~fit.texture.kd_marked
+    assert good.mean() > 0.9
+    error = fit.texture.kd[good] / ball.kd[good] - 1
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    assert np.sqrt(np.mean((fit.texture.ks / ball.ks - 1)[good] ** 2)) < 0.05
+
+
+def test_errors_are_as_large_as_their_standard_errors(fit, ball):
+    seen = np.isfinite(fit.texture.kd_error).all(axis=1) & ~fit.texture.kd_marked
+    scores = ((fit.texture.kd - ball.kd) / fit.texture.kd_error)[seen]
+    # 270 sites whose channels share K_s: about 500 independent scores.
+    assert 0.88 < np.sqrt(np.mean(scores**2)) < 1.15
+
+
+def test_the_bad_sites_are_the_marked_ones(fit, ball):
+    seen = fit.texture.seen > 0
+    error = np.abs(fit.texture.kd / ball.kd - 1).max(axis=1)[seen]
+    # Bad: an error above 5 %, as the mark promises.
+    area = area_under_curve(fit.texture.relative_error[seen], error > 0.05)
+    assert area > 0.9
+    worst = np.argsort(error)[-5:]
+    assert fit.texture.kd_marked[seen][worst].mean() > 0.5
+
+
+def area_under_curve(score, bad):
+    """The chance that a bad site scores above a good one."""
+    return np.mean(score[bad][:, None] > score[~bad][None, :])
+
+
+def test_unseen_sites_are_unknown_and_marked(fit):
+    unseen = fit.texture.seen == 0
+    assert unseen.sum() == fit.texture.seen.size - np.count_nonzero(fit.texture.seen)
+    assert np.isnan(fit.texture.kd[unseen]).all()
+    assert fit.texture.kd_marked[unseen].all()
+    assert np.isfinite(fit.texture.kd[~unseen]).all()
+    assert IMAGE[0] * IMAGE[1] == fit.texture.seen.size

@@ -1,0 +1,136 @@
+"""Fits whose light is unknown, from config to result folder.
+
+- ``task: factorize`` finds two lamps and the material of a ball in plain NumPy's photographs, in
+  the gauge it states, and predicts the photographs.
+- ``task: lighting`` finds the lamps' own irradiance, given the material.
+- ``result.json`` has the keys of the contract; the light is written as an image of that energy.
+- Too few pixels for the light's coefficients are refused in words.
+"""
+
+import json
+
+import h5netcdf
+import numpy as np
+import pytest
+from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
+
+from jaxrender.errors import InputError
+from jaxrender.io import read_environment, read_image
+from jaxrender.pipelines import fit, load_run_config
+
+LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
+BALL = Ball(views=6, size=40, lights=(LAMPS,) * 6, gains=(1.0,) * 6)
+CONFIG = """\
+task: {task}
+capture: {{transforms: transforms.json, geometry: {{sphere: {{radius: 1}}}}}}
+brdf: {{{brdf}}}
+samples: {{count: {count}}}
+solve: {{band_limit: 3, most_sources: 4}}
+"""
+GIVEN = f"kd: [{KD[0]}, {KD[1]}, {KD[2]}], ks: {KS}, sigma: {SIGMA}, mu: {MU}"
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lamps") / "capture"
+    write_ball(folder, BALL)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def factorized(capture):
+    return _run(capture, "factorize", "")
+
+
+@pytest.fixture(scope="module")
+def relit(capture):
+    return _run(capture, "lighting", GIVEN)
+
+
+def _run(capture, task, brdf, count=1200):
+    path = capture / f"{task}.yaml"
+    path.write_text(CONFIG.format(task=task, brdf=brdf, count=count))
+    output = capture.parent / task
+    config = load_run_config(path).model_copy(update={"output": output})
+    fit(config, force=True)
+    return output, json.loads((output / "result.json").read_text())
+
+
+def _angles(result):
+    """Between each true lamp and the nearest found one, degrees, and which that is."""
+    found = np.array([lamp["direction"] for lamp in result["lighting"]["directional"]])
+    truth = np.array([direction for direction, _ in LAMPS])
+    cosines = truth / np.linalg.norm(truth, axis=1, keepdims=True) @ found.T
+    return np.degrees(np.arccos(np.clip(cosines.max(axis=1), -1, 1))), cosines.argmax(axis=1)
+
+
+def test_factorize_finds_material_and_lamps(factorized):
+    _, result = factorized
+    assert (result["task"], result["outcome"]) == ("factorize", "converged")
+    kd = np.array(KD)
+    np.testing.assert_allclose(result["brdf"]["ks"], KS / (kd + KS), rtol=0.02)
+    np.testing.assert_allclose(np.add(result["brdf"]["kd"], result["brdf"]["ks"]), 1)
+    assert result["brdf"]["sigma"] == pytest.approx(SIGMA, rel=0.01)
+    assert result["brdf"]["mu"] == pytest.approx(MU, rel=0.03)
+    assert result["residual"]["relative_rms"] == pytest.approx(BALL.noise, rel=0.2)
+    angles, which = _angles(result)
+    assert np.all(angles < 0.2)
+    energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
+    truth = np.array([energy for _, energy in LAMPS]) * (kd + KS)
+    np.testing.assert_allclose(energies, truth, rtol=0.03)
+
+
+def test_lighting_finds_irradiance_in_its_own_units(relit):
+    _, result = relit
+    assert result["task"] == "lighting"
+    assert result["lighting"]["gauge"] == "given by the material"
+    angles, which = _angles(result)
+    assert np.all(angles < 0.2)
+    energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
+    np.testing.assert_allclose(energies, [energy for _, energy in LAMPS], rtol=0.02)
+    assert result["brdf"]["kd"] == list(KD)
+    assert result["identifiable"] == {}
+
+
+def test_results_have_the_keys_of_the_contract(factorized):
+    folder, result = factorized
+    for key in ("interval90", "standard_error", "identifiable", "noise", "seconds", "provenance"):
+        assert result[key], key
+    lighting = result["lighting"]
+    assert len(lighting["coefficients"]) == len(lighting["coefficients_total"]) == 16
+    assert lighting["band_limit"] == 3
+    assert result["path"][0]["sources"] == 0
+    assert result["path"][-1]["sources"] == len(lighting["directional"])
+    with h5netcdf.File(folder / "result.nc") as file:
+        assert file["light"]["slow"].shape == (16, 3)
+        assert file["samples"]["predicted"].shape == (1200, 3)
+    page = (folder / "report.html").read_text()
+    assert "Material and light recovered from photographs" in page
+    # A gauge's reflectances are no albedo.
+    assert ">albedo " not in page
+
+
+def test_the_light_is_written_with_its_energy(factorized):
+    folder, result = factorized
+    nodes = read_environment(folder / "lighting.exr").nodes()
+    slow = read_environment(folder / "lighting_slow.exr").nodes()
+    lamps = np.sum([lamp["irradiance"] for lamp in result["lighting"]["directional"]], axis=0)
+    energy = np.asarray(nodes.irradiance).sum(0) - np.asarray(slow.irradiance).sum(0)
+    np.testing.assert_allclose(energy, lamps, rtol=1e-4)
+    brightest = np.asarray(nodes.directions)[np.asarray(nodes.irradiance).sum(1).argmax()]
+    truth = np.array(LAMPS[0][0]) / np.linalg.norm(LAMPS[0][0])
+    assert brightest @ truth > np.cos(np.radians(2))
+
+
+def test_predictions_look_like_the_photographs(factorized, capture):
+    folder, _ = factorized
+    predicted = read_image(folder / "images" / "0_predicted.exr").pixels
+    photograph = read_image(capture / "images" / "0.exr").pixels[..., :3]
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.sum(axis=-1).max()
+    ratio = predicted[inside] / photograph[inside]
+    assert np.median(np.abs(ratio - 1)) < 0.02
+
+
+def test_too_few_pixels_are_refused(capture):
+    with pytest.raises(InputError, match="50 samples for light of 16 coefficients"):
+        _run(capture, "factorize", "", count=50)
