@@ -85,7 +85,9 @@ def main():
     if arguments.count is not None:
         print(json.dumps(measure(arguments.count)))
         return
-    print(f"{'rows':>11s} {'pass s':>8s} {'s / 10^6':>9s} {'evaluation ms':>14s} {'search s':>9s} MiB")
+    print(
+        f"{'rows':>11s} {'pass s':>8s} {'s / 10^6':>9s} {'evaluation ms':>14s} {'search s':>9s} MiB"
+    )
     found = []
     for count in (*COUNTS, 100_000_000) if arguments.full else COUNTS:
         command = [sys.executable, __file__, "--count", str(count)]
@@ -100,8 +102,8 @@ def main():
     slowest, most = (max(one[key] for one in found) for key in ("ms", "mib"))
     met = slowest < DEMANDED_MS and most < DEMANDED_MIB
     print(
-        f"evaluation {slowest:.2f} ms (demanded {DEMANDED_MS:.0f}), memory {most:.0f} MiB (demanded "
-        f"{DEMANDED_MIB:.0f}): {'met' if met else 'NOT MET'}"
+        f"evaluation {slowest:.2f} ms (demanded {DEMANDED_MS:.0f}), memory {most:.0f} MiB "
+        f"(demanded {DEMANDED_MIB:.0f}): {'met' if met else 'NOT MET'}"
     )
 
 

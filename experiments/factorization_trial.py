@@ -5,8 +5,8 @@
 Exact photographs (polar quadrature of the area light, the lamp's lobe as it is) of a ball from 12
 views, 1 % noise.  The truth: ks / (kd + ks) .333, mu 1.5, sigma .12.  The nested method (T 6.4.4:
 simplex over K_s and mu, light to degree 12 by F alone, roughness from the lamp by T 6.25, printed
-and corrected) and ``factorize`` see the same samples.  Beside them the numbers of the trial that the
-design rests on, whose light was another of this kind.
+and corrected) and ``factorize`` see the same samples.  Beside them the numbers of the trial that
+the design rests on, whose light was another of this kind.
 """
 
 import os
@@ -102,7 +102,8 @@ def main():
 def _row(name: str, share, mu: float, sigma: float | None, residual: float | None) -> str:
     shares = " ".join(f"{one:.3f}" for one in np.asarray(share))
     last = "" if residual is None else f"{100 * residual:.2f} %"
-    return f"{name:44s} {shares:>18s} {mu:7.3f} {'' if sigma is None else f'{sigma:.4f}':>7s} {last:>9s}"
+    rough = "" if sigma is None else f"{sigma:.4f}"
+    return f"{name:44s} {shares:>18s} {mu:7.3f} {rough:>7s} {last:>9s}"
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ from teflon import Scene, moving_source_table, portrait, teflon, under_complex_l
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import Observations
-from jaxrender.inverse.brdf_spectrum import BRDFSpectrum, fit_brdf_spectrum
-from jaxrender.inverse.brdf_table import HalfAngleGrid
-from jaxrender.inverse.harmonic_brdf import HarmonicBRDF
-from jaxrender.inverse.spectrum_basis import SpectrumBasis
+from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
+from jaxrender.inverse.brdf_spectrum.harmonic_brdf import HarmonicBRDF
+from jaxrender.inverse.brdf_spectrum.recovery import BRDFSpectrum, fit_brdf_spectrum
+from jaxrender.inverse.brdf_table.table import HalfAngleGrid
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import ExactForward, render_samples
 from jaxrender.spectra import light_coefficients

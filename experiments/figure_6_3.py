@@ -4,7 +4,7 @@
 
 Our method: kd, ks, mu and sigma from photographs under an area source and a lamp (T 6.4.2).  Fit
 to data: the same ball under one lamp at a time, its BRDF tabulated by half-angle coordinates
-(``inverse.moving_source``), the model fitted to the table.  RMS is the error of either against the
+(``inverse.brdf_table``), the model fitted to the table.  RMS is the error of either against the
 table, as in the thesis; there it is mostly the model's, here the noise's, since the photographs are
 made with the model (exact integral, 1 % noise).  ``--physical`` makes them with Smith's masking and
 half-angle Fresnel, and fits the thesis's model all the same: then the RMS is mostly the model's
@@ -22,8 +22,8 @@ from teflon import moving_source_table, teflon, under_complex_light
 
 from jaxrender.brdf import Microfacet
 from jaxrender.inverse import KnownLight, MicrofacetUnknowns, fit_brdf
-from jaxrender.inverse.brdf_table import BRDFTable
-from jaxrender.inverse.moving_source import fit_table, table_error
+from jaxrender.inverse.brdf_table.moving_source import fit_table, table_error
+from jaxrender.inverse.brdf_table.table import BRDFTable
 from jaxrender.inverse.uncertainty import Uncertain
 
 

@@ -13,8 +13,8 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, SurfaceView, look_at, observe
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations
-from jaxrender.inverse.brdf_table import BRDFTable, HalfAngleGrid, tabulate
-from jaxrender.inverse.moving_source import brdf_samples
+from jaxrender.inverse.brdf_table.moving_source import brdf_samples
+from jaxrender.inverse.brdf_table.table import BRDFTable, HalfAngleGrid, tabulate
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.pipelines import load_recipe
 from jaxrender.pipelines.synth import cameras_of

@@ -188,41 +188,78 @@ def prefilter(
 
 @app.command
 def analyze(
-    light: Path,
+    subject: Path,
     /,
-    *,
+    *overrides: str,
     convention: str = "z-up",
     brdf: list[str] | None = None,
-    band_limit: int = 32,
-    noise: float = 0.01,
+    band_limit: int | None = None,
+    noise: float | None = None,
     samples: int = 12_000,
     figure: Path | None = None,
+    suppose: list[str] | None = None,
+    suggest: Literal["views", "lights"] | None = None,
+    aim: Literal["worst", "kd", "ks", "sigma", "mu"] = "worst",
+    count: int = 5,
 ) -> int:
-    """Say what photographs under a light could tell: spectra, and which problems are well posed.
+    """Say what photographs could tell before they are taken: of a run's config, or under a light.
 
     Parameters
     ----------
-    light
-        Panorama of radiance (EXR, HDR or PFM).
+    subject
+        Config of a run (.yaml, .yml), of which only cameras, shape and light need exist; or a
+        panorama of radiance (EXR, HDR or PFM).
+    overrides
+        Values written over the config's, such as samples.min_cosine=0.3.
     convention
-        Its layout: z-up, y-up, angular, cross or mirror-ball.
+        The panorama's layout: z-up, y-up, angular, cross or mirror-ball.
     brdf
-        A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
+        A lobe such as phong:exponent=32 or microfacet:sigma=0.1 to go with a panorama; may be given
+        several times.
     band_limit
-        The highest degree to look at.
+        The highest degree to look at; 32 for a panorama, chosen from the roughness for a config.
     noise
-        Standard deviation of a sample, as a part of the reflected light.
+        Standard deviation of a sample, as a part of the reflected light; the config's, or 0.01.
     samples
-        How many samples the photographs have.
+        How many samples the photographs have, with a panorama.
     figure
-        Picture of the spectra to write (PNG, PDF or SVG).
+        Picture of spectra and predicted errors to write (PNG, PDF or SVG).
+    suppose
+        What to suppose of a config's material, such as sigma=0.1 or kd=0.3,0.2,0.1; may be given
+        several times.
+    suggest
+        Rank further camera positions or lamps by what one more photograph would tell.
+    aim
+        The parameter that suggestions are to tell better.
+    count
+        How many suggestions to print.
     """
-    _set_up_jax()
-    from jaxrender.pipelines import analyze as analysis
+    if subject.suffix.lower() in (".yaml", ".yml"):
+        if brdf:
+            raise InputError("--brdf goes with a panorama; with a config: --suppose sigma=0.1")
+        from jaxrender.pipelines.config import load_run_config
 
-    lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
-    found = analysis.analyze(light, convention, lobes, band_limit, (noise, samples), figure)
-    _say(found.table.rstrip())
+        config = load_run_config(_bundled(subject), overrides)
+        _set_up_jax()
+        from jaxrender.pipelines.analysis import Options, analyze_config
+        from jaxrender.pipelines.progress import choose
+
+        options = Options(tuple(suppose or ()), noise, band_limit, figure, suggest, aim, count)
+        _say(analyze_config(config, options, choose(sys.stderr)).text)
+    else:
+        if overrides or suppose or suggest:
+            raise InputError(
+                f"{subject}: overrides, --suppose and --suggest go with a run's config (.yaml), "
+                "not with a panorama"
+            )
+        _set_up_jax()
+        from jaxrender.pipelines import analyze as analysis
+
+        lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
+        measurement = (0.01 if noise is None else noise, samples)
+        limit = 32 if band_limit is None else band_limit
+        found = analysis.analyze(subject, convention, lobes, limit, measurement, figure)
+        _say(found.table.rstrip())
     if figure is not None:
         _say(f"figure: {figure}")
     return DONE

@@ -6,20 +6,31 @@ with F the *normalised* Fresnel ratio.  Without a masking term the model is reci
 is taken at the half angle, and it exceeds 1 at grazing exit (ERRATA 25: directional albedo 1.21 at
 85 degrees for sigma = .2): both are the thesis's, kept on purpose.  ``fresnel="half"`` and
 ``masking="smith"`` are the variants that physics would choose.
+
+``distribution="beckmann"`` or ``"ggx"`` puts one of the two distributions in use today in the place
+of S, with unit projected area (``distributions``, ERRATA 54): with both variants it is the model
+that renderers call rough dielectric or, with ``mu=None``, rough conductor.
 """
+
+import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.distributions import DISTRIBUTIONS
+from jaxrender.brdf.facets import facet_transfer
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
+from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import MASKINGS
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
     as_scalar_or_none,
     is_known,
+    refuse_outside,
+    refuse_unlisted,
     share_of_energy_is_bounded,
 )
 from jaxrender.geometry import Components, squared_acute_angle
@@ -30,10 +41,14 @@ _SMALLEST_COSINE = 1e-6
 
 
 class Microfacet(BRDF):
-    """T 6.2 with ``kd`` and ``ks`` per channel, roughness ``sigma`` (radians) and index ``mu``.
+    """T 6.2 with ``kd`` and ``ks`` per channel, roughness ``sigma`` and index ``mu``.
 
-    ``mu=None`` sets F = 1 (metals).  Raises ``ValueError`` for an unknown Fresnel angle or masking
-    and, outside traced functions, for sigma <= 0 and mu <= 1.
+    ``mu=None`` sets F = 1 (metals).  ``sigma`` is the half angle (radians) at which the Gaussian is
+    1/e of its peak, the root mean square slope of ``beckmann``, and of ``ggx`` what is commonly
+    called alpha.  Smith's masking is that of the distribution (Beckmann's for the Gaussian).
+
+    Raises ``ValueError`` for an unknown Fresnel angle, masking or distribution and, outside traced
+    functions, for sigma <= 0 (of beckmann and ggx also > 1) and mu <= 1.
     """
 
     kd: Float[AnyArray, "channel"]
@@ -42,16 +57,19 @@ class Microfacet(BRDF):
     mu: Scalar | None = eqx.field(converter=as_scalar_or_none)
     fresnel: str = eqx.field(static=True, default="exit")
     masking: str = eqx.field(static=True, default="none")
+    distribution: str = eqx.field(static=True, default="gaussian")
 
     def __check_init__(self):
-        if self.fresnel not in FRESNEL_ANGLES:
-            raise ValueError(f"fresnel={self.fresnel!r}: choose one of {', '.join(FRESNEL_ANGLES)}")
-        if self.masking not in MASKINGS:
-            raise ValueError(f"masking={self.masking!r}: choose one of {', '.join(MASKINGS)}")
+        refuse_unlisted("fresnel", self.fresnel, FRESNEL_ANGLES)
+        refuse_unlisted("masking", self.masking, tuple(MASKINGS))
+        refuse_unlisted("distribution", self.distribution, tuple(DISTRIBUTIONS))
         if is_known(self.sigma) and not self.sigma > 0:
             raise ValueError(
                 f"sigma={self.sigma}: the roughness must be above 0 (mirror: use a small one)"
             )
+        if self.distribution != "gaussian":
+            remedy = f"for a rougher surface than {self.distribution} has use gaussian"
+            refuse_outside("sigma", self.sigma, "(0, 1]", remedy)
         if self.mu is not None and is_known(self.mu) and not self.mu > 1:
             raise ValueError(
                 f"mu={self.mu}: the refractive index must be above 1, or None for a metal"
@@ -85,11 +103,21 @@ class Microfacet(BRDF):
 
     def with_roughness(self, sigma: Scalar, mu: Scalar | None) -> "Microfacet":
         """Replace the lobe's parameters and keep the rest."""
-        return Microfacet(self.kd, self.ks, sigma, mu, self.fresnel, self.masking)
+        return dataclasses.replace(self, sigma=sigma, mu=mu)
+
+    def with_amplitudes(
+        self, kd: Float[AnyArray, "channel"], ks: Float[AnyArray, "channel"]
+    ) -> "Microfacet":
+        """Replace kd and ks and keep the lobe."""
+        return dataclasses.replace(self, kd=kd, ks=ks)
+
+    def with_variant(self, fresnel: str, masking: str) -> "Microfacet":
+        """Choose another Fresnel angle and masking of the same distribution."""
+        return dataclasses.replace(self, fresnel=fresnel, masking=masking)
 
     def as_metal(self) -> "Microfacet":
         """Drop the Fresnel ratio, where it is a factor that the caller multiplies by himself."""
-        return Microfacet(self.kd, self.ks, self.sigma, None, "exit", self.masking)
+        return dataclasses.replace(self, mu=None, fresnel="exit")
 
     def transfer(
         self, incoming: Components, outgoing: Components
@@ -103,18 +131,33 @@ class Microfacet(BRDF):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate F S G / (4 cos t_o) for directions above the horizon (below: meaningless)."""
+        if self.distribution == "gaussian":
+            lobe, cos_half, cos_o = self._gaussian_lobe(incoming, outgoing)
+        else:
+            facets = DISTRIBUTIONS[self.distribution](self.sigma)
+            outgoing = lifted(outgoing)
+            lobe, cos_half = facet_transfer(facets, self.masking, lifted(incoming), outgoing)
+            cos_o = jnp.asarray(outgoing.z)
+        if self.mu is None:
+            return lobe
+        return lobe * normalised_fresnel(self.mu, cos_o if self.fresnel == "exit" else cos_half)
+
+    def _gaussian_lobe(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*exit"]]:
+        """Evaluate S G / (4 cos t_o), the cosine to the half vector, and the exit cosine.
+
+        By cosines alone, not by the half vector's components, and normalised as T 6.2 has it.
+        """
         cos_o = jnp.maximum(outgoing.z, _SMALLEST_COSINE)
+        # |w_i + w_o| / 2 is the cosine between either direction and the half vector.
         half_length = jnp.sqrt(jnp.maximum(2 + 2 * incoming.dot(outgoing), _SMALLEST_COSINE**2))
-        cos_half = (incoming.z + outgoing.z) / half_length
-        squared_half_angle = squared_acute_angle(jnp.clip(cos_half, 0, 1))
+        cos_normal = (incoming.z + outgoing.z) / half_length
+        squared_half_angle = squared_acute_angle(jnp.clip(cos_normal, 0, 1))
         lobe = microfacet_distribution(squared_half_angle, self.sigma) / (4 * cos_o)
         if self.masking != "none":
             lobe = lobe * MASKINGS[self.masking](self.sigma, incoming.z, cos_o)
-        if self.mu is None:
-            return lobe
-        # |w_i + w_o| / 2 is the cosine between either direction and the half vector.
-        fresnel_cosine = cos_o if self.fresnel == "exit" else half_length / 2
-        return lobe * normalised_fresnel(self.mu, fresnel_cosine)
+        return lobe, half_length / 2, cos_o
 
 
 def microfacet_distribution(

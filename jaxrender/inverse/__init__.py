@@ -26,6 +26,16 @@
     the light as a map of directions (T 6.17 to 6.21)
 ``factorization``
     light and material both unknown (T 6.4.4)
+``light_field``
+    the same in closed form, from all coefficients of a reflected light field (T 2.68)
+``brdf_spectrum`` ``brdf_table``
+    a BRDF as coefficients; as a table, from photographs under one moving lamp
+``texture``
+    reflectance site by site, under known and unknown light
+``shadowing``
+    what a concave object hides from itself
+``forecast`` ``next_best`` ``candidate_views``
+    what photographs will tell, before they are taken, and which one more would tell most
 """
 
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf

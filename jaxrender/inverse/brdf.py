@@ -97,12 +97,12 @@ def fit_brdf(
     *,
     shape: Shape | None = None,
 ) -> BRDFFit:
-    """Recover kd, ks, sigma and mu of T 6.2 from samples of the reflected light.
+    """Recover kd, ks, sigma and mu of a microfacet model from samples of the reflected light.
 
-    ``variant`` tells the Fresnel angle, the masking and, by ``mu=None``, a metal; its numbers do
-    not matter.  ``stage`` is entered with the name of each step.  ``shape`` is asked for shadows
-    where it is concave, and then the observations must have places.  Raises ``ValueError`` for
-    fewer samples than unknowns.
+    ``variant`` tells the distribution, the Fresnel angle, the masking and, by ``mu=None``, a metal;
+    its numbers do not matter.  ``stage`` is entered with the name of each step.  ``shape`` is asked
+    for shadows where it is concave, and then the observations must have places.  Raises
+    ``ValueError`` for fewer samples than unknowns.
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
@@ -223,14 +223,8 @@ def _sigma(stop: Stop) -> float:
 def _material(stop: Stop, variant: Microfacet) -> Microfacet:
     found = values_of(stop)
     mu = None if variant.mu is None else float(found.mu)
-    return Microfacet(
-        np.asarray(found.kd),
-        np.asarray(found.ks),
-        float(found.sigma),
-        mu,
-        variant.fresnel,
-        variant.masking,
-    )
+    lobe = variant.with_roughness(float(found.sigma), mu)
+    return lobe.with_amplitudes(np.asarray(found.kd), np.asarray(found.ks))
 
 
 def _table_range(unknowns: MicrofacetUnknowns, sigma: float) -> tuple[float, float]:

@@ -53,7 +53,7 @@ class TabulatedModel(eqx.Module):
 
 
 class ExactModel(eqx.Module):
-    """The integral over the light's nodes, for the lobe of ``variant`` (its angle and masking).
+    """The integral over the light's nodes, for the lobe of ``variant`` (whatever its numbers).
 
     ``seen`` tells for each part of the light which of its nodes every sample sees; None: all.
     """

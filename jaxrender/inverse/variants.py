@@ -1,9 +1,10 @@
 """What would be different under a slightly different model: masking on or off, Fresnel angle.
 
-T 6.2 leaves out masking and takes Fresnel at the exit angle.  Each variant of these choices is
-refitted with the exact integral from where the fit ended.  A parameter that moves by more than 25 %
-under a variant that the data do not reject is *model sensitive*: its error bar is right only if the
-model is.
+T 6.2 leaves out masking and takes Fresnel at the exit angle.  Each variant of these choices, within
+the same distribution of facets, is refitted with the exact integral from where the fit ended (sigma
+of another distribution is not the same number, so nothing could be said of it).  A parameter that
+moves by more than 25 % under a variant that the data do not reject is *model sensitive*: its error
+bar is right only if the model is.
 """
 
 from typing import NamedTuple
@@ -96,7 +97,7 @@ def _others(brdf: Microfacet) -> list[Microfacet]:
     angles = FRESNEL_ANGLES if brdf.mu is not None else (brdf.fresnel,)
     choices = [(angle, masking) for angle in angles for masking in MASKINGS]
     return [
-        Microfacet(brdf.kd, brdf.ks, brdf.sigma, brdf.mu, angle, masking)
+        brdf.with_variant(angle, masking)
         for angle, masking in choices
         if (angle, masking) != (brdf.fresnel, brdf.masking)
     ]

@@ -48,13 +48,13 @@ class LightRecovery(Recovery):
 
     def __init__(
         self,
-        asked: tuple[str, str],
+        asked: tuple[str, str, str],
         found: Factorization,
         observations: Observations,
         seen: tuple[list[Photograph], Shape],
     ):
-        """``asked`` are the task and the gauge."""
-        self.task, self.gauge = asked
+        """``asked`` are the task, the model's name and the gauge."""
+        self.task, self.model, self.gauge = asked
         self.found, self.observations = found, observations
         self.photographs, self.shape = seen
 
@@ -130,7 +130,8 @@ def recover_light(
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = _in_given_units(config, found)
-    return LightRecovery((config.task, gauge), found, observations, (photographs, shape))
+    asked = config.task, config.brdf.model, gauge
+    return LightRecovery(asked, found, observations, (photographs, shape))
 
 
 def factor_settings(config: RunConfig) -> FactorSettings:
@@ -148,7 +149,7 @@ def _result(recovery: LightRecovery) -> dict[str, Any]:
     found = recovery.found
     names = ["kd", "ks", "sigma"] + ([] if found.brdf.mu is None else ["mu"])
     parameters = found.parameters
-    brdf = {"model": "microfacet", **named_values(names, parameters.value)}
+    brdf = {"model": recovery.model, **named_values(names, parameters.value)}
     if found.brdf.mu is None:
         brdf["mu"] = "none"
     result = {
@@ -281,11 +282,10 @@ def _in_given_units(config: RunConfig, found: Factorization) -> Factorization:
     )
     parameters = type(found.parameters)(*(p._replace(kd=kd, ks=ks) for p in found.parameters))
     zero = parameters.standard_error._replace(kd=0 * kd, ks=0 * ks)
-    brdf = type(found.brdf)(
-        kd, ks, found.brdf.sigma, found.brdf.mu, found.brdf.fresnel, found.brdf.masking
-    )
     return found._replace(
-        brdf=brdf, scene=scene, parameters=parameters._replace(standard_error=zero)
+        brdf=found.brdf.with_amplitudes(kd, ks),
+        scene=scene,
+        parameters=parameters._replace(standard_error=zero),
     )
 
 

@@ -99,7 +99,7 @@ def recover_material(
         shape=shape,
     )
     variants = ()
-    if config.solve.variants and config.brdf.model == "microfacet" and settings.refine:
+    if config.solve.variants and config.brdf.model != "lambertian" and settings.refine:
         with clock.stage("variants"):
             variants = fit_variants(found, light, settings, shape)
     if transfer is not None:

@@ -15,6 +15,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.io import read_capture, write_image
 from jaxrender.lighting import LightNodes
 from jaxrender.pipelines.config import RunConfig, load_run_config
+from jaxrender.pipelines.config.brdf import distribution_of
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -67,7 +68,8 @@ def material_of(brdf: dict) -> Microfacet:
         return Microfacet(kd, np.zeros_like(kd), 0.1, None)
     ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
     mu = None if brdf["mu"] == "none" else float(brdf["mu"])
-    return Microfacet(kd, ks, float(brdf["sigma"]), mu, brdf["fresnel"], brdf["masking"])
+    choices = brdf["fresnel"], brdf["masking"], distribution_of(brdf["model"])
+    return Microfacet(kd, ks, float(brdf["sigma"]), mu, *choices)
 
 
 def _render_views(config: RunConfig, found: dict, model: str, into: tuple[Path, Progress]) -> None:

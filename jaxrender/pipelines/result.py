@@ -63,7 +63,7 @@ def result_of(finding: Finding) -> dict[str, Any]:
         "lighting": _lighting(finding),
         "pixels": pixels_of(finding.photographs),
     }
-    if finding.model == "microfacet":
+    if finding.model != "lambertian":
         result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
         result["evidence"] = {**fit.evidence._asdict(), "sentence": fit.evidence.sentence()}
     if fit.exact is not None:
@@ -194,7 +194,7 @@ def _names(finding: Finding) -> list[str]:
 
 def _values(finding: Finding, parameters: Parameters, metal: bool = True) -> dict[str, Any]:
     values = {name: _plain(_shared(finding, name, parameters)) for name in _names(finding)}
-    if metal and finding.model == "microfacet" and finding.fit.brdf.mu is None:
+    if metal and finding.model != "lambertian" and finding.fit.brdf.mu is None:
         values["mu"] = "none"
     return values
 

@@ -20,7 +20,7 @@ from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
 from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import BrdfConfig
+from jaxrender.pipelines.config.brdf import BrdfConfig, distribution_of
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
 from jaxrender.pipelines.config.parameter import Parameter
@@ -64,13 +64,15 @@ def true_material(brdf: RecipeBrdfConfig) -> Microfacet:
             mu,
             brdf.fresnel,
             brdf.masking,
+            distribution_of(brdf.model),
         )
 
 
 def variant_of(brdf: BrdfConfig) -> Microfacet:
     """Build the lobe that is to be fitted; its numbers do not matter."""
     mu = None if brdf.mu == "none" or brdf.model == "lambertian" else 1.5
-    return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, brdf.fresnel, brdf.masking)
+    choices = brdf.fresnel, brdf.masking, distribution_of(brdf.model)
+    return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, *choices)
 
 
 def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:

@@ -236,7 +236,7 @@ def _write_config(
         write_mesh(folder / "shape.ply", shape)
         geometry = {"mesh": "shape.ply"}
     brdf: dict = {"model": recipe.brdf.model}
-    if recipe.brdf.model == "microfacet":
+    if recipe.brdf.model != "lambertian":
         brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
         brdf |= {"fresnel": recipe.brdf.fresnel, "masking": recipe.brdf.masking}
         if recipe.brdf.mu == "none":

@@ -122,7 +122,7 @@ def roughness_table(
 ) -> RoughnessTable:
     """Tabulate the dual model over a range of sigma (and of mu, where the lobe depends on it).
 
-    Of ``brdf`` only the variant counts: metal or dielectric, Fresnel angle, masking.
+    Of ``brdf`` only the variant counts: metal or dielectric, Fresnel angle, masking, distribution.
     """
     log_sigma = KnotRange.over(np.log(sigma_range[0]), np.log(sigma_range[1]), _SIGMA_KNOTS)
     dtype = jnp.asarray(samples.normals).dtype

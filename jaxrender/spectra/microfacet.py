@@ -1,28 +1,52 @@
 """The transfer h_l of a microfacet lobe: how much of each degree of the light it lets through.
 
-Seen from the reflected direction R, the lobe F S G / (4 cos t_o) (T 3.42, 6.2) of a sample with
+Seen from the reflected direction R, the lobe F D G / (4 cos t_o) (T 3.42, 6.2) of a sample with
 exit angle t_o is averaged over the azimuth about R, horizon included, which leaves the q = 0 part
 of T 3.43:
 
 h_l(t_o) = 2 pi int_0^pi h(t) P_l(cos t) sin t dt,    h(t) = (1 / 2 pi) int lobe(t, phi) dphi
 
 so that slow light comes back as sum_l h_l(t_o) sum_m L_lm Y_lm(R).  ``exit_cosine_transfer`` is the
-real thing; the twins are its value at normal exitance for every sample, and the thesis's Gaussian
-exp(-(sigma l)^2) (T 3.51, 6.7), 4 to 23 % off for sigma of .1 to .5 (ERRATA 27).
+real thing, of whichever distribution the material has; the twins are its value at normal exitance
+for every sample, and the thesis's Gaussian exp(-(sigma l)^2) (T 3.51, 6.7), for the thesis's own
+distribution 4 to 23 % off for sigma of .1 to .5 (ERRATA 27).
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 from jaxrender.brdf import Microfacet, normalised_fresnel
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra.mirror_frame import mean_transfer
 
-# The lobe is below exp(-25) of its peak beyond this many sigmas from R.
-_LOBE_RADIUS_PER_SIGMA = 10.0
+# The exponential lobes are below exp(-25) of their peak beyond this many sigmas of the half angle
+# (Gaussian) or of its tangent (Beckmann).
+_REACH = 5.0
 # The transfer is tabulated at this many exit cosines when it is wanted for many samples, at equal
 # steps of the square root: it rises as steeply as 1 / cosine towards grazing exit.
 _EXIT_COSINE_KNOTS = 64
 _LOWEST_COSINE = 0.02
+
+
+class Extent(NamedTuple):
+    """How far a lobe reaches from R (radians), and the tangent of half its width if it has a tail.
+
+    Both as ``mirror_frame.mean_transfer`` takes them.
+    """
+
+    reach: Float[Array, ""]
+    tail: Float[Array, ""] | None
+
+
+def extent_of(brdf: Microfacet, dtype: DTypeLike) -> Extent:
+    """Tell the quadrature about R how far the specular lobe goes: GGX everywhere."""
+    sigma = jnp.asarray(brdf.sigma, dtype)
+    if brdf.distribution == "ggx":
+        return Extent(jnp.full_like(sigma, jnp.pi), sigma)
+    half = _REACH * sigma if brdf.distribution == "gaussian" else jnp.arctan(_REACH * sigma)
+    return Extent(2 * half, None)
 
 
 def exit_cosine_transfer(
@@ -30,8 +54,8 @@ def exit_cosine_transfer(
 ) -> Float[Array, "bin degree"]:
     """Compute h_l(sigma, mu, exit cosine) by quadrature; differentiable in sigma and mu."""
     cosines = jnp.asarray(exit_cosines)
-    reach = _LOBE_RADIUS_PER_SIGMA * jnp.asarray(brdf.sigma, cosines.dtype)
-    return mean_transfer(brdf.specular_transfer, cosines, band_limit, reach)
+    extent = extent_of(brdf, cosines.dtype)
+    return mean_transfer(brdf.specular_transfer, cosines, band_limit, *extent)
 
 
 def normal_exitance_transfer(
@@ -46,7 +70,7 @@ def normal_exitance_transfer(
 def gaussian_transfer(
     brdf: Microfacet, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
-    """Compute the thesis's F exp(-(sigma l)^2) (T 3.51, 6.6, 6.7)."""
+    """Compute the thesis's F exp(-(sigma l)^2) (T 3.51, 6.6, 6.7), whatever the distribution."""
     cosines = jnp.asarray(exit_cosines)
     degrees = jnp.arange(band_limit + 1, dtype=cosines.dtype)
     gaussian = jnp.exp(-((brdf.sigma * degrees) ** 2))

@@ -34,7 +34,9 @@ from jaxrender.harmonics import (
 )
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations
-from jaxrender.inverse.brdf_spectrum import (
+from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
+from jaxrender.inverse.brdf_spectrum.harmonic_brdf import HarmonicBRDF
+from jaxrender.inverse.brdf_spectrum.recovery import (
     DEFAULT_PRIOR,
     NO_PRIOR,
     Prior,
@@ -42,8 +44,6 @@ from jaxrender.inverse.brdf_spectrum import (
     normal_equations,
     solve_spectrum,
 )
-from jaxrender.inverse.harmonic_brdf import HarmonicBRDF
-from jaxrender.inverse.spectrum_basis import SpectrumBasis
 from jaxrender.lighting import DirectionalSources, HarmonicLight
 from jaxrender.reflection import (
     SurfacePoints,

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from jaxrender.brdf import Lambertian, Microfacet
 from jaxrender.harmonics import complex_from_real, degrees
-from jaxrender.inverse.light_field import LightField, factor_light_field
+from jaxrender.inverse.light_field.factorization import LightField, factor_light_field
 from jaxrender.reflection import convolve_isotropic
 from jaxrender.spectra import isotropic_coefficients, mirror_coefficients, phong_transfer
 

@@ -20,14 +20,14 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import MicrofacetUnknowns, Observations
-from jaxrender.inverse.brdf_table import (
+from jaxrender.inverse.brdf_table.moving_source import brdf_samples, fit_table, table_error
+from jaxrender.inverse.brdf_table.table import (
     BRDFSamples,
     HalfAngleGrid,
     directions_from_half_angles,
     half_angle_coordinates,
     tabulate,
 )
-from jaxrender.inverse.moving_source import brdf_samples, fit_table, table_error
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import integral_columns, radiance

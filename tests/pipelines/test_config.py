@@ -209,7 +209,7 @@ LIGHT_TASKS = {
         "task factorize recovers the light; remove lighting, or choose task: brdf"
     ),
     "task: factorize\nbrdf: {model: lambertian}\n": (
-        "task factorize reads the light off the gloss; choose model microfacet"
+        "task factorize reads the light off the gloss; choose model microfacet, ggx or beckmann"
     ),
     "task: factorize\nbrdf: {ks: 0.1}\n": (
         "under unknown light only the ratio of kd and ks means anything; fix both or none"
@@ -455,7 +455,9 @@ VALUES = {
     ("lighting.split", ".nan"): "found nan, accepted: 'off', 'auto' or a number from 0 to 1",
     ("samples.min_cosine", ".nan"): "found nan, accepted: a number between 0 and 1, both excluded",
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",
-    ("brdf.model", "phong"): "found 'phong', accepted: 'microfacet' or 'lambertian'",
+    ("brdf.model", "phong"): (
+        "found 'phong', accepted: 'microfacet', 'ggx', 'beckmann' or 'lambertian'"
+    ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"
     ),
@@ -570,9 +572,13 @@ MATERIALS = {
     "{ks: [1, 2, 3]}": (
         "brdf: ks has three values; add 'ks_per_channel: true', or give one number"
     ),
+    "{model: ggx, sigma: {bounds: [0.1, 2]}}": (
+        "brdf: found sigma 2.0 with model ggx, whose roughness is at most 1; "
+        "give less or choose model microfacet"
+    ),
     "{model: lambertian, ks: 1, mu: none}": (
         "brdf: found ks, mu with model lambertian, which has only kd; "
-        "remove the key or choose model microfacet"
+        "remove the key or choose model microfacet, ggx or beckmann"
     ),
 }
 
@@ -580,6 +586,31 @@ MATERIALS = {
 @pytest.mark.parametrize("entries", MATERIALS)
 def test_materials_that_contradict_themselves(entries):
     assert brdf_message(entries) == MATERIALS[entries]
+
+
+@pytest.mark.parametrize(
+    ("entries", "expected"),
+    [
+        ("model: microfacet", ("exit", "none")),
+        ("model: ggx", ("half", "smith")),
+        ("model: beckmann", ("half", "smith")),
+        ("model: ggx, masking: none", ("half", "none")),
+        ("fresnel: exit, model: ggx", ("exit", "smith")),
+    ],
+)
+def test_models_of_physics_have_their_own_defaults(entries, expected):
+    config = run_config(GOOD + f"brdf: {{{entries}}}\n")
+    stated = recipe(RECIPE.replace("mu: 1.5", f"mu: 1.5, {entries}"))
+    for brdf in (config.brdf, stated.brdf):
+        assert (brdf.fresnel, brdf.masking) == expected
+    again = resolved_yaml(config)
+    Path("again.yaml").write_text(again)
+    assert load_run_config("again.yaml") == config
+
+
+def test_a_model_named_on_the_command_line_has_its_defaults_too():
+    brdf = run_config(GOOD, "brdf.model=ggx").brdf
+    assert (brdf.model, brdf.fresnel, brdf.masking) == ("ggx", "half", "smith")
 
 
 def test_a_lambertian_needs_no_more_than_kd():
@@ -643,9 +674,16 @@ RECIPES = {
         "accepted: a number of at least 0, or three of them (red, green, blue)"
     ),
     ("mu: 1.5", "mu: 1"): "bad.yaml:2:42: brdf.mu: found 1, accepted: 'none' or a number above 1",
+    ("kd: 0.1, ks: 0.2", "model: ggx, kd: 0.1"): (
+        "bad.yaml:2:1: brdf: a ggx recipe states its whole truth; missing: ks"
+    ),
+    ("sigma: 0.1", "model: beckmann, sigma: 1.1"): (
+        "bad.yaml:2:1: brdf: found sigma 1.1 with model beckmann, whose roughness is at most 1; "
+        "give less or choose model microfacet"
+    ),
     ("kd: 0.1, ks: 0.2", "model: lambertian, kd: 0.1, ks: 0.2"): (
         "bad.yaml:2:1: brdf: found ks with model lambertian, which has only kd; "
-        "remove the key or choose model microfacet"
+        "remove the key or choose model microfacet, ggx or beckmann"
     ),
     ("directional: [{direction: [0, 0, 1], irradiance: 3}]", "area: []"): (
         "bad.yaml:3:1: lighting: no light given; "

@@ -19,6 +19,7 @@ from jaxrender.pipelines.config import (
     RunConfig,
     load_run_config,
 )
+from jaxrender.pipelines.render import material_of
 from jaxrender.pipelines.scene import (
     fault_of,
     input_files,
@@ -83,6 +84,22 @@ def test_metals_and_diffuse_materials_have_no_index():
     assert diffuse.ks.fixed == (0.0,)
     variant = variant_of(config_of(brdf={"fresnel": "half", "masking": "smith"}).brdf)
     assert (variant.fresnel, variant.masking, variant.mu is None) == ("half", "smith", False)
+
+
+@pytest.mark.parametrize(
+    ("model", "distribution", "fresnel", "masking"),
+    [
+        ("microfacet", "gaussian", "exit", "none"),
+        ("ggx", "ggx", "half", "smith"),
+        ("beckmann", "beckmann", "half", "smith"),
+    ],
+)
+def test_models_name_their_distribution(model, distribution, fresnel, masking):
+    amounts = {"kd": [0.1, 0.2, 0.3], "ks": 0.2, "sigma": 0.3, "mu": 1.5}
+    stated = true_material(RecipeBrdfConfig.model_validate({"model": model, **amounts}))
+    written = amounts | {"model": model, "fresnel": fresnel, "masking": masking}
+    for brdf in (variant_of(config_of(brdf={"model": model}).brdf), stated, material_of(written)):
+        assert (brdf.distribution, brdf.fresnel, brdf.masking) == (distribution, fresnel, masking)
 
 
 def test_settings_follow_the_config():

@@ -138,6 +138,7 @@ def test_predictions_have_the_shadows(finished):
     measured = read_image(finished / "capture/images/view_000.exr")
     predicted = read_image(finished / "out/images/view_000_predicted.exr").pixels
     residual = measured.pixels - predicted
+    assert measured.alpha is not None
     covered = measured.alpha > 0.5
     left = np.sqrt(np.mean(residual[covered] ** 2) / np.mean(measured.pixels[covered] ** 2))
     assert left < 0.04  # T 6.12 at every pixel; without shadows a tenth is left

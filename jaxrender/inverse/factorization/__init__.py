@@ -12,6 +12,10 @@
     gauges and error bars
 ``recover``
     the whole of it
+``gram`` ``stream``
+    one pass over any number of pixels into matrices from which every outer evaluation follows
+``nested`` ``roughness``
+    the thesis's own method on them, the twin; roughness from a directional source (T 6.25)
 """
 
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene

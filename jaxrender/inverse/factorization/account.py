@@ -69,7 +69,7 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     covariance = variance * _inverse(system, free)
     light = np.asarray(solved.light)
-    factor = _factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
+    factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
     parameters = _parameters(task, state.guess, covariance, factor)
     return parameters, _scene(state, light, covariance, (system, solved.normal, variance, factor))
 
@@ -82,7 +82,7 @@ def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unk
     return found
 
 
-def _factors(
+def gauge_factors(
     share: Float[np.ndarray, "channel"], mean: Float[np.ndarray, "channel"], gauge: str
 ) -> Float[np.ndarray, "channel"]:
     """What the reflectance of each channel is multiplied by, and its light divided."""

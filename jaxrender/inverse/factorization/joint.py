@@ -89,7 +89,8 @@ def reduced_system(response: Response, guess: Guess, measured: Measured) -> tupl
             projected = jax.scipy.linalg.solve_triangular(solved.normal[k], across[-1], lower=True)
             curvature.append(inner[:-1, :-1] - projected.T @ projected)
             slope.append(inner[:-1, -1])
-        return solved, System(sum(curvature), sum(slope), jnp.stack(across))
+        total, down = (jnp.sum(jnp.stack(parts), axis=0) for parts in (curvature, slope))
+        return solved, System(total, down, jnp.stack(across))
 
 
 def descend_jointly(
@@ -152,7 +153,10 @@ def solve_columns(columns: Float[Array, "channel sample part"], measured: Measur
         left = weights[:, k] * (radiance[:, k] - predicted[-1])
         cost.append((left @ left + light[-1] @ (penalty[:, k] * light[-1])) / 2)
     return Solved(
-        jnp.stack(light, axis=1), jnp.stack(predicted, axis=1), sum(cost), jnp.stack(factors)
+        jnp.stack(light, axis=1),
+        jnp.stack(predicted, axis=1),
+        jnp.sum(jnp.stack(cost)),
+        jnp.stack(factors),
     )
 
 

@@ -73,8 +73,8 @@ def factorize(
 ) -> Factorization:
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
-    Of ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking.  Reflectances
-    and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
+    Of ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking, distribution.
+    Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
     ``shape`` and the observations' places are to be given; its shadows are then modelled, its
     interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
     little of the sphere of directions.
@@ -92,7 +92,8 @@ def factorize(
     _, noise = weigh_by_noise(task, state)
     value = parameters.value
     mu = None if variant.mu is None else float(value.mu)
-    brdf = Microfacet(value.kd, value.ks, float(value.sigma), mu, variant.fresnel, variant.masking)
+    lobe = variant.with_roughness(float(value.sigma), mu)
+    brdf = lobe.with_amplitudes(value.kd, value.ks)
     predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
     return Factorization(
         brdf,

@@ -45,7 +45,7 @@ class Response(eqx.Module):
 
     ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
     itself; ``mirror_basis`` holds V(R) Y_lm(R); ``lit`` which source each sample sees.  Of
-    ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking.
+    ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking, distribution.
     """
 
     variant: Microfacet

@@ -170,8 +170,8 @@ def _inverted(by_degree: Float[np.ndarray, "degree"], cap: _Cap, filtered_by: Fi
     low, high = np.log(SIGMA_BOUNDS)
     if excess(low) < 0:
         raise ValueError(
-            f"the source is sharper than a lamp can be of sigma {SIGMA_BOUNDS[0]} in light of these"
-            " degrees: recover the light to a higher degree"
+            f"no directional source: the peak is sharper than a lamp's of sigma {SIGMA_BOUNDS[0]}, "
+            "cut at the same degree, so it is noise or ringing; give the region of a lamp"
         )
     if excess(high) > 0:
         raise ValueError(

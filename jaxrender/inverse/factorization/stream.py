@@ -121,6 +121,11 @@ class _Sums(NamedTuple):
 def _chunks(block: Block) -> Iterator[Block]:
     """Cut a block into chunks of at most ``_CHUNK`` rows, without those of weight 0."""
     weights = np.ones((len(block.radiance), 1)) if block.weights is None else block.weights
+    if weights.shape[1] not in (1, block.radiance.shape[1]):
+        raise ValueError(
+            f"{weights.shape[1]} weights a sample for {block.radiance.shape[1]} channels: give one "
+            "for each channel, or one for all"
+        )
     whole = block._replace(weights=weights)
     for start in range(0, len(block.radiance), _CHUNK):
         chunk = _rows_of(whole, slice(start, start + _CHUNK))
@@ -140,11 +145,6 @@ def _check(chunk: Block, lowest: float, needed: int) -> None:
         raise ValueError("weights must be finite and not negative: give 0 to leave a sample out")
     if not np.isfinite(chunk.radiance).all():
         raise ValueError("the radiance is not finite somewhere: give such samples the weight 0")
-    if weights.shape[1] not in (1, chunk.radiance.shape[1]):
-        raise ValueError(
-            f"{weights.shape[1]} weights a sample for {chunk.radiance.shape[1]} channels: give one "
-            "for each channel, or one for all"
-        )
     cosines = _exit_cosines(chunk)
     if np.any(cosines < lowest * (1 - 1e-6)):
         raise ValueError(

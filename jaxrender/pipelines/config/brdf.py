@@ -14,10 +14,18 @@ from jaxrender.pipelines.config.parameter import (
 )
 from jaxrender.pipelines.config.values import Accepts, Section, Switch
 
-Model = Literal["microfacet", "lambertian"]
+Model = Literal["microfacet", "ggx", "beckmann", "lambertian"]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
+
+# The models of physics, and what they are when nothing else is said; microfacet is the thesis's.
+PHYSICAL_MODELS = ("ggx", "beckmann")
+_PHYSICAL = {"fresnel": "half", "masking": "smith"}
+# Where sigma of these models ends; what is rougher has no highlight to speak of.
+_ROUGHEST = 1.0
+# What a material without gloss is told to be instead.
+GLOSSY = "microfacet, ggx or beckmann"
 
 # The parameters that a purely diffuse material does not have.
 SPECULAR_KEYS = ("ks", "sigma", "mu", "ks_per_channel", "fresnel", "masking")
@@ -43,30 +51,37 @@ RefractiveIndex = Annotated[
 
 
 class BrdfConfig(Section):
-    """The material: T 6.2, K_d + K_s F D / (4 cos cos), with what is known of it."""
+    """The material: T 6.2, K_d + K_s F D G / (4 cos cos), with what is known of it."""
 
     model: Model = "microfacet"
-    """The family of materials."""
+    """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
     kd: Reflectance = Parameter()
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
     ks: Reflectance = Parameter()
     """Specular weight."""
     sigma: Roughness = Parameter()
-    """Surface roughness (root mean square slope), above 0."""
+    """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1."""
     mu: RefractiveIndex = Parameter()
     """Refractive index, above 1; none for metals (F = 1)."""
     ks_per_channel: Switch = False
     """Whether each channel has its own specular weight."""
     fresnel: Fresnel = "exit"
-    """Which angle the Fresnel factor takes: that of the exit direction, or of the half vector."""
+    """Fresnel at the exit angle (default of microfacet) or to the half vector (ggx, beckmann)."""
     masking: Masking = "none"
-    """Masking and shadowing between facets."""
+    """Masking and shadowing between facets: none (default of microfacet) or smith (the others')."""
     gauge: Gauge = "per-channel"
     """Under unknown light: how light and reflectance of the channels are told apart."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, given: Any) -> Any:
+        return with_defaults_of_model(given)
 
     @model_validator(mode="after")
     def _agrees_with_its_model(self) -> BrdfConfig:
         refuse_specular_keys(self)
+        sigma = self.sigma
+        refuse_roughest(self.model, sigma.fixed, sigma.start, *(sigma.bounds or ()))
         has_three = isinstance(self.ks.fixed, tuple) or isinstance(self.ks.start, tuple)
         if has_three and not self.ks_per_channel:
             raise ValueError("ks has three values; add 'ks_per_channel: true', or give one number")
@@ -83,5 +98,29 @@ def refuse_specular_keys(section: Section) -> None:
     if changed:
         raise ValueError(
             f"found {', '.join(changed)} with model lambertian, which has only kd; "
-            "remove the key or choose model microfacet"
+            f"remove the key or choose model {GLOSSY}"
         )
+
+
+def with_defaults_of_model(given: Any) -> Any:
+    """Fill in Fresnel angle and masking where a model of physics is named without them."""
+    if isinstance(given, dict) and given.get("model") in PHYSICAL_MODELS:
+        return {**_PHYSICAL, **given}
+    return given
+
+
+def refuse_roughest(model: str, *sigmas: Any) -> None:
+    """Refuse a roughness that a model of physics has not got."""
+    if model not in PHYSICAL_MODELS:
+        return
+    for sigma in sigmas:
+        if isinstance(sigma, int | float) and sigma > _ROUGHEST:
+            raise ValueError(
+                f"found sigma {sigma} with model {model}, whose roughness is at most 1; "
+                "give less or choose model microfacet"
+            )
+
+
+def distribution_of(model: str) -> str:
+    """Name the distribution of facets that a model has; one without gloss has the default."""
+    return model if model in PHYSICAL_MODELS else "gaussian"

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from jaxrender.pipelines.config.brdf import Fresnel, Masking, Model, refuse_specular_keys
+from jaxrender.pipelines.config.brdf import (
+    Fresnel,
+    Masking,
+    Model,
+    refuse_roughest,
+    refuse_specular_keys,
+    with_defaults_of_model,
+)
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, EnvironmentConfig
 from jaxrender.pipelines.config.values import (
@@ -30,30 +37,36 @@ TrueIndex = Annotated[
 
 
 class RecipeBrdfConfig(Section):
-    """The true material; the microfacet needs all of kd, ks, sigma and mu."""
+    """The true material; one with gloss needs all of kd, ks, sigma and mu."""
 
     model: Model = "microfacet"
-    """The family of materials."""
+    """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
     kd: Rgb
     """Diffuse BRDF value (albedo / pi), 1/sr."""
     ks: Rgb = (0.0, 0.0, 0.0)
     """Specular weight."""
     sigma: Positive = 0.1
-    """Surface roughness."""
+    """Surface roughness; of ggx what is called alpha, up to 1."""
     mu: Literal["none"] | TrueIndex = 1.5
     """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"
-    """Which angle the Fresnel factor takes."""
+    """Fresnel at the exit angle (default of microfacet) or to the half vector (ggx, beckmann)."""
     masking: Masking = "none"
-    """Masking and shadowing between facets."""
+    """Masking and shadowing between facets: none (default of microfacet) or smith (the others')."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, given: Any) -> Any:
+        return with_defaults_of_model(given)
 
     @model_validator(mode="after")
     def _complete(self) -> RecipeBrdfConfig:
         refuse_specular_keys(self)
+        refuse_roughest(self.model, self.sigma)
         missing = {"ks", "sigma", "mu"} - self.model_fields_set
-        if self.model == "microfacet" and missing:
+        if self.model != "lambertian" and missing:
             names = ", ".join(sorted(missing))
-            raise ValueError(f"a microfacet recipe states its whole truth; missing: {names}")
+            raise ValueError(f"a {self.model} recipe states its whole truth; missing: {names}")
         return self
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import BrdfConfig
+from jaxrender.pipelines.config.brdf import GLOSSY, BrdfConfig
 from jaxrender.pipelines.config.capture import CaptureConfig
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
@@ -52,7 +52,7 @@ class RunConfig(Section):
             return self
         if brdf.model == "lambertian":
             raise ValueError(
-                f"task {self.task} reads the light off the gloss; choose model microfacet"
+                f"task {self.task} reads the light off the gloss; choose model {GLOSSY}"
             )
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")

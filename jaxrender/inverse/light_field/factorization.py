@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees, orders, real_from_complex
-from jaxrender.inverse.bilinear import Bilinear, Factors, refine, standard_errors
-from jaxrender.inverse.light_field_account import sentences
-from jaxrender.inverse.light_field_degrees import (
+from jaxrender.inverse.light_field.account import sentences
+from jaxrender.inverse.light_field.bilinear import Bilinear, Factors, refine, standard_errors
+from jaxrender.inverse.light_field.degrees import (
     CLEARLY,
     UNLIT,
     DegreeFactors,
@@ -73,7 +73,7 @@ class LightField(NamedTuple):
         return cls(values, np.maximum(noise, np.maximum(least, np.finfo(float).tiny)))
 
 
-class Factorization(NamedTuple):
+class FactoredField(NamedTuple):
     """Light and BRDF of a light field, per channel, and what of them the field determines.
 
     ``light`` is in real harmonics; ``brdf`` is rho~_lpq.  ``component`` says which degrees share a
@@ -94,7 +94,7 @@ class Factorization(NamedTuple):
     residual: Float[np.ndarray, "channel"]
     chi_squared: Float[np.ndarray, "channel"]
 
-    def rescaled(self, factors: Float[np.ndarray, "degree"]) -> "Factorization":
+    def rescaled(self, factors: Float[np.ndarray, "degree"]) -> "FactoredField":
         """Return the member of the family with L_lm f(l) and rho~_lpq / f(l): the same field.
 
         Raises ``ValueError`` for a factor of zero, and for factors that the field rules out: other
@@ -139,7 +139,7 @@ class Factorization(NamedTuple):
         return np.where(size > 0, error / np.maximum(size, np.finfo(float).tiny), np.inf)
 
 
-def factor_light_field(field: LightField) -> Factorization:
+def factor_light_field(field: LightField) -> FactoredField:
     """Factor a light field into light and BRDF, as far as it determines them (T 2.68).
 
     Raises ``ValueError`` for a field that is zero or not finite.
@@ -153,11 +153,11 @@ def factor_light_field(field: LightField) -> Factorization:
         _factor_channel(values[..., channel], deviation[..., channel])
         for channel in range(values.shape[3])
     ]
-    return Factorization(*(np.stack(arrays, axis=-1) for arrays in zip(*parts)))
+    return FactoredField(*(np.stack(arrays, axis=-1) for arrays in zip(*parts)))
 
 
 def _factor_channel(values: np.ndarray, deviation: np.ndarray) -> tuple:
-    """Compute the fields of a ``Factorization`` for one channel."""
+    """Compute the fields of a ``FactoredField`` for one channel."""
     band_limit = band_limit_of(values.shape[0])
     count, outgoing_count, order_count = band_limit + 1, *values.shape[1:]
     n, p, q = np.ogrid[:count, :outgoing_count, :order_count]

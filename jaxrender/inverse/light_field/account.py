@@ -18,7 +18,7 @@ def sentences(
     relative_error: Float[np.ndarray, "degree"],
     chi_squared: float,
 ) -> tuple[str, ...]:
-    """Say what is determined; ``component`` and the masks are those of a ``Factorization``."""
+    """Say what is determined; ``component`` and the masks are those of a ``FactoredField``."""
     light_known, brdf_known = known
     # Degrees that the light lacks: those of no component.
     dark = np.flatnonzero((component < 0) & light_known)

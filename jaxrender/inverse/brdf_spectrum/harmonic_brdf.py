@@ -10,7 +10,7 @@ import numpy as np
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
 from jaxrender.harmonics import coefficient_count, real_basis
-from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
+from jaxrender.inverse.brdf_spectrum.recovery import BRDFSpectrum
 from jaxrender.shapes import AnyArray, Array, Float
 
 _SMALLEST_COSINE = 1e-6

@@ -20,8 +20,8 @@ import numpy as np
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.spectrum_basis import SpectrumBasis
 from jaxrender.shapes import AnyArray, Array, Coefficients, Float
 
 # Samples worked on at once: at order 12 their rows take 20 MB.

@@ -15,7 +15,7 @@ import numpy as np
 from jaxrender.brdf import BRDF, Microfacet
 from jaxrender.geometry import Components, to_local, world_from_local
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.brdf_table import BRDFSamples, BRDFTable
+from jaxrender.inverse.brdf_table.table import BRDFSamples, BRDFTable
 from jaxrender.inverse.elimination import Data, Problem, search
 from jaxrender.inverse.models import Columns, LinearisedModel
 from jaxrender.inverse.observations import Observations
@@ -131,6 +131,7 @@ def fit_table(table: BRDFTable, unknowns: MicrofacetUnknowns, variant: Microface
         None if variant.mu is None else float(value.mu),
         variant.fresnel,
         variant.masking,
+        variant.distribution,
     )
     return TableFit(brdf, found, table_error(table, brdf), bool(fit.solution.converged))
 

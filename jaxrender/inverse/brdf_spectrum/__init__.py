@@ -1,0 +1,15 @@
+"""A BRDF as coefficients from photographs under known light (T 6.4.2, fig. 6.2).
+
+``basis``
+    which coefficients there are, and how each sample measures them
+``recovery``
+    streamed normal equations, the prior, and their solution with its covariance
+``harmonic_brdf``
+    the recovered coefficients as a BRDF like any other
+"""
+
+from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
+from jaxrender.inverse.brdf_spectrum.harmonic_brdf import HarmonicBRDF
+from jaxrender.inverse.brdf_spectrum.recovery import BRDFSpectrum, Prior, fit_brdf_spectrum
+
+__all__ = ["BRDFSpectrum", "HarmonicBRDF", "Prior", "SpectrumBasis", "fit_brdf_spectrum"]

@@ -1,0 +1,173 @@
+"""Why a parameter cannot be told, found by trying the remedies.
+
+A cause is what goes away with its remedy: a lamp adds detail to the light, a ring of cameras adds
+views, grazing samples add what a cut by exit cosine took away, more of the same samples average
+more noise.  Each is added to the information of the photographs, and what helps is named.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
+from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.forecast.information import Reading, frame_grams, reading_of
+from jaxrender.inverse.forecast.situation import Foreseen, Situation, foresee
+from jaxrender.inverse.forecast.spectrum import highest_degree_told, mean_irradiance
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN
+from jaxrender.lighting import DirectionalSources
+from jaxrender.shapes import Float
+
+# Half a 90 % interval in standard errors: a relative error that is just identifiable.
+_TELLABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
+# A remedy helps when it leaves less than this part of the error.
+_HELPS = 0.5
+# The exit cosines that a remedy reaches down to; above this a capture has no grazing samples.
+_GRAZING, _NONE_GRAZING = 0.15, 0.3
+# More of the same is advised up to this many times as many.
+_MOST_SAMPLES = 30
+# The remedies' photographs: so many samples, under light condensed to so many sigma a cell.
+_SAMPLES, _CELL = 240, 0.5
+_VIEWS = 6
+
+
+Tried = tuple[str, dict[str, np.ndarray] | None]
+
+
+class Remedy(NamedTuple):
+    """Something that could have been otherwise: why the photographs fail, and what would mend it.
+
+    ``grams`` is the information of the photographs that it adds.
+    """
+
+    cause: str
+    mend: str
+    grams: Float[np.ndarray, "frame channel 4 4"]
+
+
+def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[str, ...]:
+    """Say of each parameter that cannot be told why, and what would tell it."""
+    if not lost:
+        return ()
+    reading, own = reading_of(problem, foreseen), frame_grams(foreseen)
+    present = reading.errors(reading.information(own)).relative
+    found = _remedies(foreseen)
+    mended = [reading.errors(reading.information(np.concatenate([own, r.grams]))) for r in found]
+    groups: dict[tuple[int, ...], list[str]] = {}
+    sentences = []
+    for name in lost:
+        if name not in present:
+            sentences.append(f"{_NAMED[name]} cannot be told: what shows of it is supposed to be 0")
+            continue
+        after = [float(errors.relative[name]) for errors in mended]
+        enough = max(_TELLABLE, min(after))
+        limit = min(enough, _HELPS * float(present[name]))
+        helpful = [i for i in range(len(found)) if after[i] <= limit]
+        groups.setdefault(tuple(helpful), []).append(name)
+    for helpful, names in groups.items():
+        sentences.append(_sentence(names, present, [found[i].cause for i in helpful]))
+        tried: list[Tried] = [(found[i].mend, mended[i].relative) for i in helpful]
+        times = [_samples_needed(reading, own, name) for name in names]
+        if None not in times:
+            more = max(filter(None, times))
+            count = len(foreseen.situation.frame)
+            tried.append((f"{more} times as many samples as these {count:,}", None))
+        if tried:
+            sentences.append(_advice(names, tried))
+    return tuple(sentences)
+
+
+_NAMED = {"kd": "kd", "ks": "ks", "sigma": "roughness", "mu": "refractive index"}
+
+
+def _remedies(foreseen: Foreseen) -> list[Remedy]:
+    samples, frame, light = foreseen.situation
+    shared = light.of_frame(0)
+    outgoing = np.stack([_mean(np.asarray(samples.outgoing)[frame == f]) for f in np.unique(frame)])
+    lowest = float(np.min(np.asarray(samples.exit_cosines)))
+    found = []
+
+    def added(words: tuple[str, str], samples: SurfaceSamples, light: KnownLight) -> None:
+        count = len(samples.normals)
+        situation = Situation(samples, np.zeros(count, int), light)
+        grams = frame_grams(foresee(situation, foreseen.supposed, angle_per_sigma=_CELL))
+        # As many samples as a photograph has now, for each photograph.
+        found.append(Remedy(*words, grams * (len(frame) / count)))
+
+    towards = outgoing.mean(axis=0) + np.array([0.3, 0.2, 0.4])
+    lamp = DirectionalSources(_unit(towards)[None], mean_irradiance(shared)[None])
+    with_lamp = KnownLight(
+        shared.environment,
+        DirectionalSources(
+            np.concatenate([shared.directional.directions, lamp.directions]),
+            np.concatenate([shared.directional.irradiance, lamp.irradiance]),
+        ),
+    )
+    every = SurfaceSamples(
+        *(a[:: max(1, len(frame) // _SAMPLES)] for a in map(np.asarray, samples))
+    )
+    degree = highest_degree_told(foreseen)
+    about = "no energy" if degree < 2 else "too little energy"
+    above = f"this light has {about} above degree {degree} that would show above the noise"
+    added((above, "a lamp"), every, with_lamp)
+    if lowest > _NONE_GRAZING:
+        cut = f"every sample's exit cosine is above {lowest:.2f}, so that no grazing angle shows it"
+        grazing = _seen(outgoing, (_GRAZING, lowest))
+        added((cut, f"samples down to exit cosine {_GRAZING:g}"), grazing, shared)
+    if len(outgoing) < _VIEWS:
+        few = f"too few views ({len(outgoing)})"
+        ring = _seen(fibonacci_sphere(_VIEWS), (max(lowest, _GRAZING), 1.0))
+        added((few, "views from all around"), ring, shared)
+    return found
+
+
+def _sentence(names: list[str], errors: dict, causes: list[str]) -> str:
+    listed = [f"{_NAMED[name]} ({_spread(float(errors[name]))})" for name in names]
+    words = " and ".join([", ".join(listed[:-1]), listed[-1]] if listed[1:] else listed)
+    causes = causes or ["too few or too noisy samples"]
+    return f"{words} cannot be told: {', and '.join(causes)}"
+
+
+def _advice(names: list[str], tried: list[Tried]) -> str:
+    """Name what would help, with the errors that it leaves of the worst of some parameters."""
+    words = []
+    for mend, errors in tried:
+        left = None if errors is None else max(float(errors[name]) for name in names)
+        words.append(mend if left is None else f"{mend} (to {_percent(left)})")
+    return f"what would help: {', or '.join(words)}"
+
+
+def _samples_needed(reading: Reading, own: np.ndarray, name: str) -> int | None:
+    """How many times as many samples would tell a parameter; None where that is beyond reason."""
+    for times in (2, 3, 5, 10, 20, _MOST_SAMPLES):
+        errors = reading.errors(reading.information(times * own))
+        if float(errors.relative[name]) <= _TELLABLE:
+            return times
+    return None
+
+
+def _seen(outgoing: Float[np.ndarray, "view 3"], cosines: tuple[float, float]) -> SurfaceSamples:
+    """Samples of a ball: what cameras in some directions see of it between two exit cosines."""
+    normals = fibonacci_sphere(8 * _SAMPLES // max(1, len(outgoing)) + 64)
+    seen = normals @ outgoing.T
+    which, view = np.nonzero((seen >= cosines[0]) & (seen <= cosines[1]))
+    step = max(1, len(which) // _SAMPLES)
+    return SurfaceSamples(normals[which[::step]], outgoing[view[::step]])
+
+
+def _mean(vectors: np.ndarray) -> Float[np.ndarray, "3"]:
+    return _unit(np.asarray(vectors, float).mean(axis=0))
+
+
+def _unit(vector: np.ndarray) -> Float[np.ndarray, "3"]:
+    return vector / max(float(np.linalg.norm(vector)), 1e-12)
+
+
+def _spread(error: float) -> str:
+    # Beyond its own size an error is what the bounds of the search leave open.
+    return f"+- {_percent(error)}" if error < 1 else "nothing known"
+
+
+def _percent(error: float) -> str:
+    return f"{100 * error:.2g} %" if error < 1 else f"{100 * error:.0f} %"

@@ -1,0 +1,179 @@
+"""Fisher information of photographs about a material, a few numbers for each photograph.
+
+To first order in (kd, ks, sigma, mu) each sample is a combination of four columns a channel: D, S,
+dS/dsigma and dS/dmu.  Their weighted inner products G_fc over the samples of photograph f say all
+that it says of the material, whatever the number of samples, and add up over photographs:
+
+I = sum_fc T_c' G_fc T_c,    T_c = d(kd_c, ks_c, ks_c sigma, ks_c mu) / d(unknowns)
+
+So hundreds of candidate photographs are weighed at once.  An unknown exposure of a photograph is
+projected off.  The twin, from all samples, is ``inverse.uncertainty``.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.forecast.situation import Foreseen, unknowns_at
+from jaxrender.inverse.uncertainty import to_parameters
+from jaxrender.shapes import Array, Float
+
+# What the bounds of sigma and mu alone tell about their search variables, as in ``uncertainty``.
+_PRIOR = 3 / np.pi**2
+
+
+class Errors(NamedTuple):
+    """Relative standard errors by name (mu: of mu - 1; the worst channel), and log det I."""
+
+    relative: dict[str, Float[np.ndarray, "*candidate"]]
+    log_determinant: Float[np.ndarray, "*candidate"]
+
+    def criterion(self, aim: str) -> Float[np.ndarray, "*candidate"]:
+        """The relative standard error of the parameter named, or that of the worst."""
+        if aim == "worst":
+            return np.asarray(np.max(np.stack(list(self.relative.values())), axis=0))
+        return self.relative[aim]
+
+
+class Reading(NamedTuple):
+    """How information about columns becomes information about the unknowns of a material.
+
+    ``unit`` is the step of each unknown that changes what it stands for (``unknowns``) by its own
+    size (mu: mu - 1).
+    """
+
+    by_unknown: Float[np.ndarray, "channel 4 unknown"]
+    relative: Float[np.ndarray, "parameter unknown"]
+    names: tuple[str, ...]
+    amplitudes: Float[np.ndarray, "channel 4"]
+    prior: Float[np.ndarray, "unknown"]
+    free_gains: bool
+    unknowns: tuple[str, ...]
+    unit: Float[np.ndarray, "unknown"]
+
+    def information(
+        self, grams: Float[np.ndarray, "*candidate frame channel 4 4"]
+    ) -> Float[np.ndarray, "*candidate unknown unknown"]:
+        """Add up the information of photographs, the first of them of known exposure."""
+        half = np.einsum("...fcab,cbu->...fcau", grams, self.by_unknown)
+        total = np.einsum("cau,...fcav->...uv", self.by_unknown, half)
+        if self.free_gains:
+            # The column of a photograph's gain is what the photograph shows.
+            across = np.einsum("ca,...fcau->...fu", self.amplitudes, half)
+            own = np.einsum("ca,...fcab,cb->...f", self.amplitudes, grams, self.amplitudes)
+            across = across / np.sqrt(np.maximum(own, np.finfo(float).tiny))[..., None]
+            total = total - np.einsum("...fu,...fv->...uv", across[..., 1:, :], across[..., 1:, :])
+        return total
+
+    def errors(self, information: Float[np.ndarray, "*candidate unknown unknown"]) -> Errors:
+        """Invert the information, with a prior that only shows where there is none."""
+        information = information + np.diag(self.prior)
+        diagonal = np.diagonal(information, axis1=-2, axis2=-1)
+        scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1))
+        scaled = information * scale[..., :, None] * scale[..., None, :]
+        values, vectors = np.linalg.eigh(scaled)
+        values = np.maximum(values, np.finfo(float).eps * len(self.prior))
+        spread = np.einsum("pu,...u,...uv->...pv", self.relative, scale, vectors)
+        variances = np.sum(spread**2 / values[..., None, :], axis=-1)
+        errors = {
+            name: np.asarray(np.sqrt(np.max(variances[..., self._rows(name)], axis=-1)))
+            for name in dict.fromkeys(self.names)
+        }
+        determinant = np.sum(np.log(values), axis=-1) - 2 * np.sum(np.log(scale), axis=-1)
+        return Errors(errors, np.asarray(determinant))
+
+    def _rows(self, name: str) -> list[int]:
+        return [row for row, own in enumerate(self.names) if own == name]
+
+
+def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
+    """Prepare to weigh photographs of a supposed material; what is held at a bound counts not."""
+    brdf = foreseen.supposed.brdf
+    unknowns = problem.unknowns
+    # With known gains; those that are not are projected off photograph by photograph.
+    known = replace(unknowns, free_gains=0)
+    problem = Problem(known, problem.mix, problem.offset, problem.lower, problem.upper)
+    point, eliminated = unknowns_at(problem, brdf)
+    searched = len(known.names)
+    vector = jnp.asarray(np.concatenate([point, eliminated]))
+
+    first, slopes, value, spread = (np.array(part) for part in _slopes(problem, vector))
+    at_bound = (eliminated <= np.asarray(problem.lower)) | (eliminated >= np.asarray(problem.upper))
+    held = np.concatenate([known.at_bound(jnp.asarray(point)), at_bound])
+    value[-1] -= 1.0
+    channels = len(slopes)
+    names = ["kd"] * channels + ["ks"] * channels + ["sigma", "mu"]
+    asked = np.any((spread != 0) & ~held[None], axis=1) & (value != 0)
+    first[:, 2:] = 0
+    prior = np.concatenate([np.full(searched, _PRIOR), np.zeros(len(eliminated))])
+    stands_for = np.array([*known.names, *_linear_names(np.asarray(problem.mix))])
+    rows = {"sigma": -2, "mu": -1}
+    steps = [value[rows[name]] / spread[rows[name], at] for at, name in enumerate(known.names)]
+    unit = np.concatenate([np.array(steps, float), eliminated])
+    return Reading(
+        slopes[..., ~held],
+        spread[asked][:, ~held] / value[asked, None],
+        tuple(name for name, kept in zip(names, asked) if kept),
+        first,
+        prior[~held],
+        unknowns.free_gains > 0,
+        tuple(map(str, stands_for[~held])),
+        unit[~held],
+    )
+
+
+def _linear_names(mix: Float[np.ndarray, "two_channels linear"]) -> list[str]:
+    """Name what each eliminated unknown multiplies: kd, ks, or all that is fixed of them."""
+    halves = np.split(mix != 0, 2)
+    kinds = {(True, False): "kd", (False, True): "ks"}
+    each = zip(*(half.any(axis=0) for half in halves))
+    return [kinds.get((bool(kd), bool(ks)), "scale") for kd, ks in each]
+
+
+@eqx.filter_jit
+def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
+    """Evaluate amplitudes and parameters at a point, each with its derivatives."""
+    known = problem.unknowns
+    searched = len(known.names)
+
+    def amplitudes(vector: Float[Array, "unknown"]) -> Float[Array, "channel 4"]:
+        physical = known.unpack(vector[:searched])
+        linear = problem.linear(vector[searched:])
+        mu = jnp.zeros_like(physical.sigma) if physical.mu is None else physical.mu
+        ks = jax.lax.stop_gradient(linear.ks)
+        return jnp.stack([linear.kd, linear.ks, ks * physical.sigma, ks * mu], axis=-1)
+
+    def parameters(vector: Float[Array, "unknown"]) -> Float[Array, "parameter"]:
+        found = to_parameters(problem, vector[:searched], vector[searched:])
+        return jnp.concatenate(
+            [found.kd, found.ks, jnp.stack([found.sigma, jnp.nan_to_num(found.mu)])]
+        )
+
+    return (
+        amplitudes(vector),
+        jax.jacfwd(amplitudes)(vector),
+        parameters(vector),
+        jax.jacfwd(parameters)(vector),
+    )
+
+
+def frame_grams(foreseen: Foreseen) -> Float[np.ndarray, "frame channel 4 4"]:
+    """Add up the inner products of the four columns over the samples of each photograph."""
+    model, data = foreseen.model, foreseen.data
+    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu)
+    columns = np.stack([np.asarray(part) for part in parts], axis=-1)
+    return grams_by_frame(columns * np.asarray(data.weights)[..., None], np.asarray(data.frame))
+
+
+def grams_by_frame(
+    weighted: Float[np.ndarray, "*candidate sample channel 4"], frame: np.ndarray
+) -> Float[np.ndarray, "*candidate frame channel 4 4"]:
+    """Do so for weighted columns, of several candidates at once."""
+    of_frame = [weighted[..., frame == number, :, :] for number in range(int(frame.max()) + 1)]
+    products = [np.einsum("...sca,...scb->...cab", part, part) for part in of_frame]
+    return np.stack(products, axis=-4)

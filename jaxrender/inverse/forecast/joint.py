@@ -1,0 +1,207 @@
+"""What photographs alone will tell of material and light, both unknown (T 2.4.3, 6.4.4).
+
+The joint system of ``inverse.factorization`` at the supposed answer: its curvature, with the light
+eliminated, is the information about gloss, sigma, mu and where the lamps stand.  In each channel
+only the product of light and reflectance shows; that gauge is fixed by kd + ks = 1.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.harmonics import degrees
+from jaxrender.inverse.factorization.joint import Measured, mixed_columns, reduced_system
+from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
+from jaxrender.inverse.forecast.spectrum import light_coefficients
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals, within_reach
+from jaxrender.lighting import DirectionalSources, candidates, take
+from jaxrender.shapes import Array, Float
+
+# The prior variance of an unknown's logarithm and the light's expected size, as in a factorization.
+_PRIOR_VARIANCE = 4.0
+_BAND_LIMIT, _MOST_LAMPS, _SAMPLES = 10, 16, 2000
+GAUGES = ("red", "green", "blue")
+
+
+class JointForecast(NamedTuple):
+    """What a factorization will say of the material, in the gauge kd + ks = 1 in each channel.
+
+    ``singular_values`` are those of the operator from changes of the logarithms (of ks / kd, sigma,
+    mu - 1) to the photographs in units of their noise, what light can make up for taken off.
+    ``gauge`` names the directions that no photograph tells.
+    """
+
+    parameters: Uncertain
+    identifiable: dict[str, bool]
+    singular_values: Float[np.ndarray, "unknown"]
+    lamps: int
+    gauge: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+    @property
+    def can_be_told(self) -> bool:
+        """Whether all of the material can be told, up to the gauge."""
+        return all(self.identifiable.values())
+
+
+def forecast_joint(
+    situation: Situation, supposed: Supposed, band_limit: int = _BAND_LIMIT
+) -> JointForecast:
+    """Predict the error bars of a factorization; gloss, sigma and mu all unknown.
+
+    All samples of the situation count, as in a factorization; a part stands for the others.
+
+    Raises ``ValueError`` where kd or ks is supposed to be zero in a channel (then gloss has no
+    logarithm), for light that differs from photograph to photograph, and for too few samples.
+    """
+    brdf = supposed.brdf
+    kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
+    if not np.all(kd * ks > 0):
+        raise ValueError("kd and ks must be above 0 in every channel: suppose a little of both")
+    if situation.light.per_frame is not None:
+        raise ValueError("the light differs from photograph to photograph: factorize one light")
+    unknown = (band_limit + 1) ** 2
+    if len(situation.frame) < 2 * unknown:
+        raise ValueError(
+            f"{len(situation.frame)} samples for light of {unknown} coefficients: use more samples "
+            "or a lower band limit"
+        )
+    few, each = thinned(situation, _SAMPLES)
+    response, guess, light = joint_system(few, brdf, band_limit)
+    measured = measured_by(response, guess, light, (supposed, each))
+    _, system = reduced_system(response, guess, measured)
+    channels, metal = len(kd), brdf.mu is None
+    lamps = len(guess.directions)
+    free = np.ones(channels + 2 + 2 * lamps, bool)
+    free[channels + 1] = not metal
+    curvature = np.asarray(system.curvature)[np.ix_(free, free)]
+    covariance = np.linalg.inv(curvature + np.eye(len(curvature)) / _PRIOR_VARIANCE)
+    material = channels + 2 - metal
+    parameters = _parameters(guess, covariance[:material, :material], metal)
+    names = ("kd", "ks", "sigma") if metal else ("kd", "ks", "sigma", "mu")
+    identifiable = {name: within_reach(parameters, name) for name in names}
+    # What remains of the material's curvature when the lamps' directions answer, too.
+    own = np.linalg.inv(covariance[:material, :material]) - np.eye(material) / _PRIOR_VARIANCE
+    singular = np.sqrt(np.maximum(np.linalg.eigvalsh(own)[::-1], 0))
+    gauge = tuple(
+        f"{name}: light times s, kd and ks divided by s, for any s" for name in GAUGES[:channels]
+    )
+    sentences = _sentences(parameters, identifiable)
+    return JointForecast(parameters, identifiable, singular, lamps, gauge, sentences)
+
+
+def joint_system(
+    situation: Situation, brdf: Microfacet, band_limit: int
+) -> tuple[Response, Guess, Float[np.ndarray, "part channel"]]:
+    """Set up the joint model at the supposed answer, its light in the gauge kd + ks = 1."""
+    kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
+    slow, lamps = _divided(situation.light, float(brdf.sigma), band_limit)
+    response = Response.of_convex(
+        kind_of(brdf), situation.samples, band_limit, len(lamps.directions)
+    )
+    mu = 1.5 if brdf.mu is None else float(brdf.mu)
+    guess = Guess(
+        jnp.asarray(np.log(ks / kd)),
+        jnp.asarray(np.log(float(brdf.sigma))),
+        jnp.asarray(np.log(mu - 1)),
+        jnp.asarray(np.asarray(lamps.directions, float)),
+    )
+    light = np.concatenate([slow, np.asarray(lamps.irradiance, float)])
+    return response, guess, light * (kd + ks)[None]
+
+
+def _divided(
+    light: KnownLight, sigma: float, band_limit: int
+) -> tuple[Float[np.ndarray, "coefficient channel"], DirectionalSources]:
+    """Split a light as a factorization finds it: slow coefficients, and its strongest lamps."""
+    directions = np.asarray(light.directional.directions, float)
+    irradiance = np.asarray(light.directional.irradiance, float)
+    none = DirectionalSources.none(irradiance.shape[1])
+    if light.environment is None:
+        slow = np.zeros(((band_limit + 1) ** 2, irradiance.shape[1]))
+        return slow, light.directional
+    parts = take(light.environment, candidates(light.environment, sigma), _MOST_LAMPS, sigma)
+    strong = np.asarray(parts.sources.irradiance).sum(axis=1)
+    total = np.asarray(parts.environment.nodes().irradiance).sum()
+    # What is under a thousandth of the light no photograph would show to be a lamp.
+    kept = strong > 1e-3 * total
+    slow = light_coefficients(KnownLight(parts.environment, none), band_limit)
+    found = np.asarray(parts.sources.directions)[kept]
+    energies = np.asarray(parts.sources.irradiance)[kept]
+    lit = DirectionalSources(found, energies)
+    if kept.any():
+        slow = slow - light_coefficients(KnownLight(None, lit), band_limit)[: len(slow)]
+    padded = np.zeros(((band_limit + 1) ** 2, irradiance.shape[1]))
+    padded[: len(slow)] = slow
+    return padded, DirectionalSources(
+        np.concatenate([directions, found]), np.concatenate([irradiance, energies])
+    )
+
+
+def measured_by(
+    response: Response, guess: Guess, light: np.ndarray, how: tuple[Supposed, float]
+) -> Measured:
+    """What the joint model itself would measure, with the penalty of a factorization.
+
+    ``how`` is the noise, and how many samples each sample stands for.
+    """
+    supposed, each = how
+    radiance = np.asarray(_radiance(response, guess, jnp.asarray(light)))
+    degree = degrees(int(np.sqrt(response.slow_count)) - 1)
+    level = np.maximum(np.abs(light[0]) / np.sqrt(4 * np.pi), 0.2 * radiance.mean(axis=0))
+    slow = (degree * (degree + 1))[:, None] / (4 * np.pi * level**2)[None]
+    penalty = np.concatenate([slow, np.zeros((len(light) - len(slow), slow.shape[1]))])
+    return Measured(radiance, np.sqrt(each) * weights_of(supposed.noise, radiance), penalty)
+
+
+@jax.jit
+def _radiance(
+    response: Response, guess: Guess, light: Float[Array, "part channel"]
+) -> Float[Array, "sample channel"]:
+    with jax.default_matmul_precision("highest"):
+        return jnp.einsum("csp,pc->sc", mixed_columns(response, guess), light)
+
+
+def _parameters(guess: Guess, covariance: np.ndarray, metal: bool) -> Uncertain:
+    share = 1 / (1 + np.exp(-np.asarray(guess.gloss)))
+    channels = len(share)
+    errors = np.sqrt(np.diag(covariance))
+    of_share = share * (1 - share) * errors[:channels]
+    sigma, mu = float(jnp.exp(guess.sigma)), 1 + float(jnp.exp(guess.mu))
+    one, zero = np.ones(()), np.zeros(())
+    value = Parameters(
+        1 - share, share, np.asarray(sigma), np.asarray(np.nan if metal else mu), one[None], one
+    )
+    of_mu = zero if metal else np.asarray((mu - 1) * errors[channels + 1])
+    error = Parameters(
+        of_share, of_share, np.asarray(sigma * errors[channels]), of_mu, zero[None], zero
+    )
+    return intervals(value, error)
+
+
+_WHY = {
+    "kd": "too little tells gloss and matt apart",
+    "ks": "too little tells gloss and matt apart",
+    "sigma": "blurring the light and sharpening the gloss look the same under it",
+    "mu": "too few grazing samples show how the gloss grows towards the horizon",
+}
+
+
+def _sentences(parameters: Uncertain, identifiable: dict[str, bool]) -> tuple[str, ...]:
+    found = ["gauge: in each channel only light times reflectance shows; kd + ks = 1 fixes it"]
+    for name, told in identifiable.items():
+        if not told:
+            value = np.asarray(getattr(parameters.value, name)) - (name == "mu")
+            worst = float(np.max(np.asarray(getattr(parameters.standard_error, name)) / value))
+            found.append(
+                f"{name} cannot be told with the light unknown: standard error "
+                f"{100 * worst:.0f} % of its value; {_WHY[name]}"
+            )
+    if all(identifiable.values()):
+        found.append("light and material can both be told, up to the gauge")
+    return tuple(found)

@@ -1,0 +1,145 @@
+"""The error bars that a fit of the material under known light will have (T 2.4.2, 6.4.2).
+
+They are those of ``inverse.uncertainty`` at the end of a fit, with the photographs that the
+supposed material would give in the place of measured ones: the covariance of least squares depends
+on what is measured only through where the fit ends.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
+from jaxrender.inverse.elimination import Fit, Problem
+from jaxrender.inverse.forecast.causes import causes_of
+from jaxrender.inverse.forecast.information import frame_grams, reading_of
+from jaxrender.inverse.forecast.situation import Foreseen, kind_of, problem_of, unknowns_at
+from jaxrender.inverse.known_light import prepare_light
+from jaxrender.inverse.models import LinearisedModel, TabulatedModel
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.solvers import Solution
+from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.reflection import roughness_table
+from jaxrender.shapes import Float
+
+ALL_FREE = MicrofacetUnknowns()
+_NAMES = ("kd", "ks", "sigma", "mu")
+
+
+class MaterialForecast(NamedTuple):
+    """What a fit will say of the material.
+
+    ``singular_values`` are those of the operator from relative changes of the unknowns (the
+    parameters named ``unknowns``) to the photographs in units of their noise, descending;
+    ``weakest`` the change that shows least.
+    """
+
+    parameters: Uncertain
+    identifiable: dict[str, bool]
+    evidence: SigmaEvidence
+    unknowns: tuple[str, ...]
+    singular_values: Float[np.ndarray, "unknown"]
+    weakest: Float[np.ndarray, "unknown"]
+    samples: int
+    sentences: tuple[str, ...]
+
+    def relative_error(self, name: str) -> float:
+        """The standard error as a part of the value (mu: of mu - 1), in the worst channel."""
+        value = np.asarray(getattr(self.parameters.value, name)) - (name == "mu")
+        error = np.asarray(getattr(self.parameters.standard_error, name))
+        return float(np.max(error / np.where(value != 0, np.abs(value), np.nan)))
+
+
+def forecast_material(
+    foreseen: Foreseen,
+    unknowns: MicrofacetUnknowns = ALL_FREE,
+    split: str | float = "auto",
+    explain: bool = True,
+) -> MaterialForecast:
+    """Predict the error bars of a fit, what will be identifiable, and why not.
+
+    Parameters that are fixed are taken to be fixed at what is supposed of them.  ``split`` is that
+    of the fit; ``explain`` looks for what would mend what cannot be told.
+    Raises ``ValueError`` for a supposed material outside the bounds of the search.
+    """
+    problem = problem_of(unknowns, foreseen.supposed.brdf)
+    fit = _fit_at(problem, foreseen)
+    parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
+    asked = {name: getattr(problem.unknowns, name) for name in _NAMES}
+    free = [name for name, unknown in asked.items() if unknown is not None and unknown.free]
+    identifiable = {name: within_reach(parameters, name) for name in free}
+    evidence = _evidence(problem, foreseen, fit, split)
+    lost = [name for name in free if not identifiable[name]]
+    sentences = causes_of(foreseen, problem, lost) if explain else ()
+    if explain:
+        sentences += _closing(problem, free, lost, evidence)
+    names, values, weakest = _spectrum(problem, foreseen)
+    count = len(foreseen.situation.frame)
+    return MaterialForecast(
+        parameters, identifiable, evidence, names, values, weakest, count, sentences
+    )
+
+
+def _fit_at(problem: Problem, foreseen: Foreseen) -> Fit:
+    """The end of a fit that has found the supposed material."""
+    point, eliminated = (jnp.asarray(part) for part in unknowns_at(problem, foreseen.supposed.brdf))
+    done = Solution(point, jnp.zeros(()), jnp.ones((), bool), jnp.zeros((), int))
+    return Fit(done, problem.linear(eliminated), jnp.asarray(foreseen.data.radiance))
+
+
+def _evidence(problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float) -> SigmaEvidence:
+    """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
+    if "sigma" not in problem.unknowns.names:
+        return SigmaEvidence(0.0, 0.0, 0.0)
+    data, brdf = foreseen.data, foreseen.supposed.brdf
+    samples, frame, light = foreseen.situation
+    at = (fit.solution.point, fit.linear.eliminated)
+    steep = np.asarray(samples.exit_cosines) >= GRAZING_COSINE
+    without_grazing = data._replace(weights=np.asarray(data.weights) * steep[:, None])
+    sigma = float(brdf.sigma)
+    observations = Observations(samples, data.radiance, frame)
+    lobe = brdf.with_roughness(sigma, None)
+    dual = prepare_light(light, observations, lobe.as_metal(), split, None).dual.for_frames(frame)
+    table = roughness_table(
+        kind_of(brdf), samples, dual, (sigma, 1.01 * sigma), transfer="gaussian"
+    )
+    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
+    spectral = LinearisedModel.about(TabulatedModel(table), jnp.asarray(sigma), mu)
+    return SigmaEvidence(
+        sigma_standard_error(problem, foreseen.model, data, at),
+        sigma_standard_error(problem, foreseen.model, without_grazing, at),
+        sigma_standard_error(problem, spectral, data, at),
+    )
+
+
+def _spectrum(
+    problem: Problem, foreseen: Foreseen
+) -> tuple[tuple[str, ...], Float[np.ndarray, "unknown"], Float[np.ndarray, "unknown"]]:
+    """Decompose the operator from relative changes of the parameters to weighted photographs."""
+    reading = reading_of(problem, foreseen)
+    information = reading.information(frame_grams(foreseen))
+    information = information * reading.unit[:, None] * reading.unit[None, :]
+    if not len(reading.unknowns):
+        return (), np.zeros(0), np.zeros(0)
+    values, vectors = np.linalg.eigh(information)
+    singular = np.sqrt(np.maximum(values[::-1], 0))
+    weakest = vectors[:, 0] * np.sign(vectors[np.argmax(np.abs(vectors[:, 0])), 0])
+    return reading.unknowns, singular, weakest
+
+
+def _closing(
+    problem: Problem, free: list[str], lost: list[str], evidence: SigmaEvidence
+) -> tuple[str, ...]:
+    sentences = []
+    if free and not lost:
+        sentences.append("every free parameter will be identifiable")
+    if "sigma" in free:
+        sentences.append(evidence.sentence())
+    if problem.unknowns.free_scale:
+        sentences.append(
+            "gauge: the scale between light and photographs is unknown, so of kd and ks only the "
+            "ratios are told"
+        )
+    return tuple(sentences)

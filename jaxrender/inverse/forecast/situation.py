@@ -1,0 +1,176 @@
+"""A capture before its photographs: what its cameras will see, what lights it, what to suppose.
+
+The photographs that a supposed material would give are computed by the exact integral together with
+their derivatives; weighed by the noise to be expected they are all that a forecast needs.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.elimination import Data, Problem
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
+from jaxrender.inverse.observations import Observations, stratified_subset
+from jaxrender.inverse.unknowns import MicrofacetUnknowns, Unknown
+from jaxrender.shapes import Float, Int
+
+# What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
+TYPICAL_MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
+TYPICAL_NOISE = NoiseModel(0.01, 0.0)
+# Choosing samples by brightness needs no finer light than this.
+_COARSE = 0.5
+# Noise is never taken to be less than this part of the mean radiance, as in a fit.
+_LEAST_NOISE = 1e-6
+
+
+class Situation(NamedTuple):
+    """What the cameras of each photograph see of the object, and the light it is in."""
+
+    samples: SurfaceSamples
+    frame: Int[np.ndarray, "sample"]
+    light: KnownLight
+
+
+class Supposed(NamedTuple):
+    """The material and the noise that a forecast is made for."""
+
+    brdf: Microfacet = TYPICAL_MATERIAL
+    noise: NoiseModel = TYPICAL_NOISE
+
+
+TYPICAL = Supposed()
+
+
+class Foreseen(NamedTuple):
+    """Photographs that a supposed material would give, to first order in its parameters.
+
+    ``data`` holds their radiance without noise, weighed by the noise.
+    """
+
+    situation: Situation
+    supposed: Supposed
+    model: LinearisedModel
+    data: Data
+
+
+def foresee(
+    situation: Situation,
+    supposed: Supposed = TYPICAL,
+    count: int = 2000,
+    seed: int = 0,
+    angle_per_sigma: float | None = None,
+) -> Foreseen:
+    """Predict the photographs at ``count`` samples, drawn as the refinement of a fit draws them.
+
+    ``angle_per_sigma`` condenses the light to cells of that many sigma.
+    """
+    situation = _drawn(situation, supposed, count, seed)
+    brdf = supposed.brdf
+    nodes = exact_nodes(situation.light, situation.frame, float(brdf.sigma), angle_per_sigma)
+    model = ExactModel(kind_of(brdf), situation.samples, nodes)
+    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
+    near = LinearisedModel.about(model, jnp.asarray(float(brdf.sigma)), mu)
+    return foreseen_of(situation, supposed, near)
+
+
+def kind_of(brdf: Microfacet) -> Microfacet:
+    """The kind of a material, without its numbers: one compiled program serves all of a kind."""
+    zero = np.zeros(len(np.asarray(brdf.kd)))
+    mu = None if brdf.mu is None else 1.5
+    return Microfacet(zero, zero, 0.1, mu, brdf.fresnel, brdf.masking, brdf.distribution)
+
+
+def foreseen_of(situation: Situation, supposed: Supposed, near: LinearisedModel) -> Foreseen:
+    """Weigh what a model predicts by the noise to be expected."""
+    radiance = _mixed(supposed.brdf, near.diffuse, near.specular)
+    weights = weights_of(supposed.noise, radiance)
+    return Foreseen(situation, supposed, near, Data(radiance, weights, situation.frame))
+
+
+def weights_of(
+    noise: NoiseModel, radiance: Float[np.ndarray, "*any channel"]
+) -> Float[np.ndarray, "*any channel"]:
+    """Compute 1 / standard deviation of the noise, as a fit weighs its samples."""
+    least = _LEAST_NOISE * np.sqrt(np.mean(radiance**2))
+    deviation = np.asarray(noise.standard_deviation(np.maximum(radiance, 0)))
+    return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
+
+
+def unknowns_at(problem: Problem, brdf: Microfacet) -> tuple[np.ndarray, np.ndarray]:
+    """Find the search point and the eliminated unknowns of a supposed material.
+
+    Raises ``ValueError`` where it lies outside the bounds of the search.
+    """
+    unknowns = problem.unknowns
+    for name, unknown in (("sigma", unknowns.sigma), ("mu", unknowns.mu)):
+        value = getattr(brdf, name)
+        if unknown is None or not unknown.free:
+            continue
+        if value is None or not unknown.lower <= float(value) <= unknown.upper:
+            raise ValueError(
+                f"the supposed {name} is {value}, but it is looked for between {unknown.lower:g} "
+                f"and {unknown.upper:g}: suppose a value in between, or widen its bounds"
+            )
+    point = unknowns.pack(float(brdf.sigma), None if brdf.mu is None else float(brdf.mu))
+    both = np.concatenate([np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)])
+    mix = np.asarray(problem.mix)
+    return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
+
+
+def problem_of(unknowns: MicrofacetUnknowns, brdf: Microfacet) -> Problem:
+    """Lay out the unknowns of a supposed material, fixed ones at what is supposed of them."""
+    held = {}
+    for name in ("kd", "ks", "sigma", "mu"):
+        unknown, value = getattr(unknowns, name), getattr(brdf, name)
+        if value is None:
+            held[name] = None
+        elif unknown is not None and not unknown.free:
+            held[name] = Unknown(fixed=tuple(float(v) for v in np.ravel(np.asarray(value))))
+    return Problem.of(replace(unknowns, **held), len(np.asarray(brdf.kd)))
+
+
+def thinned(situation: Situation, most: int) -> tuple[Situation, float]:
+    """Keep at most so many samples, evenly; and how many each of them stands for."""
+    count = len(situation.frame)
+    if count <= most:
+        return situation, 1.0
+    index = np.linspace(0, count - 1, most).round().astype(int)
+    samples = SurfaceSamples(*(np.asarray(a)[index] for a in situation.samples))
+    return Situation(samples, situation.frame[index], situation.light), count / most
+
+
+def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "sample channel"]:
+    """Predict radiance alone, well enough to weigh and to choose samples by."""
+    samples, frame, light = situation
+    brdf = supposed.brdf
+    nodes = exact_nodes(light, frame, float(brdf.sigma), _COARSE)
+    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
+    model = ExactModel(kind_of(brdf), samples, nodes)
+    columns = _columns(model, jnp.asarray(float(brdf.sigma)), mu)
+    return _mixed(brdf, columns.diffuse, columns.specular)
+
+
+def _mixed(brdf: Microfacet, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
+    kd, ks = (np.asarray(a, float)[None] for a in (brdf.kd, brdf.ks))
+    return kd * np.asarray(diffuse) + ks * np.asarray(specular)
+
+
+@eqx.filter_jit
+def _columns(model: ExactModel, sigma, mu) -> Columns:
+    return model.columns(sigma, mu)
+
+
+def _drawn(situation: Situation, supposed: Supposed, count: int, seed: int) -> Situation:
+    samples, frame, light = situation
+    if len(frame) <= count:
+        return situation
+    radiance = radiance_of(situation, supposed)
+    some, _ = stratified_subset(Observations(samples, radiance, frame), radiance, count, seed)
+    return Situation(some.samples, np.asarray(some.frame), light)

@@ -1,0 +1,217 @@
+"""Which further photograph would shrink the error bars most: another view, or another lamp.
+
+Information adds up: that of the present photographs plus that of one more, from a new direction, or
+from a present camera with a further lamp lit beside the present light.  Every candidate counts with
+as many samples as a photograph has now, so that they are compared at equal cost.  They are ranked
+by the predicted relative standard error of one parameter, or of the worst; candidates within a per
+cent of each other by the determinant of the information (D-optimality).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.inverse.candidate_views import View, candidate_directions
+from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.forecast.information import (
+    Errors,
+    Reading,
+    frame_grams,
+    grams_by_frame,
+    reading_of,
+)
+from jaxrender.inverse.forecast.situation import (
+    Foreseen,
+    Situation,
+    foresee,
+    kind_of,
+    weights_of,
+)
+from jaxrender.inverse.forecast.spectrum import mean_irradiance
+from jaxrender.inverse.models import ExactModel, LinearisedModel
+from jaxrender.lighting import LightNodes
+from jaxrender.shapes import Array, Float
+
+AIMS = ("worst", "kd", "ks", "sigma", "mu")
+# Logarithms of errors closer than this are a tie.
+_TIE = 0.01
+# Candidates are ranked at so few samples each and under light of such coarse cells (times sigma);
+# the best of them again at all samples, under the light as it is.
+_FEW, _COARSE, _AGAIN = 48, 0.5, 2
+_LAMPS_AT_ONCE = 16
+
+
+class Suggestion(NamedTuple):
+    """One more photograph: the direction of its camera or lamp, and the errors with it.
+
+    ``frame`` is the present photograph from whose camera a lamp is to be photographed; None for a
+    view.  ``errors`` are relative standard errors by name (mu: of mu - 1; the worst channel).
+    """
+
+    direction: Float[np.ndarray, "3"]
+    frame: int | None
+    errors: dict[str, float]
+    criterion: float
+
+
+def suggest_views(
+    foreseen: Foreseen,
+    problem: Problem,
+    views: Sequence[View],
+    aim: str = "worst",
+    count: int = 5,
+) -> tuple[Suggestion, ...]:
+    """Rank candidate cameras, best first, and return the ``count`` best.
+
+    New photographs are in the light that the first of the present ones is in.  Raises
+    ``ValueError`` for an aim that is not in ``AIMS`` or not free, and where nothing is to be seen.
+    """
+    reading = _reading(problem, foreseen, aim)
+    views = [view for view in views if len(view.samples.normals) >= 8]
+    if not views:
+        raise ValueError("no candidate camera sees the object: give other directions")
+    own = frame_grams(foreseen)
+    wanted = round(len(foreseen.situation.frame) / len(np.unique(foreseen.situation.frame)))
+
+    def errors(chosen: Sequence[View], samples: int, cell: float | None) -> Errors:
+        grams = _view_grams(foreseen, chosen, (samples, wanted), cell)
+        return reading.errors(reading.information(_beside(own, grams)))
+
+    first = _ranked(errors(views, min(_FEW, wanted), _COARSE), aim)[: _AGAIN * count]
+    best = [views[index] for index in first]
+    found = errors(best, wanted, None)
+    return tuple(
+        _suggestion(best[index].direction, None, found, (int(index),), aim)
+        for index in _ranked(found, aim)[:count]
+    )
+
+
+def suggest_lamps(
+    foreseen: Foreseen,
+    problem: Problem,
+    directions: Float[np.ndarray, "lamp 3"] | None = None,
+    aim: str = "worst",
+    count: int = 5,
+) -> tuple[Suggestion, ...]:
+    """Rank lamps by one more photograph with each lit, from the present camera that gains most.
+
+    A lamp sends the irradiance that the present light sends to a plane on average, in grey.
+    Raises ``ValueError`` for an aim that is not in ``AIMS`` or not free.
+    """
+    reading = _reading(problem, foreseen, aim)
+    directions = candidate_directions() if directions is None else directions
+    own = frame_grams(foreseen)
+    grams = np.concatenate(
+        [
+            _lamp_grams(foreseen, directions[start : start + _LAMPS_AT_ONCE])
+            for start in range(0, len(directions), _LAMPS_AT_ONCE)
+        ]
+    )
+    found = reading.errors(reading.information(_beside(own, grams[:, :, None])))
+    # The best photograph of each lamp; photographs without samples come out as no gain.
+    frames = np.argmin(found.criterion(aim), axis=1)
+    each = np.arange(len(directions))
+    best = Errors(
+        {name: values[each, frames] for name, values in found.relative.items()},
+        found.log_determinant[each, frames],
+    )
+    return tuple(
+        _suggestion(directions[lamp], int(frames[lamp]), best, (int(lamp),), aim)
+        for lamp in _ranked(best, aim)[:count]
+    )
+
+
+def _reading(problem: Problem, foreseen: Foreseen, aim: str) -> Reading:
+    reading = reading_of(problem, foreseen)
+    if aim not in AIMS:
+        raise ValueError(f"aim={aim!r}: choose one of {', '.join(AIMS)}")
+    if aim != "worst" and aim not in reading.names:
+        free = ", ".join(dict.fromkeys(reading.names))
+        raise ValueError(f"aim={aim!r}: it is not free; choose worst, {free}")
+    if not reading.names:
+        raise ValueError("nothing is free: there are no error bars to shrink")
+    return reading
+
+
+def _ranked(errors: Errors, aim: str) -> Float[np.ndarray, "candidate"] | np.ndarray:
+    level = np.floor(np.log(np.maximum(errors.criterion(aim), 1e-300)) / _TIE)
+    return np.lexsort((-errors.log_determinant, level))
+
+
+def _suggestion(
+    direction: np.ndarray, frame: int | None, errors: Errors, index: tuple[int, ...], aim: str
+) -> Suggestion:
+    own = {name: float(values[index]) for name, values in errors.relative.items()}
+    return Suggestion(np.asarray(direction, float), frame, own, float(errors.criterion(aim)[index]))
+
+
+def _beside(own: np.ndarray, grams: np.ndarray) -> np.ndarray:
+    """Put the present photographs before those of each candidate."""
+    shape = (*grams.shape[:-4], *own.shape)
+    return np.concatenate([np.broadcast_to(own, shape), grams], axis=-4)
+
+
+def _view_grams(
+    foreseen: Foreseen, views: Sequence[View], samples: tuple[int, int], cell: float | None
+) -> Float[np.ndarray, "view 1 channel 4 4"]:
+    """Foresee the photographs of all candidates in one go."""
+    few, wanted = samples
+    thinned = [_thinned(view.samples, few) for view in views]
+    joined = SurfaceSamples(*(np.concatenate(arrays) for arrays in zip(*thinned)))
+    number = np.repeat(np.arange(len(views)), few)
+    light = foreseen.situation.light.of_frame(0)
+    together = Situation(joined, number, light)
+    grams = frame_grams(foresee(together, foreseen.supposed, len(number), angle_per_sigma=cell))
+    return grams[:, None] * (wanted / few)
+
+
+def _thinned(samples: SurfaceSamples, count: int) -> SurfaceSamples:
+    """Draw samples evenly, with repetition where there are fewer."""
+    index = np.linspace(0, len(samples.normals) - 1, count).round().astype(int)
+    return SurfaceSamples(*(np.asarray(a)[index] for a in samples))
+
+
+def _lamp_grams(
+    foreseen: Foreseen, directions: Float[np.ndarray, "lamp 3"]
+) -> Float[np.ndarray, "lamp frame channel 4 4"]:
+    """Foresee every present photograph taken again with each lamp lit, too."""
+    model, brdf = foreseen.model, foreseen.supposed.brdf
+    samples, frame, light = foreseen.situation
+    channels = model.diffuse.shape[1]
+    grey = np.full(channels, float(mean_irradiance(light.of_frame(0)).mean()))
+    missing = -len(directions) % _LAMPS_AT_ONCE
+    padded = np.concatenate([directions, np.tile(directions[:1], (missing, 1))])
+    samples = SurfaceSamples(*(jnp.asarray(np.asarray(a, float)) for a in samples))
+    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
+    lobe = (kind_of(brdf), jnp.asarray(float(brdf.sigma)), mu)
+    lamp = np.asarray(_lamp_columns(lobe, samples, jnp.asarray(padded), jnp.asarray(grey)))
+    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu)
+    present = np.stack([np.asarray(part) for part in parts], axis=-1)
+    columns = present[None] + lamp[: len(directions)]
+    radiance = np.asarray(brdf.kd) * columns[..., 0] + np.asarray(brdf.ks) * columns[..., 1]
+    weights = np.stack([weights_of(foreseen.supposed.noise, each) for each in radiance])
+    return grams_by_frame(columns * weights[..., None], np.asarray(frame))
+
+
+@eqx.filter_jit
+def _lamp_columns(
+    lobe: tuple[Microfacet, Float[Array, ""], Float[Array, ""] | None],
+    samples: SurfaceSamples,
+    directions: Float[Array, "lamp 3"],
+    irradiance: Float[Array, "channel"],
+) -> Float[Array, "lamp sample channel 4"]:
+    """Evaluate the four columns under each lamp alone."""
+    variant, sigma, mu = lobe
+
+    def one(direction: Float[Array, "3"]) -> Float[Array, "sample channel 4"]:
+        nodes = (LightNodes(direction[None], irradiance[None]),)
+        near = LinearisedModel.about(ExactModel(variant, samples, nodes), sigma, mu)
+        return jnp.stack([near.diffuse, near.specular, near.by_sigma, near.by_mu], axis=-1)
+
+    return jax.lax.map(one, directions)

@@ -1,0 +1,66 @@
+"""Forecasts as a picture: the light's spectrum against its errors, and the predicted errors."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jaxrender.inverse.posedness import RECOVERABLE
+from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Uncertain
+from jaxrender.pipelines.analysis.forecast import ConfigAnalysis
+
+# A relative standard error at which a 90 % interval reaches as far as it may.
+_TELLABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
+_NAMES = ("kd", "ks", "sigma", "mu")
+_TITLES = ("$k_d$", "$k_s$", "$\\sigma$", "$\\mu - 1$")
+
+
+def draw(path: Path, found: ConfigAnalysis) -> None:
+    """Write the picture; the suffix tells its format."""
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(9.5, 3.8), layout="constrained")
+    spectrum, bars = drawing.subplots(1, 2)
+    _draw_spectrum(spectrum, found)
+    _draw_errors(bars, found)
+    drawing.savefig(path, dpi=130)
+
+
+def _draw_spectrum(axes, found: ConfigAnalysis) -> None:
+    axes.set(title="light, material known", xlabel="degree", ylabel="rms coefficient")
+    if found.light is None:
+        axes.text(0.5, 0.5, "cannot be recovered", ha="center", transform=axes.transAxes)
+        return
+    size, noise = found.light.size, found.light.report.noise
+    degrees = np.arange(len(size))
+    shown = np.where(size > 1e-9 * size.max(), size, np.nan)
+    axes.semilogy(degrees, shown, "o-", markersize=4, label="light supposed")
+    axes.semilogy(degrees, noise, "s-", markersize=3, label="its predicted error")
+    axes.semilogy(degrees, noise / RECOVERABLE, "k--", linewidth=0.8, label="needed to be told")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    # Degrees that nothing is known of would leave no room for the others.
+    axes.set_ylim(0.3 * np.min(noise), 30 * np.max(size))
+    axes.legend(fontsize=8)
+
+
+def _draw_errors(axes, found: ConfigAnalysis) -> None:
+    sets = [
+        (title, forecast.parameters, forecast.identifiable)
+        for title, forecast in (("light known", found.material), ("light unknown", found.joint))
+        if forecast is not None
+    ]
+    axes.set(title="material: predicted relative standard error", yscale="log")
+    width = 0.8 / max(1, len(sets))
+    for number, (title, parameters, identifiable) in enumerate(sets):
+        names = [name for name in _NAMES if name in identifiable]
+        heights = [max(_relative_error(parameters, name), 1e-6) for name in names]
+        places = np.array([_NAMES.index(name) for name in names]) + (number - 0.4) * width
+        axes.bar(places, heights, width, label=title)
+    axes.axhline(_TELLABLE, color="k", linestyle="--", linewidth=0.8, label="just identifiable")
+    axes.set_xticks(range(len(_NAMES)), _TITLES)
+    axes.legend(fontsize=8)
+
+
+def _relative_error(parameters: Uncertain, name: str) -> float:
+    value = np.asarray(getattr(parameters.value, name)) - (name == "mu")
+    error = np.asarray(getattr(parameters.standard_error, name))
+    return float(np.max(error / np.where(value != 0, np.abs(value), np.inf)))

@@ -1,0 +1,188 @@
+"""Forecasts as text for a terminal."""
+
+import numpy as np
+
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
+from jaxrender.inverse.next_best import Suggestion
+from jaxrender.inverse.posedness import RECOVERABLE
+from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options
+
+_CHANNELS = ("red", "green", "blue")
+_DEGREES_SHOWN = (*range(9), 10, 12, 14, 16, 18, 20)
+
+
+def text_of(found: ConfigAnalysis, options: Options) -> str:
+    """Put an analysis into words and tables."""
+    parts = [_heading(found)]
+    impossible = found.impossible
+    parts.append(
+        _section("Material, light known", impossible.get("material"), _material, found.material)
+    )
+    parts.append(_section("Light, material known", impossible.get("light"), _light, found.light))
+    parts.append(_section("Both unknown", impossible.get("joint"), _joint, found.joint))
+    if options.suggest is not None:
+        parts.append(_suggestions(found, options))
+    return "\n\n".join(parts)
+
+
+def _heading(found: ConfigAnalysis) -> str:
+    situation, supposed = found.foreseen.situation, found.supposition.supposed
+    brdf, light = supposed.brdf, situation.light
+    lit = []
+    if light.environment is not None:
+        height, width = light.environment.grid.shape
+        lit.append(f"an environment of {height} x {width}")
+    sources = len(light.directional.directions)
+    if sources:
+        lit.append(f"{sources} directional source{'s' if sources > 1 else ''}")
+    if light.per_frame is not None:
+        lit.append("sources of single photographs")
+    guess = "" if found.prospect.light_given else " (supposed: the config gives none)"
+    cosines = np.asarray(found.prospect.situation.samples.exit_cosines)
+    material = [f"kd {_values(brdf.kd)}"]
+    if np.any(np.asarray(brdf.ks)):
+        mu = "none (metal)" if brdf.mu is None else f"{float(brdf.mu):.3g}"
+        material += [f"ks {_values(brdf.ks)}", f"sigma {float(brdf.sigma):.3g}", f"mu {mu}"]
+    lines = [
+        f"{len(found.prospect.cameras)} photographs, not looked at; {len(cosines):,} samples, "
+        f"of which {len(situation.frame):,} for the last step; exit cosines from "
+        f"{cosines.min():.2f} to {cosines.max():.2f}",
+        f"light: {' and '.join(lit)}{guess}",
+        f"supposed: {', '.join(material)}; noise {_noise(supposed.noise)}",
+        f"          ({found.supposition.source})",
+    ]
+    if not found.prospect.shape.is_convex():
+        lines.append("the shape is not convex: its shadows on itself are left out of the forecast")
+    return "\n".join(lines)
+
+
+def _section(title: str, reason: str | None, write, forecast) -> str:
+    if forecast is None:
+        return f"{title}\n  {reason}"
+    return "\n".join([title, *write(forecast), *(f"  - {s}" for s in forecast.sentences)])
+
+
+def _material(forecast: MaterialForecast) -> list[str]:
+    lines = _parameters(forecast.parameters, forecast.identifiable)
+    values = forecast.singular_values
+    if not values.size:
+        return lines
+    told = [
+        f"{name} {amount:+.2f}"
+        for name, amount in zip(forecast.unknowns, forecast.weakest)
+        if abs(amount) > 0.1
+    ]
+    return [
+        *lines,
+        f"  singular values (noise per relative change): {_listed(values)}",
+        f"  what shows least: {', '.join(told)}",
+    ]
+
+
+def _joint(forecast: JointForecast) -> list[str]:
+    lines = _parameters(forecast.parameters, forecast.identifiable)
+    return [
+        *lines,
+        f"  singular values, light and {forecast.lamps} lamps taken off: "
+        f"{_listed(forecast.singular_values)}",
+        *(f"  cannot be told, {line}" for line in forecast.gauge),
+    ]
+
+
+def _parameters(parameters: Uncertain, identifiable: dict[str, bool]) -> list[str]:
+    lines = [
+        f"  {'':10s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
+    ]
+    for name, told in identifiable.items():
+        rows = zip(*(np.ravel(np.asarray(getattr(part, name))) for part in parameters))
+        shown = list(rows)
+        same = name in ("sigma", "mu") or (len({f"{r}" for r in shown}) == 1)
+        for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
+            title = name if same else f"{name} {_CHANNELS[channel]}"
+            lines.append(
+                f"  {title:10s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
+                f"{'yes' if told else 'no'}"
+            )
+    return lines
+
+
+def _light(forecast: LightForecast) -> list[str]:
+    limit = len(forecast.size) - 1
+    lines = [
+        f"  {'degree':>6s} {'light':>9s} {'its error':>10s} {'relative':>9s} "
+        f"{'singular values':>19s}   recoverable"
+    ]
+    errors = forecast.relative_error
+    for degree in sorted({*(d for d in _DEGREES_SHOWN if d <= limit), limit}):
+        values = forecast.singular_values(degree)
+        told = bool(errors[degree] < RECOVERABLE)
+        lines.append(
+            f"  {degree:6d} {forecast.size[degree]:9.3g} {forecast.report.noise[degree]:10.2g} "
+            f"{_relative(errors[degree]):>9s} {f'{values.max():.3g} .. {values.min():.2g}':>19s}   "
+            f"{'yes' if told else 'no'}"
+        )
+    return lines
+
+
+def _suggestions(found: ConfigAnalysis, options: Options) -> str:
+    views = options.suggest == "views"
+    aim = "the worst parameter" if options.aim == "worst" else options.aim
+    names = list(found.suggestions[0].errors)
+    lines = [
+        f"One more photograph, best first (to know {aim} better)",
+        f"  {'':4s}{'camera towards' if views else 'lamp towards':24s} "
+        + " ".join(f"{name:>8s}" for name in names),
+    ]
+    if found.material is not None:
+        now = [found.material.relative_error(name) for name in names]
+        lines.append(f"  {'':4s}{'now':24s} " + " ".join(f"{_relative(e):>8s}" for e in now))
+    for number, one in enumerate(found.suggestions):
+        lines.append(
+            f"  {number + 1:2d}. {_direction(one)} {_errors(one, names)}{_seen(found, one)}"
+        )
+    lines.append(
+        "  (relative standard errors; directions as seen from the object"
+        + (
+            ", at the present distance)"
+            if views
+            else "; as bright as the present light on average)"
+        )
+    )
+    return "\n".join(lines)
+
+
+def _direction(one: Suggestion) -> str:
+    x, y, z = one.direction
+    return f"{f'({x:+.2f}, {y:+.2f}, {z:+.2f})':24s}"
+
+
+def _errors(one: Suggestion, names: list[str]) -> str:
+    return " ".join(f"{_relative(one.errors[name]):>8s}" for name in names)
+
+
+def _seen(found: ConfigAnalysis, one: Suggestion) -> str:
+    return "" if one.frame is None else f"  photographed as {found.prospect.names[one.frame]}"
+
+
+def _relative(error: float) -> str:
+    if not error < 10:
+        return "nothing"
+    return f"{100 * error:.0f} %" if error >= 1 else f"{100 * error:.2g} %"
+
+
+def _values(values) -> str:
+    texts = [f"{value:.3g}" for value in np.ravel(np.asarray(values))]
+    return texts[0] if len(set(texts)) == 1 else " ".join(texts)
+
+
+def _listed(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+def _noise(noise: NoiseModel) -> str:
+    floor = float(noise.floor)
+    return f"{100 * float(noise.relative):.3g} %" + (
+        f" and a floor of {floor:.3g}" if floor else ""
+    )
