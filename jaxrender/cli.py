@@ -91,10 +91,13 @@ def render(
     /,
     *,
     out: Path,
+    environment: Path | None = None,
+    convention: str = "z-up",
+    camera: Path | None = None,
     model: Literal["integral", "dual"] = "integral",
     force: bool = False,
 ) -> int:
-    """Render the views of a finished result again.
+    """Render the views of a finished result again, or what it would look like elsewhere.
 
     Parameters
     ----------
@@ -102,6 +105,12 @@ def render(
         Result folder of a fit.
     out
         Folder to write the images into.
+    environment
+        Another light, a panorama of radiance, in place of the result's own.
+    convention
+        Its layout: z-up, y-up, angular, cross or mirror-ball.
+    camera
+        Another transforms.json, whose cameras take the place of the photographs'.
     model
         The exact reflection integral, or the frequency-space dual model.
     force
@@ -109,10 +118,13 @@ def render(
     """
     _set_up_jax()
     from jaxrender.pipelines.progress import choose
-    from jaxrender.pipelines.render import render_config
+    from jaxrender.pipelines.render import Scene, render_config
 
+    light, cameras = (path and path.resolve() for path in (environment, camera))
+    scene = Scene(light, convention, cameras)
+    into, progress = out.resolve(), choose(sys.stderr)
     folder = render_config(
-        result.resolve(), out=out.resolve(), model=model, force=force, progress=choose(sys.stderr)
+        result.resolve(), out=into, model=model, force=force, progress=progress, scene=scene
     )
     _say(f"images: {out if folder is None else folder}")
     return DONE

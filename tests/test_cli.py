@@ -58,13 +58,15 @@ def calls(monkeypatch, tmp_path):
         answer(recipe=recipe, recipe_path=recipe_path, folder=folder, force=force)
         return folder
 
-    def render_config(result_folder, out, model, force, progress):
-        answer(result_folder=result_folder, out=out, model=model, force=force)
+    def render_config(result_folder, out, model, force, progress, scene):
+        answer(result_folder=result_folder, out=out, model=model, force=force, scene=scene)
         return out
 
     for name, function in {"run": fit, "synth": synthesise, "render": render_config}.items():
         module = types.ModuleType(f"jaxrender.pipelines.{name}")
         setattr(module, function.__name__, function)
+        if name == "render":
+            vars(module)["Scene"] = lambda *parts: parts
         monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(cli, "_set_up_jax", lambda: calls.update(set_up=True))
     monkeypatch.chdir(tmp_path)
@@ -137,6 +139,10 @@ def test_render(calls, capsys, tmp_path):
     assert capsys.readouterr().out == f"images: {tmp_path / 'b'}\n"
     assert cli.main(["render", "runs/a", "--out", "b"]) == 0
     assert (calls["model"], calls["force"]) == ("integral", False)
+    assert calls["scene"] == (None, "z-up", None)
+    elsewhere = ["--environment", "probe.hdr", "--convention", "cross", "--camera", "t.json"]
+    assert cli.main(["render", "runs/a", "--out", "b", *elsewhere]) == 0
+    assert calls["scene"] == (tmp_path / "probe.hdr", "cross", tmp_path / "t.json")
 
 
 def test_schema(calls, capsys):

@@ -4,6 +4,7 @@
   the gauge it states, and predicts the photographs.
 - ``task: lighting`` finds the lamps' own irradiance, given the material.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy.
+- The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
 """
 
@@ -15,8 +16,10 @@ import pytest
 from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
 from jaxrender.errors import InputError
-from jaxrender.io import read_environment, read_image
+from jaxrender.io import read_environment, read_image, write_environment
+from jaxrender.lighting import Environment
 from jaxrender.pipelines import fit, load_run_config
+from jaxrender.pipelines.render import Scene, render_config
 
 LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
 BALL = Ball(views=6, size=40, lights=(LAMPS,) * 6, gains=(1.0,) * 6)
@@ -134,3 +137,31 @@ def test_predictions_look_like_the_photographs(factorized, capture):
 def test_too_few_pixels_are_refused(capture):
     with pytest.raises(InputError, match="50 samples for light of 16 coefficients"):
         _run(capture, "factorize", "", count=50)
+
+
+def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path):
+    folder, _ = factorized
+    out = render_config(folder, tmp_path / "again")
+    image = read_image(out / "0.exr")
+    photograph = read_image(capture / "images" / "0.exr").pixels[..., :3]
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.sum(axis=-1).max()
+    assert np.median(np.abs(image.pixels[..., :3][inside] / photograph[inside] - 1)) < 0.02
+
+
+def test_relighting_by_another_environment(factorized, tmp_path):
+    """White light on kd + ks = 1 with gloss: a bright ball, the same from every side."""
+    folder, result = factorized
+    write_environment(tmp_path / "white.exr", Environment(np.ones((32, 64, 3))))
+    scene = Scene(tmp_path / "white.exr")
+    out = render_config(folder, tmp_path / "white", scene=scene)
+    pixels = read_image(out / "0.exr").pixels[..., :3]
+    middle = pixels[18:22, 18:22].mean(axis=(0, 1))
+    kd, ks = np.array(result["brdf"]["kd"]), np.array(result["brdf"]["ks"])
+    # Head-on the lobe reflects all but a few per cent of itself.
+    np.testing.assert_allclose(middle, np.pi * kd + ks, rtol=0.05)
+
+
+def test_missing_environment_is_named(factorized, tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.exr: no such file"):
+        render_config(factorized[0], tmp_path / "out", scene=Scene(tmp_path / "nowhere.exr"))
+    assert not (tmp_path / "out").exists()
