@@ -1,10 +1,26 @@
 """Every annotation is executed, and the numerics run strict: float64, no silent broadcasting."""
 
+from pathlib import Path
+
 import jax
+import pytest
 from jaxtyping import install_import_hook
+
+# Linux lets a process have 65,530 memory maps; every compiled program holds some, and the compiler
+# crashes when it gets no more.
+_MAPS = Path("/proc/self/maps")
+_MANY_MAPS = 20_000
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 install_import_hook("jaxrender", "beartype.beartype")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_programs_are_dropped_in_time():
+    """After a test file that leaves many, every compiled program is let go."""
+    yield
+    if _MAPS.exists() and _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
+        jax.clear_caches()

@@ -42,7 +42,7 @@ from jaxrender.inverse.brdf import BRDFFit, fit_brdf
 from jaxrender.inverse.dual_lighting import DualSettings, RecoveredDual, recover_dual
 from jaxrender.inverse.factorization import Factorization, FactorSettings, Known, factorize
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.light_operator import LightOperator, light_operator
+from jaxrender.inverse.light_operator import LightOperator
 from jaxrender.inverse.lighting import LightSettings, RecoveredLight, recover_coefficients
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -66,7 +66,6 @@ __all__ = [
     "Known",
     "factorize",
     "LightOperator",
-    "light_operator",
     "LightSettings",
     "RecoveredLight",
     "recover_coefficients",
