@@ -1,36 +1,31 @@
-"""A concave object photographed by Mitsuba 3, its material recovered under known light.
+"""Concave objects photographed by Mitsuba 3; material recovered, light known or unknown.
 
-    python experiments/concave_mitsuba.py [--mesh FILE] [--probe FILE] [--distribution ggx]
+    python experiments/concave_mitsuba.py [--meshes FILE ...] [--probes FILE ...] [--unknown]
+                                          [--distribution ggx] [--spp 4096]
 
-Direct light only: a rough conductor (Smith masking, no Fresnel) blended with a diffuse one, under
-an image of 256 rows; the fit is given 128 of them, the mesh and the cameras.  Without ``--mesh``
-the object is the project's sculpture, without ``--probe`` (a vertical cross) the light is drawn by
-``scenes.py``.  What is fitted is T 6.2 with masking: its Gaussian is close to Beckmann's, whose
-roughness alpha is then sigma, and is not GGX's.  Demanded, of the same model as was rendered:
-roughness within 10 %, albedo within 3 %.  The fit without shadows is printed beside it.
+Every mesh under every probe (vertical crosses); without ``--meshes`` the object is the project's
+sculpture, without ``--probes`` the light is drawn by ``scenes.py``.  Four photographs are rendered
+with direct light only (``mitsuba_scenes.py``) under an image of 256 rows.  Given are mesh, cameras
+and photographs, and under known light 128 rows of the image; what is fitted is the model that was
+rendered, and that the two are the same is checked first.  With ``--unknown`` the light is found as
+well.  Demanded: roughness within 10 %, albedo within 3 %: pi kd + ks of each channel under known
+light; kd / (kd + ks) under unknown light, where each channel's scale is a gauge.  The fit without
+shadows is printed beside it.
 """
 
 import argparse
-import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
 import jax
+import mitsuba_scenes
 import numpy as np
 import scenes
 
 from jaxrender.brdf import Microfacet
-from jaxrender.geometry import (
-    Mesh,
-    Pinhole,
-    SurfacePlaces,
-    SurfaceSamples,
-    SurfaceView,
-    look_at,
-    observe,
-)
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView, observe
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import erode
 from jaxrender.inverse import (
@@ -40,146 +35,45 @@ from jaxrender.inverse import (
     Observations,
     fit_brdf,
 )
+from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.observations import random_subset
-from jaxrender.inverse.passes import values_of
-from jaxrender.inverse.shadowing import hidden_fraction
-from jaxrender.io import read_environment, read_mesh, write_mesh
+from jaxrender.io import read_environment, read_mesh
 from jaxrender.lighting import DirectionalSources, Environment
 
-# The blend: this much conductor, the rest diffuse of this reflectance.
-GLOSS, REFLECTANCE, TINT = 0.35, np.array([0.45, 0.3, 0.2]), np.array([0.6, 0.6, 0.6])
-ROUGHNESS = 0.2
-VIEWS, SIZE, ANGLE, DISTANCE = 4, 128, 22.0, 5.4
-SAMPLES, LOWEST_COSINE = 8000, 0.15
+DEMANDED_ROUGHNESS, DEMANDED_ALBEDO = 0.10, 0.03
+SAMPLES, UNKNOWN_LIGHT_SAMPLES, LOWEST_COSINE = 8000, 6000, 0.15
 
 
-class Object(NamedTuple):
-    """What is photographed: a mesh, its light on a fine image, and the distribution of facets."""
+class Row(NamedTuple):
+    """One fit: of what, how, its relative errors and residual, and what it said."""
 
-    mesh: Mesh
-    light: Environment
-    distribution: str
+    what: str
+    how: str
+    roughness: float
+    albedo: float
+    residual: float
+    said: str
+    seconds: float
 
-
-def material() -> Microfacet:
-    """The blend in our units: kd = (1 - w) reflectance / pi, ks = w tint."""
-    kd, ks = (1 - GLOSS) * REFLECTANCE / np.pi, GLOSS * TINT
-    return Microfacet(kd, ks, ROUGHNESS, None, "exit", "smith")
-
-
-def cameras(mesh: Mesh) -> list[Pinhole]:
-    """Cameras on a ring about the middle of the mesh, looking at it from a few diagonals."""
-    lower, upper = mesh.bounds()
-    centre, size = (lower + upper) / 2, mesh.diagonal() / 2
-    focal = SIZE / 2 / np.tan(np.radians(ANGLE) / 2)
-    found = []
-    for azimuth in 2 * np.pi * (np.arange(VIEWS) + 0.25) / VIEWS:
-        towards = np.array([np.cos(azimuth), np.sin(azimuth), 0.35])
-        position = centre + DISTANCE * size * towards / np.linalg.norm(towards)
-        pose = look_at(position, centre, np.array([0.0, 0.0, 1.0]))
-        found.append(Pinhole(SIZE, SIZE, pose, fl_x=float(focal)))
-    return found
+    @property
+    def met(self) -> bool:
+        """Whether both errors are within what is demanded."""
+        return self.roughness <= DEMANDED_ROUGHNESS and self.albedo <= DEMANDED_ALBEDO
 
 
-def envmap(mi: ModuleType, light: Environment) -> dict:
-    """Our panorama as Mitsuba's: seen from inside, its azimuths run the other way, up is +Y."""
-    # Mitsuba: u = atan2(x, -z) / 2 pi and v = acos(y) / pi in the map's own axes.
-    to_world = np.array([[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]], float)
-    image = np.ascontiguousarray(np.asarray(light.radiance, np.float32)[:, ::-1])
-    return {
-        "type": "envmap",
-        "bitmap": mi.Bitmap(image),
-        "to_world": mi.ScalarTransform4f(to_world),
-    }
-
-
-def check_directions(mi: ModuleType) -> None:
-    """Light of one bright texel must come from where we say it does."""
-    radiance = np.full((64, 128, 3), 1e-6)
-    radiance[14, 40] = 100.0
-    light = Environment(radiance)
-    expected = light.grid.directions()[14, 40]
-    scene = mi.load_dict({"type": "scene", "light": envmap(mi, light)})
-    directions = light.grid.directions().reshape(-1, 3)
-    surface = mi.SurfaceInteraction3f()
-    found = []
-    for direction in directions:
-        surface.wi = -mi.Vector3f(*direction)
-        found.append(scene.environment().eval(surface)[0])
-    brightest = directions[int(np.argmax(found))]
-    if brightest @ expected < 1 - 1e-6:
-        raise SystemExit(f"Mitsuba sees {expected} at {brightest}: its conventions have changed")
-
-
-def photographs(mi: ModuleType, what: Object, spp: int) -> list[np.ndarray]:
-    """Render every camera's view, direct light only."""
-    facets = {
-        "type": "roughconductor",
-        "distribution": what.distribution,
-        "alpha": ROUGHNESS,
-        "material": "none",
-        "specular_reflectance": {"type": "rgb", "value": TINT.tolist()},
-    }
-    matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": REFLECTANCE.tolist()}}
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "object.ply"
-        write_mesh(path, what.mesh)
-        blend = {"type": "blendbsdf", "weight": GLOSS, "matt": matt, "facets": facets}
-        scene = mi.load_dict(
-            {
-                "type": "scene",
-                "light": envmap(mi, what.light),
-                "object": {"type": "ply", "filename": str(path), "bsdf": blend},
-            }
-        )
-        integrator = mi.load_dict({"type": "direct", "hide_emitters": True})
-        images = []
-        for number, camera in enumerate(cameras(what.mesh)):
-            sensor = mi.load_dict(sensor_of(mi, camera))
-            image = mi.render(scene, sensor=sensor, integrator=integrator, spp=spp, seed=number)
-            images.append(np.asarray(image, float)[..., :3])
-    return images
-
-
-def sensor_of(mi: ModuleType, camera: Pinhole) -> dict:
-    """The same camera in Mitsuba's terms: it looks along +z, with x to the left."""
-    flipped = camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0])
-    return {
-        "type": "perspective",
-        "fov": ANGLE,
-        "fov_axis": "x",
-        "near_clip": 1e-3,
-        "far_clip": 1e4,
-        "to_world": mi.ScalarTransform4f(flipped),
-        "film": {
-            "type": "hdrfilm",
-            "width": camera.width,
-            "height": camera.height,
-            "rfilter": {"type": "box"},
-            "pixel_format": "rgb",
-        },
-    }
-
-
-def observations(what: Object, images: list[np.ndarray]) -> Observations:
+def observations(what: mitsuba_scenes.Object, images: list[np.ndarray]) -> Observations:
     """Trace the pixels and gather those that are usable."""
     parts = []
-    for number, (camera, image) in enumerate(zip(cameras(what.mesh), images)):
+    for number, (camera, image) in enumerate(zip(mitsuba_scenes.cameras(what.mesh), images)):
         view = observe(camera, what.mesh)
-        covered = image.sum(axis=-1) > 0
-        print(
-            f"  view {number}: {view.hit.sum()} pixels, {(view.hit != covered).sum()} not Mitsuba's"
-        )
         usable = erode(view.hit, 2) & (view.exit_cosines > LOWEST_COSINE) & _smooth(view)
         arrays = (view.normals, view.outgoing, image, view.points, view.geometric_normals)
         parts.append([a[usable] for a in arrays] + [np.full(usable.sum(), number)])
     normals, outgoing, radiance, points, geometric, frame = (
         np.concatenate(arrays) for arrays in zip(*parts)
     )
-    every = Observations(
-        SurfaceSamples(normals, outgoing), radiance, frame, SurfacePlaces(points, geometric)
-    )
-    return random_subset(every, SAMPLES, 0)
+    places = SurfacePlaces(points, geometric)
+    return Observations(SurfaceSamples(normals, outgoing), radiance, frame, places)
 
 
 def _smooth(view: SurfaceView) -> np.ndarray:
@@ -195,45 +89,106 @@ def _smooth(view: SurfaceView) -> np.ndarray:
     return erode(view.hit & (jump < 6 * usual), 1)
 
 
-def errors(found) -> str:
-    """Compare with the truth, per cent: kd is diffuse albedo, with ks the albedo of all."""
-    truth = material()
-    albedo = np.pi * np.asarray(found.kd) + np.asarray(found.ks)
-    true_albedo = np.pi * np.asarray(truth.kd) + np.asarray(truth.ks)
-    pairs = (
-        ("kd", found.kd, truth.kd),
-        ("ks", found.ks, truth.ks),
-        ("albedo", albedo, true_albedo),
-        ("roughness", found.sigma, ROUGHNESS),
-    )
-    return "  ".join(f"{name} {np.max(np.abs(np.asarray(a) / b - 1)):6.1%}" for name, a, b in pairs)
-
-
-def report(what: Object, seen: Observations) -> None:
-    """Fit with and without shadows and print the errors."""
+def known_light(
+    what: mitsuba_scenes.Object, seen: Observations, shape: Shape | None
+) -> tuple[Microfacet, float, str]:
+    """Fit the material under the probe, halved in resolution."""
     light = KnownLight(scenes.coarser(what.light), DirectionalSources.none())
     unknowns = MicrofacetUnknowns(mu=None, ks_per_channel=True)
-    for name, shape in (("shadows", what.mesh), ("no shadows", None)):
-        start = time.perf_counter()
-        fit = fit_brdf(seen, light, unknowns, material(), FitSettings(starts=4), shape=shape)
-        taken = time.perf_counter() - start
-        if fit.frequency.observations.transfer is not None:
-            hidden = hidden_fraction(fit.frequency.observations.transfer)
-            print(f"  hidden on average: {hidden:.1%} of the hemisphere")
-        print(f"  {name:10s} frequency  {errors(values_of(fit.frequency))}")
-        print(f"  {name:10s} refined    {errors(values_of(fit.final))}")
-        print(
-            f"  {'':10s} residual {fit.final.relative_rms:.2%}, {fit.outcome.value}, {taken:.0f} s"
-        )
+    truth = mitsuba_scenes.material(what.distribution)
+    some = random_subset(seen, SAMPLES, 0)
+    fit = fit_brdf(some, light, unknowns, truth, FitSettings(starts=4), shape=shape)
+    assert isinstance(fit.brdf, Microfacet)
+    return fit.brdf, fit.final.relative_rms, fit.outcome.value
+
+
+def unknown_light(
+    what: mitsuba_scenes.Object, seen: Observations, shape: Shape | None
+) -> tuple[Microfacet, float, str]:
+    """Find light and material together."""
+    truth = mitsuba_scenes.material(what.distribution)
+    some = random_subset(seen, UNKNOWN_LIGHT_SAMPLES, 0)
+    found = factorize(some, truth, FactorSettings(), shape=shape)
+    said = "; ".join([found.outcome.value, *found.reasons])
+    assert isinstance(found.brdf, Microfacet)
+    return found.brdf, found.relative_rms, said
+
+
+def albedo(brdf: Microfacet) -> np.ndarray:
+    """What is reflected of light in all directions: pi kd + ks, as the thesis's ks has it."""
+    return np.pi * np.asarray(brdf.kd) + np.asarray(brdf.ks)
+
+
+def share(brdf: Microfacet) -> np.ndarray:
+    """What no light's scale changes: kd / (kd + ks)."""
+    kd, ks = np.asarray(brdf.kd), np.asarray(brdf.ks)
+    return kd / (kd + ks)
+
+
+WAYS: dict[str, tuple[Callable, Callable]] = {
+    "known": (known_light, albedo),
+    "unknown": (unknown_light, share),
+}
+
+
+def fits(what: mitsuba_scenes.Object, seen: Observations, name: str, ways: list[str]) -> list[Row]:
+    """Fit with and without shadows in every way asked for."""
+    truth, rows = mitsuba_scenes.material(what.distribution), []
+    for way in ways:
+        fit, compared = WAYS[way]
+        for shape, suffix in ((what.mesh, ""), (None, ", no shadows")):
+            start = time.perf_counter()
+            found, residual, said = fit(what, seen, shape)
+            taken = time.perf_counter() - start
+            rough = abs(float(found.sigma) / mitsuba_scenes.ROUGHNESS - 1)
+            off = float(np.max(np.abs(compared(found) / compared(truth) - 1)))
+            rows.append(Row(name, way + suffix, rough, off, residual, said, taken))
+            print(line(rows[-1]), flush=True)
+    return rows
+
+
+def line(row: Row) -> str:
+    """One row of the table."""
+    verdict = "" if "no shadows" in row.how else ("met" if row.met else "MISSED")
+    return (
+        f"{row.what:34s} {row.how:20s} {row.roughness:8.1%} {row.albedo:8.1%} "
+        f"{row.residual:9.2%} {row.seconds:5.0f}  {verdict:6s} {row.said[:70]}"
+    )
+
+
+def report(rows: list[Row]) -> None:
+    """Print all rows again, with what is demanded above them."""
+    print(f"\n{'':34s} {'light':20s} {'rough':>8s} {'albedo':>8s} {'residual':>9s} {'s':>5s}")
+    print(f"{'demanded':55s} {DEMANDED_ROUGHNESS:8.1%} {DEMANDED_ALBEDO:8.1%}")
+    for row in rows:
+        print(line(row))
+    judged = [row for row in rows if "no shadows" not in row.how]
+    print(f"{sum(row.met for row in judged)} of {len(judged)} fits within what is demanded")
+
+
+def meshes_of(paths: list[Path]) -> dict:
+    """Meshes by name."""
+    return {path.stem: read_mesh(path) for path in paths} or {"sculpture": sculpture(5)}
+
+
+def lights_of(paths: list[Path]) -> dict[str, Environment]:
+    """Probes by name, of mean radiance one."""
+    found = {}
+    for path in paths:
+        light = read_environment(path, "cross", height=scenes.FINE_ROWS)
+        mean = float(np.mean(np.asarray(light.radiance)))
+        found[path.stem] = Environment(np.asarray(light.radiance) / mean)
+    return found or {"interior": scenes.probe("interior", 3)}
 
 
 def main() -> None:
     """Render, fit and print."""
     parser = argparse.ArgumentParser(description="Mitsuba photographs, jaxrender fits")
-    parser.add_argument("--mesh", type=Path)
-    parser.add_argument("--probe", type=Path)
-    parser.add_argument("--distribution", choices=("beckmann", "ggx"), default="beckmann")
-    parser.add_argument("--spp", type=int, default=512)
+    parser.add_argument("--meshes", type=Path, nargs="*", default=[])
+    parser.add_argument("--probes", type=Path, nargs="*", default=[])
+    parser.add_argument("--distribution", choices=("beckmann", "ggx"), default="ggx")
+    parser.add_argument("--unknown", action="store_true", help="find the light as well")
+    parser.add_argument("--spp", type=int, default=4096)
     given = parser.parse_args()
     try:
         import mitsuba as mi
@@ -242,16 +197,19 @@ def main() -> None:
         return
     mi.set_variant("scalar_rgb")
     jax.config.update("jax_enable_x64", True)
-    mesh = sculpture(5) if given.mesh is None else read_mesh(given.mesh)
-    rows = scenes.FINE_ROWS
-    light = scenes.probe("interior", 3)
-    if given.probe is not None:
-        light = read_environment(given.probe, "cross", height=rows)
-    what = Object(mesh, light, given.distribution)
-    check_directions(mi)
-    names = (given.mesh or "sculpture", given.probe or "synthetic light", given.distribution)
-    print("{} under {}, {}".format(*names))
-    report(what, observations(what, photographs(mi, what, given.spp)))
+    mitsuba_scenes.check_directions(mi)
+    same, masked = mitsuba_scenes.check_material(mi, given.distribution)
+    print(
+        f"our {given.distribution} off Mitsuba's by {same:.1e}, Smith's masking in Mitsuba's form,"
+    )
+    print(f"and by {masked:.1%} at worst in ours")
+    ways, rows = ["known"] + ["unknown"] * given.unknown, []
+    for mesh_name, mesh in meshes_of(given.meshes).items():
+        for light_name, light in lights_of(given.probes).items():
+            what = mitsuba_scenes.Object(mesh, light, given.distribution)
+            seen = observations(what, mitsuba_scenes.photographs(mi, what, given.spp))
+            rows += fits(what, seen, f"{mesh_name} under {light_name}", ways)
+    report(rows)
 
 
 if __name__ == "__main__":
