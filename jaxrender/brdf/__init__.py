@@ -8,6 +8,8 @@
     diffuse surfaces, smooth and rough
 ``microfacet``
     the thesis's own model (T 6.2), which the fits recover
+``glossy``
+    a base and one lobe: what a fit can recover
 ``phong`` ``blinn_phong`` ``lafortune``
     powers of cosines
 ``torrance_sparrow`` ``cook_torrance`` ``he_torrance``
@@ -38,6 +40,7 @@ from jaxrender.brdf.fresnel import (
     normalised_fresnel,
     schlick_fresnel,
 )
+from jaxrender.brdf.glossy import Glossy, ShapeParameter
 from jaxrender.brdf.he_torrance import HeTorrance
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import Lafortune
@@ -55,7 +58,7 @@ from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import directional_albedo, max_albedo, reciprocity_error
-from jaxrender.brdf.registry import BRDFS, brdf_named
+from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
 
@@ -66,12 +69,14 @@ __all__ = [
     "FACET_MASKINGS",
     "FRESNEL_ANGLES",
     "MASKINGS",
+    "SIMPLE_GLOSSY",
     "WARD_NORMALISATIONS",
     "Beckmann",
     "BlinnPhong",
     "CookTorrance",
     "Distribution",
     "Gaussian",
+    "Glossy",
     "HeTorrance",
     "KajiyaKay",
     "Lafortune",
@@ -81,6 +86,7 @@ __all__ = [
     "OrenNayar",
     "Phong",
     "PoulinFournier",
+    "ShapeParameter",
     "TorranceSparrow",
     "TrowbridgeReitz",
     "Ward",
@@ -94,6 +100,7 @@ __all__ = [
     "normalised_fresnel",
     "reciprocity_error",
     "schlick_fresnel",
+    "simple_glossy_named",
     "smith_facet_masking",
     "smith_masking",
     "v_groove_masking",

@@ -6,11 +6,13 @@ The factor makes the directional albedo at normal exitance exactly ks (Blinn 197
 unnormalised); towards grazing the albedo falls.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted, power
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -22,9 +24,15 @@ from jaxrender.brdf.parameters import (
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
+# Beyond the half angle whose cosine is exp(-25 / s) the power s is below exp(-25).
+_NEGLIGIBLE = 25.0
 
-class BlinnPhong(BRDF):
+
+class BlinnPhong(WithoutIndex):
     """The half vector's power over a Lambertian base, with a real ``exponent`` s >= 0."""
+
+    # cos^s t_h is about exp(-s t_h^2 / 2), so s = 2 / sigma^2.
+    shape: ClassVar[ShapeParameter] = ShapeParameter("exponent", 2.0, -2.0)
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -32,11 +40,6 @@ class BlinnPhong(BRDF):
 
     def __check_init__(self):
         refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower, 32 is glossy")
-
-    @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The clamped cosine's and the lobe's: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
 
     @property
     def reciprocal(self) -> bool:
@@ -53,15 +56,26 @@ class BlinnPhong(BRDF):
         """Always."""
         return True
 
+    @property
+    def reach(self) -> Float[Array, ""]:
+        """Twice the half angle at which the power has vanished."""
+        return 2 * jnp.arccos(jnp.exp(-_NEGLIGIBLE / jnp.asarray(self.exponent)))
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Evaluate the clamped cosine, and the normalised power times the clamped cosine."""
         visible = are_visible(incoming, outgoing)
+        lobe = self.specular_transfer(incoming, outgoing)
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
+
+    def specular_transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate the normalised power times cos t_i."""
         cosine = half_vector(lifted(incoming), lifted(outgoing)).direction.z
         exponent = matching(self.exponent, cosine)
-        lobe = blinn_normalisation(exponent) * power(cosine, exponent) * incoming.z
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
+        return blinn_normalisation(exponent) * power(cosine, exponent) * incoming.z
 
 
 def blinn_normalisation(exponent: Float[Array, ""]) -> Float[Array, ""]:

@@ -13,15 +13,16 @@ that renderers call rough dielectric or, with ``mu=None``, rough conductor.
 """
 
 import dataclasses
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.distributions import DISTRIBUTIONS
 from jaxrender.brdf.facets import facet_transfer
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
+from jaxrender.brdf.glossy import Glossy, ShapeParameter
 from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import MASKINGS
 from jaxrender.brdf.parameters import (
@@ -38,9 +39,12 @@ from jaxrender.shapes import AnyArray, Array, Float
 
 # Keeps 1 / cos t_o finite; samples this close to grazing are never used.
 _SMALLEST_COSINE = 1e-6
+# The exponential lobes are below exp(-25) of their peak beyond this many sigmas of the half angle
+# (Gaussian) or of its tangent (Beckmann).
+_REACH = 5.0
 
 
-class Microfacet(BRDF):
+class Microfacet(Glossy):
     """T 6.2 with ``kd`` and ``ks`` per channel, roughness ``sigma`` and index ``mu``.
 
     ``mu=None`` sets F = 1 (metals).  ``sigma`` is the half angle (radians) at which the Gaussian is
@@ -50,6 +54,8 @@ class Microfacet(BRDF):
     Raises ``ValueError`` for an unknown Fresnel angle, masking or distribution and, outside traced
     functions, for sigma <= 0 (of beckmann and ggx also > 1) and mu <= 1.
     """
+
+    shape: ClassVar[ShapeParameter] = ShapeParameter("sigma")
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -76,11 +82,6 @@ class Microfacet(BRDF):
             )
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The clamped cosine's and the specular lobe's: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
-
-    @property
     def reciprocal(self) -> bool:
         """Unless the Fresnel ratio is taken at the exit angle, as the thesis does."""
         return self.mu is None or self.fresnel == "half"
@@ -101,15 +102,18 @@ class Microfacet(BRDF):
         """Always."""
         return True
 
-    def with_roughness(self, sigma: Scalar, mu: Scalar | None) -> "Microfacet":
-        """Replace the lobe's parameters and keep the rest."""
-        return dataclasses.replace(self, sigma=sigma, mu=mu)
+    @property
+    def fresnel_is_factor(self) -> bool:
+        """Unless it is taken at the half angle."""
+        return self.mu is None or self.fresnel == "exit"
 
-    def with_amplitudes(
-        self, kd: Float[AnyArray, "channel"], ks: Float[AnyArray, "channel"]
-    ) -> "Microfacet":
-        """Replace kd and ks and keep the lobe."""
-        return dataclasses.replace(self, kd=kd, ks=ks)
+    @property
+    def reach(self) -> Float[Array, ""] | None:
+        """Twice the half angle at which the lobe ends; GGX has a tail."""
+        if self.distribution == "ggx":
+            return None
+        end = _REACH * jnp.asarray(self.sigma)
+        return 2 * (end if self.distribution == "gaussian" else jnp.arctan(end))
 
     def with_variant(self, fresnel: str, masking: str) -> "Microfacet":
         """Choose another Fresnel angle and masking of the same distribution."""

@@ -7,11 +7,13 @@ BRDF is the lobe over cos t_i: not reciprocal, and more leaves than arrives from
 (ERRATA 25).  The lobe has unit energy over the whole sphere.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
 from jaxrender.brdf.half_vector import are_visible, power
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -23,13 +25,19 @@ from jaxrender.brdf.parameters import (
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
+# Beyond the angle whose cosine is exp(-25 / s) the power s is below exp(-25).
+_NEGLIGIBLE = 25.0
 
-class Phong(BRDF):
+
+class Phong(WithoutIndex):
     """T 3.34 over a Lambertian base, with a real ``exponent`` s >= 0.
 
     ``clipped=False`` lets the lobe reach below the horizon of the incoming light, as the thesis
     does to have an exact convolution; ``evaluate`` shows the part above.
     """
+
+    # T 6.7: s = 1 / (2 sigma^2).
+    shape: ClassVar[ShapeParameter] = ShapeParameter("exponent", 0.5, -2.0)
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -38,11 +46,6 @@ class Phong(BRDF):
 
     def __check_init__(self):
         refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower, 32 is glossy")
-
-    @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The clamped cosine's and the lobe's: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
 
     @property
     def reciprocal(self) -> bool:
@@ -59,13 +62,24 @@ class Phong(BRDF):
         """Always."""
         return True
 
+    @property
+    def reach(self) -> Float[Array, ""]:
+        """The angle from R at which the power has vanished, at most a right one."""
+        return jnp.arccos(jnp.exp(-_NEGLIGIBLE / jnp.asarray(self.exponent)))
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Evaluate the clamped cosine and the normalised power of R . w_i."""
         visible = are_visible(incoming, outgoing)
-        mirror = incoming.z * outgoing.z - incoming.x * outgoing.x - incoming.y * outgoing.y
-        exponent = matching(self.exponent, mirror)
-        lobe = (exponent + 1) / (2 * np.pi) * power(mirror, exponent)
+        lobe = self.specular_transfer(incoming, outgoing)
         lit = visible if self.clipped else outgoing.z > 0
         return jnp.where(visible, incoming.z, 0), jnp.where(lit, lobe, 0)
+
+    def specular_transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate the normalised power of R . w_i."""
+        mirror = incoming.z * outgoing.z - incoming.x * outgoing.x - incoming.y * outgoing.y
+        exponent = matching(self.exponent, mirror)
+        return (exponent + 1) / (2 * np.pi) * power(mirror, exponent)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
+from jaxrender.brdf.glossy import Glossy, WithoutIndex
 from jaxrender.brdf.he_torrance import HeTorrance
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import Lafortune
@@ -37,6 +38,19 @@ BRDFS: dict[str, type[BRDF]] = {
     "poulin-fournier": PoulinFournier,
     "mixture": Mixture,
 }
+
+# Those that a fit knows by one number for the lobe; the width that it is made with does not matter.
+SIMPLE_GLOSSY = {name: model for name, model in BRDFS.items() if issubclass(model, WithoutIndex)}
+_ANY_WIDTH = 0.1
+
+
+def simple_glossy_named(name: str, channels: int = 3) -> Glossy:
+    """Make a black model of ``SIMPLE_GLOSSY``, to be given amplitudes and width."""
+    model, black = SIMPLE_GLOSSY[name], np.zeros(channels)
+    number = model.shape.of_width(_ANY_WIDTH)
+    found = brdf_named(name, kd=black, ks=black, **{model.shape.name: number})
+    assert isinstance(found, Glossy)
+    return found
 
 
 def brdf_named(name: str, **parameters: Any) -> BRDF:

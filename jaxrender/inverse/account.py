@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy, ShapeParameter
 from jaxrender.geometry import Shape
 from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
 from jaxrender.inverse.known_light import PreparedLight
@@ -12,8 +12,15 @@ from jaxrender.inverse.models import LinearisedModel, TabulatedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop
 from jaxrender.inverse.shadowing import shadows_of
-from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
+from jaxrender.inverse.uncertainty import (
+    Uncertain,
+    in_own_units,
+    uncertain_parameters,
+    within_reach,
+)
 from jaxrender.reflection import roughness_table
+
+_SIGMA = ShapeParameter("sigma")
 
 
 class Account(NamedTuple):
@@ -25,7 +32,7 @@ class Account(NamedTuple):
 
 def account_for(
     stop: Stop,
-    variant: Microfacet,
+    variant: Glossy,
     prepared: PreparedLight,
     settings: FitSettings,
     shape: Shape | None = None,
@@ -61,8 +68,14 @@ def account_for(
     return Account(uncertain, evidence)
 
 
-def judge(stop: Stop, account: Account) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
-    """Decide what is identifiable, how the fit ended, and why, in words."""
+def judge(
+    stop: Stop, account: Account, shape: ShapeParameter = _SIGMA
+) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
+    """Decide what is identifiable, how the fit ended, and why, in the model's own words.
+
+    What the search calls sigma is the number of the model that ``shape`` says.
+    """
+    account = account._replace(parameters=in_own_units(account.parameters, shape))
     unknowns = stop.problem.unknowns
     eliminated = np.asarray(stop.fit.linear.eliminated)
     bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
@@ -74,11 +87,12 @@ def judge(stop: Stop, account: Account) -> tuple[Outcome, dict[str, bool], tuple
     identifiable, reasons = {}, []
     for name in names:
         reached = within_reach(account.parameters, name)
-        identifiable[name] = reached and not bound[name]
+        own = shape.name if name == "sigma" else name
+        identifiable[own] = reached and not bound[name]
         if bound[name]:
-            reasons.append(f"{name} is at a bound of its range")
+            reasons.append(f"{own} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, account))
+            reasons.append(_why(name, account, own))
     if not bool(stop.fit.solution.converged):
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     if any(bound[name] for name in names):
@@ -87,11 +101,11 @@ def judge(stop: Stop, account: Account) -> tuple[Outcome, dict[str, bool], tuple
     return outcome, identifiable, tuple(reasons)
 
 
-def _why(name: str, account: Account) -> str:
+def _why(name: str, account: Account, own: str) -> str:
     """Say why a parameter is not identifiable."""
     low, high = (np.ravel(getattr(bound, name)) for bound in account.parameters[1:3])
     intervals = dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high))
-    sentence = f"{name} is not identifiable: its 90 % interval is {', '.join(intervals)}"
+    sentence = f"{own} is not identifiable: its 90 % interval is {', '.join(intervals)}"
     if name not in ("sigma", "mu"):
         return sentence
     # Where the light is silent about any gloss, however strong, ks is lost along with the others.

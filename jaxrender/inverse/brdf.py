@@ -10,7 +10,8 @@
 
 On a concave shape the frequency view is T 6.12, with transfer vectors and the visibilities of R and
 of the sources, and the exact one asks for every node of the light whether a sample sees it.  Light
-that bounces from one part of the object to another is in neither.
+that bounces from one part of the object to another is in neither, and joins the exact one where it
+is asked for (``settings.interreflection``, T 6.6).
 """
 
 from collections.abc import Callable
@@ -20,11 +21,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.inverse.account import account_for, judge
 from jaxrender.inverse.conditioning import SigmaEvidence
 from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import KnownLight, PreparedLight, exact_nodes, prepare_light
 from jaxrender.inverse.models import ExactModel, TabulatedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
@@ -60,7 +62,7 @@ Stage = Callable[[str], AbstractContextManager]
 class BRDFFit(NamedTuple):
     """A recovered material with all that is known about how well it is known."""
 
-    brdf: Microfacet
+    brdf: Glossy
     outcome: Outcome
     parameters: Uncertain
     identifiable: dict[str, bool]
@@ -69,6 +71,7 @@ class BRDFFit(NamedTuple):
     exact: Stop | None
     light: PreparedLight
     reasons: tuple[str, ...]
+    bounced: Bounced | None = None
 
     @property
     def final(self) -> Stop:
@@ -91,17 +94,18 @@ def fit_brdf(
     observations: Observations,
     light: KnownLight,
     unknowns: MicrofacetUnknowns,
-    variant: Microfacet,
+    variant: Glossy,
     settings: FitSettings = DEFAULTS,
     stage: Stage = lambda name: nullcontext(),
     *,
     shape: Shape | None = None,
 ) -> BRDFFit:
-    """Recover kd, ks, sigma and mu of a microfacet model from samples of the reflected light.
+    """Recover kd, ks, the width sigma and mu of a glossy model from samples of reflected light.
 
-    ``variant`` tells the distribution, the Fresnel angle, the masking and, by ``mu=None``, a metal;
-    its numbers do not matter.  ``stage`` is entered with the name of each step.  ``shape`` is asked
-    for shadows where it is concave, and then the observations must have places.  Raises
+    ``variant`` tells the model: of a microfacet the distribution, the Fresnel angle, the masking
+    and, by ``mu=None``, a metal; its numbers do not matter.  One without an index wants
+    ``unknowns.mu`` to be None.  ``stage`` is entered with the name of each step.  ``shape`` is
+    asked for shadows where it is concave, and then the observations must have places.  Raises
     ``ValueError`` for fewer samples than unknowns.
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
@@ -138,13 +142,13 @@ def fit_brdf(
             found = fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
         if abs(np.log(_sigma(found) / at)) < _SPLIT_AGAIN:
             break
-    exact = None
+    exact, bounced = None, None
     if settings.refine:
-        exact = _refine(found, light, variant, settings, (shape, stage))
+        exact, bounced = _refine(found, light, variant, settings, (shape, stage))
     final = found if exact is None else exact
     with stage("account"):
         account = account_for(final, variant, prepared, settings, shape)
-        outcome, identifiable, reasons = judge(final, account)
+        outcome, identifiable, reasons = judge(final, account, variant.shape)
     return BRDFFit(
         _material(final, variant),
         outcome,
@@ -155,13 +159,14 @@ def fit_brdf(
         exact,
         prepared,
         reasons,
+        bounced,
     )
 
 
 def _rough_fit(
     observations: Observations,
     light: KnownLight,
-    sought: tuple[Problem, Microfacet],
+    sought: tuple[Problem, Glossy],
     settings: FitSettings,
     helpers: tuple[Callable[[DualLight], Shadows | None], Stage],
 ) -> Stop:
@@ -195,11 +200,11 @@ def _rough_fit(
 def _refine(
     frequency: Stop,
     light: KnownLight,
-    variant: Microfacet,
+    variant: Glossy,
     settings: FitSettings,
     where: tuple[Shape | None, Stage],
-) -> Stop:
-    """Continue on the exact integral over a stratified subset."""
+) -> tuple[Stop, Bounced | None]:
+    """Continue on the exact integral over a stratified subset, and with bounces if asked."""
     shape, stage = where
     with stage("refine"):
         some, predicted = stratified_subset(
@@ -213,14 +218,23 @@ def _refine(
             seen = nodes_seen(shape, some, nodes)
     with stage("refine"):
         model = ExactModel(variant, some.samples, nodes, seen)
-        return descend(frequency, model, some, predicted, settings)
+        stop = descend(frequency, model, some, predicted, settings)
+    if shape is None or not settings.interreflection:
+        return stop, None
+
+    def refit(before: Stop, bounced: Float[np.ndarray, "sample channel"]) -> Stop:
+        at = np.asarray(before.fit.predicted)
+        return descend(before, WithBounced(model, bounced), some, at, settings)
+
+    with stage("interreflection"):
+        return fit_with_bounces(stop, (shape, light), refit)
 
 
 def _sigma(stop: Stop) -> float:
     return float(stop.problem.unknowns.unpack(stop.fit.solution.point).sigma)
 
 
-def _material(stop: Stop, variant: Microfacet) -> Microfacet:
+def _material(stop: Stop, variant: Glossy) -> Glossy:
     found = values_of(stop)
     mu = None if variant.mu is None else float(found.mu)
     lobe = variant.with_roughness(float(found.sigma), mu)

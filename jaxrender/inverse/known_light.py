@@ -6,7 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
@@ -103,7 +103,7 @@ class PreparedLight(NamedTuple):
 def prepare_light(
     light: KnownLight,
     observations: Observations,
-    brdf: Microfacet,
+    brdf: Glossy,
     split: str | float,
     band_limit: int | None,
 ) -> PreparedLight:
@@ -163,7 +163,7 @@ def band_limit_for(environment: Environment, sigma: float) -> int:
 def _divide(
     environment: Environment,
     samples: SurfaceSamples,
-    brdf: Microfacet,
+    brdf: Glossy,
     split: str | float,
     band_limit: int,
 ) -> tuple[LightSplit, SourcesNeeded | None]:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import (
@@ -58,14 +58,14 @@ class ExactModel(eqx.Module):
     ``seen`` tells for each part of the light which of its nodes every sample sees; None: all.
     """
 
-    variant: Microfacet
+    variant: Glossy
     samples: SurfaceSamples
     nodes: tuple[LightNodes | FrameNodes, ...]
     seen: tuple[Bool[AnyArray, "sample node"], ...] | None = None
 
     def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
         """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
-        outside = self.variant.fresnel == "exit"
+        outside = self.variant.fresnel_is_factor
         lobe = self.variant.as_metal() if outside else self.variant
         lobe = lobe.with_roughness(sigma, None if outside else mu)
         columns = self._integrate(lobe)
@@ -86,7 +86,7 @@ class ExactModel(eqx.Module):
         seen = None if self.seen is None else tuple(part[::step] for part in self.seen)
         return ExactModel(self.variant, samples, nodes, seen)
 
-    def _integrate(self, lobe: Microfacet) -> Float[Array, "sample 2 channel"]:
+    def _integrate(self, lobe: Glossy) -> Float[Array, "sample 2 channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [
             integral_columns_by_frame(lobe, self.samples, part, seen)

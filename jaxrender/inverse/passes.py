@@ -45,6 +45,7 @@ class FitSettings(NamedTuple):
     noise: NoiseModel | None = None
     starts: int = 8
     seed: int = 0
+    interreflection: bool = False
 
 
 DEFAULTS = FitSettings()

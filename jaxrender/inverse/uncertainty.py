@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf import ShapeParameter
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.shapes import AnyArray, Array, Float
@@ -38,13 +39,15 @@ class Parameters(NamedTuple):
 class Uncertain(NamedTuple):
     """Values, 90 % intervals (lower and upper) and standard errors of the same parameters.
 
-    What is fixed has a standard error of zero and an interval of its value alone.
+    What is fixed has a standard error of zero and an interval of its value alone.  ``covariance``
+    is that of all numbers of ``Parameters`` one after the other (a metal's mu counts, as fixed).
     """
 
     value: Parameters
     lower: Parameters
     upper: Parameters
     standard_error: Parameters
+    covariance: Float[np.ndarray, "number number"] | None = None
 
 
 def uncertain_parameters(
@@ -62,12 +65,30 @@ def uncertain_parameters(
     shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
     error = Parameters(*jax.tree.unflatten(structure, shaped))
     value = Parameters(*(np.asarray(leaf, float) for leaf in value))
-    return intervals(value, error)
+    return intervals(value, error, np.asarray(covariance))
 
 
-def intervals(value: Parameters, error: Parameters) -> Uncertain:
+def intervals(
+    value: Parameters,
+    error: Parameters,
+    covariance: Float[np.ndarray, "number number"] | None = None,
+) -> Uncertain:
     """Put 90 % intervals about values of known standard error."""
-    return Uncertain(value, _bound(value, error, -1), _bound(value, error, 1), error)
+    low, high = _bound(value, error, -1), _bound(value, error, 1)
+    return Uncertain(value, low, high, error, covariance)
+
+
+def in_own_units(uncertain: Uncertain, shape: ShapeParameter) -> Uncertain:
+    """Say the width sigma as the model's own number, such as an exponent, in its place.
+
+    Powers keep an interval symmetric in the logarithm; a negative one swaps its ends.
+    """
+    value, low, high = (shape.of_width(part.sigma) for part in uncertain[:3])
+    error = abs(shape.power) * value * uncertain.standard_error.sigma / uncertain.value.sigma
+    low, high = (low, high) if shape.power > 0 else (high, low)
+    numbers = (value, low, high, error)
+    own = [part._replace(sigma=number) for part, number in zip(uncertain[:4], numbers)]
+    return Uncertain(own[0], own[1], own[2], own[3])
 
 
 def within_reach(uncertain: Uncertain, name: str) -> bool:

@@ -48,9 +48,11 @@ def fit_variants(
 ) -> tuple[Variant, ...]:
     """Refit every variant of the model but the one that was fitted, on a subset of the samples.
 
-    ``shape`` is that which the fit was given.
+    ``shape`` is that which the fit was given.  Models without such choices have no variants.
     """
-    final = fit.final
+    final, fitted = fit.final, fit.brdf
+    if not isinstance(fitted, Microfacet):
+        return ()
     some, predicted = stratified_subset(
         final.observations, np.asarray(final.fit.predicted), _SAMPLES, settings.seed
     )
@@ -65,9 +67,9 @@ def fit_variants(
         model = ExactModel(variant, some.samples, nodes, seen)
         return descend(final, model, some, predicted, settings, _TOLERANCE)
 
-    base = refit(fit.brdf)
+    base = refit(fitted)
     found = []
-    for variant in _others(fit.brdf):
+    for variant in _others(fitted):
         stop = refit(variant)
         worse = 2 * float(stop.fit.solution.cost - base.fit.solution.cost) * per_sample
         parameters = to_parameters(

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, Microfacet
+from jaxrender.brdf import BRDF, Glossy
 from jaxrender.geometry import (
     Components,
     Shape,
@@ -140,7 +140,7 @@ def dual_columns(
     transfer: str = "exit-cosine",
     shadows: Shadows | None = None,
 ) -> Float[Array, "sample lobe channel"]:
-    """Evaluate T 6.9 with the named transfer: the columns of kd and, for a microfacet, of ks.
+    """Evaluate T 6.9 with the named transfer: the columns of kd and, of a glossy BRDF, of ks.
 
     With ``shadows`` it is T 6.12; diffuse light is then summed to the transfer vectors' degree.
     """
@@ -155,7 +155,7 @@ def dual_columns(
         slow = [irradiance(light.slow, samples.normals)]
     else:
         slow = [shadowed_irradiance(light.slow, shadows.transfer)]
-    if isinstance(brdf, Microfacet):
+    if isinstance(brdf, Glossy):
         specular = slow_specular(brdf, samples, light.slow, transfer)
         if shadows is not None:
             specular = jnp.where(_mask(shadows.reflected)[:, None], specular, 0)
@@ -169,7 +169,7 @@ def _mask(visibility: Bool[AnyArray, "*any"] | Float[AnyArray, "*any"]) -> Bool[
 
 
 def slow_specular(
-    brdf: Microfacet,
+    brdf: Glossy,
     samples: SurfaceSamples,
     slow: Float[AnyArray, "coefficient channel"],
     transfer: str = "exit-cosine",
@@ -184,7 +184,7 @@ def slow_specular(
 def sources_needed(
     environment: Environment,
     candidates: DirectionalSources,
-    brdf: Microfacet,
+    brdf: Glossy,
     samples: SurfaceSamples,
     goal: DualGoal,
 ) -> SourcesNeeded:
@@ -210,7 +210,7 @@ def sources_needed(
 
 @eqx.filter_jit
 def _errors_by_count(
-    brdf: Microfacet,
+    brdf: Glossy,
     samples: SurfaceSamples,
     whole: Float[Array, "coefficient channel"],
     nodes: LightNodes,

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import degree_table
 from jaxrender.lighting import DirectionalSources
@@ -112,7 +112,7 @@ class RoughnessTable(eqx.Module):
 
 
 def roughness_table(
-    brdf: Microfacet,
+    brdf: Glossy,
     samples: SurfaceSamples,
     light: DualLight,
     sigma_range: tuple[float, float],
@@ -130,7 +130,7 @@ def roughness_table(
     light = jax.tree.map(lambda x: _cast(x, dtype), _padded(light))
     if shadows is not None:
         shadows = _ready(shadows, light.sources.directions.shape[0], dtype)
-    half = brdf.mu is not None and brdf.fresnel == "half"
+    half = not brdf.fresnel_is_factor
     low, high = np.log(np.asarray(mu_range) - 1).tolist()
     log_mu = KnotRange.over(low, high, _MU_KNOTS) if half else _ONE_KNOT
     # A Fresnel ratio at the exit angle is a factor of the column, so it stays out of the table.
@@ -150,7 +150,7 @@ def roughness_table(
 
 @eqx.filter_jit
 def _tabulate(
-    variant: Microfacet,
+    variant: Glossy,
     samples: SurfaceSamples,
     light: DualLight,
     knots: tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]],

@@ -1,4 +1,4 @@
-"""The transfer h_l of a microfacet lobe: how much of each degree of the light it lets through.
+"""The transfer h_l of a glossy lobe: how much of each degree of the light it lets through.
 
 Seen from the reflected direction R, the lobe F D G / (4 cos t_o) (T 3.42, 6.2) of a sample with
 exit angle t_o is averaged over the azimuth about R, horizon included, which leaves the q = 0 part
@@ -7,23 +7,21 @@ of T 3.43:
 h_l(t_o) = 2 pi int_0^pi h(t) P_l(cos t) sin t dt,    h(t) = (1 / 2 pi) int lobe(t, phi) dphi
 
 so that slow light comes back as sum_l h_l(t_o) sum_m L_lm Y_lm(R).  ``exit_cosine_transfer`` is the
-real thing, of whichever distribution the material has; the twins are its value at normal exitance
-for every sample, and the thesis's Gaussian exp(-(sigma l)^2) (T 3.51, 6.7), for the thesis's own
+real thing, of whichever glossy model it is; the twins are its value at normal exitance for every
+sample, and the thesis's Gaussian exp(-(sigma l)^2) (T 3.51, 6.7), for the thesis's own
 distribution 4 to 23 % off for sigma of .1 to .5 (ERRATA 27).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.shapes import AnyArray, Array, Float
-from jaxrender.spectra.mirror_frame import mean_transfer
+from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
-# The exponential lobes are below exp(-25) of their peak beyond this many sigmas of the half angle
-# (Gaussian) or of its tangent (Beckmann).
-_REACH = 5.0
 # The transfer is tabulated at this many exit cosines when it is wanted for many samples, at equal
 # steps of the square root: it rises as steeply as 1 / cosine towards grazing exit.
 _EXIT_COSINE_KNOTS = 64
@@ -40,17 +38,17 @@ class Extent(NamedTuple):
     tail: Float[Array, ""] | None
 
 
-def extent_of(brdf: Microfacet, dtype: DTypeLike) -> Extent:
-    """Tell the quadrature about R how far the specular lobe goes: GGX everywhere."""
-    sigma = jnp.asarray(brdf.sigma, dtype)
-    if brdf.distribution == "ggx":
+def extent_of(brdf: Glossy, dtype: DTypeLike) -> Extent:
+    """Tell the quadrature about R how far the specular lobe goes: one with a tail everywhere."""
+    reach = brdf.reach
+    if reach is None:
+        sigma = jnp.asarray(brdf.sigma, dtype)
         return Extent(jnp.full_like(sigma, jnp.pi), sigma)
-    half = _REACH * sigma if brdf.distribution == "gaussian" else jnp.arctan(_REACH * sigma)
-    return Extent(2 * half, None)
+    return Extent(jnp.asarray(reach, dtype), None)
 
 
 def exit_cosine_transfer(
-    brdf: Microfacet, exit_cosines: Float[AnyArray, "bin"], band_limit: int
+    brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
     """Compute h_l(sigma, mu, exit cosine) by quadrature; differentiable in sigma and mu."""
     cosines = jnp.asarray(exit_cosines)
@@ -59,7 +57,7 @@ def exit_cosine_transfer(
 
 
 def normal_exitance_transfer(
-    brdf: Microfacet, exit_cosines: Float[AnyArray, "bin"], band_limit: int
+    brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
     """Compute the transfer at normal exitance (T 3.44), times each sample's Fresnel ratio."""
     cosines = jnp.asarray(exit_cosines)
@@ -68,7 +66,7 @@ def normal_exitance_transfer(
 
 
 def gaussian_transfer(
-    brdf: Microfacet, exit_cosines: Float[AnyArray, "bin"], band_limit: int
+    brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
     """Compute the thesis's F exp(-(sigma l)^2) (T 3.51, 6.6, 6.7), whatever the distribution."""
     cosines = jnp.asarray(exit_cosines)
@@ -85,7 +83,7 @@ TRANSFERS = {
 
 
 def transfer_of_samples(
-    brdf: Microfacet,
+    brdf: Glossy,
     exit_cosines: Float[AnyArray, "sample"],
     band_limit: int,
     transfer: str = "exit-cosine",
@@ -96,14 +94,40 @@ def transfer_of_samples(
     """
     if transfer not in TRANSFERS:
         raise ValueError(f"transfer={transfer!r}: choose one of {', '.join(TRANSFERS)}")
-    cosines = jnp.clip(jnp.asarray(exit_cosines), _LOWEST_COSINE, 1)
+    return _interpolated(
+        lambda knots: TRANSFERS[transfer](brdf, knots, band_limit), jnp.asarray(exit_cosines)
+    )
+
+
+def azimuthal_transfer_of_samples(
+    brdf: Glossy, exit_cosines: Float[AnyArray, "sample"], band_limit: int
+) -> Float[Array, "sample degree order"]:
+    """Look up h_lq of T 3.43 for many samples, all orders 0 ... F; order 0 is h_l.
+
+    With them slow light is reflected exactly: see ``reflection.reflect_slow_light``.
+    """
+
+    def table(knots: Float[Array, "knot"]) -> Float[Array, "knot degree order"]:
+        limits, extent = (band_limit, band_limit), extent_of(brdf, knots.dtype)
+        return azimuthal_transfer(brdf.specular_transfer, knots, limits, *extent)
+
+    return _interpolated(table, jnp.asarray(exit_cosines))
+
+
+def _interpolated(
+    table_of: Callable[[Float[Array, "knot"]], Float[Array, "knot *rest"]],
+    exit_cosines: Float[Array, "sample"],
+) -> Float[Array, "sample *rest"]:
+    """Tabulate a function of the exit cosine and look it up for every sample by cubics."""
+    cosines = jnp.clip(exit_cosines, _LOWEST_COSINE, 1)
     lowest = _LOWEST_COSINE**0.5
     knots = jnp.linspace(lowest, 1, _EXIT_COSINE_KNOTS, dtype=cosines.dtype) ** 2
-    table = TRANSFERS[transfer](brdf, knots, band_limit)
+    table = table_of(knots)
     position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (_EXIT_COSINE_KNOTS - 1)
     first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, _EXIT_COSINE_KNOTS - 4)
     weights = _cubic_lagrange(position - first.astype(cosines.dtype))
-    terms = (weights[k][:, None] * table[first + k] for k in range(4))
+    shape = (-1,) + (1,) * (table.ndim - 1)
+    terms = (weights[k].reshape(shape) * table[first + k] for k in range(4))
     return sum(terms, start=jnp.zeros((), table.dtype))
 
 

@@ -18,7 +18,11 @@
 
 from jaxrender.inverse.forecast.illumination import LightForecast, forecast_light
 from jaxrender.inverse.forecast.joint import JointForecast, forecast_joint
-from jaxrender.inverse.forecast.material import MaterialForecast, forecast_material
+from jaxrender.inverse.forecast.material import (
+    MaterialForecast,
+    forecast_material,
+    forecast_of_fit,
+)
 from jaxrender.inverse.forecast.situation import (
     TYPICAL_MATERIAL,
     TYPICAL_NOISE,
@@ -27,6 +31,7 @@ from jaxrender.inverse.forecast.situation import (
     Supposed,
     foresee,
     problem_of,
+    weights_of,
 )
 from jaxrender.inverse.forecast.spectrum import highest_degree_told
 
@@ -42,7 +47,9 @@ __all__ = [
     "forecast_joint",
     "forecast_light",
     "forecast_material",
+    "forecast_of_fit",
     "foresee",
     "highest_degree_told",
     "problem_of",
+    "weights_of",
 ]

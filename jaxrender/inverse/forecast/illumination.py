@@ -71,6 +71,8 @@ def forecast_light(
             "the light differs from photograph to photograph: it cannot be recovered as one light"
         )
     brdf, count = supposed.brdf, len(situation.frame)
+    if not isinstance(brdf, Microfacet):
+        raise ValueError("light is forecast behind a microfacet only: suppose one")
     wanted = int(np.ceil(_DEGREE_TIMES_SIGMA / float(brdf.sigma))) if np.any(brdf.ks) else 0
     limit = band_limit or int(np.clip(wanted, _FEWEST_DEGREES, _MOST_DEGREES))
     while limit > 1 and coefficient_count(limit) > count / 2:

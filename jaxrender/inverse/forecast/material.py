@@ -10,12 +10,22 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
 from jaxrender.inverse.elimination import Fit, Problem
 from jaxrender.inverse.forecast.causes import causes_of
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
-from jaxrender.inverse.forecast.situation import Foreseen, kind_of, problem_of, unknowns_at
-from jaxrender.inverse.known_light import prepare_light
+from jaxrender.inverse.forecast.situation import (
+    Foreseen,
+    Situation,
+    Supposed,
+    foreseen_of,
+    kind_of,
+    problem_of,
+    unknowns_at,
+)
+from jaxrender.inverse.forecast.spectrum import highest_degree_told
+from jaxrender.inverse.known_light import KnownLight, prepare_light
 from jaxrender.inverse.models import LinearisedModel, TabulatedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.solvers import Solution
@@ -33,7 +43,8 @@ class MaterialForecast(NamedTuple):
 
     ``singular_values`` are those of the operator from relative changes of the unknowns (the
     parameters named ``unknowns``) to the photographs in units of their noise, descending;
-    ``weakest`` the change that shows least.
+    ``weakest`` the change that shows least.  ``highest_degree`` is that to which the light shows
+    through the lobe above the noise.
     """
 
     parameters: Uncertain
@@ -44,6 +55,7 @@ class MaterialForecast(NamedTuple):
     weakest: Float[np.ndarray, "unknown"]
     samples: int
     sentences: tuple[str, ...]
+    highest_degree: int = 0
 
     def relative_error(self, name: str) -> float:
         """The standard error as a part of the value (mu: of mu - 1), in the worst channel."""
@@ -65,20 +77,49 @@ def forecast_material(
     Raises ``ValueError`` for a supposed material outside the bounds of the search.
     """
     problem = problem_of(unknowns, foreseen.supposed.brdf)
+    evidence = _evidence(problem, foreseen, _fit_at(problem, foreseen), split)
+    return _forecast(problem, foreseen, evidence, explain)
+
+
+def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
+    """Predict the error bars that a fit of the material that was found should have.
+
+    That is what could have been said beforehand, had the material been known: an error bar that was
+    achieved is larger where the model leaves more unexplained than noise.  Made of the columns and
+    derivatives that the fit ended with, so that it costs next to nothing.
+    """
+    final = fit.final
+    near = final.model
+    physical = final.problem.unknowns.unpack(final.fit.solution.point)
+    if not isinstance(near, LinearisedModel):
+        near = LinearisedModel.about(final.model, physical.sigma, physical.mu)
+    # What the photographs show, before any gauge.
+    amounts = (np.asarray(part) for part in final.fit.linear[1:])
+    supposed = Supposed(fit.brdf.with_amplitudes(*amounts), final.noise)
+    observed = final.observations
+    situation = Situation(observed.samples, np.asarray(observed.frame), light)
+    foreseen = foreseen_of(situation, supposed, near)
+    problem = problem_of(final.problem.unknowns, supposed.brdf)
+    return _forecast(problem, foreseen, fit.evidence, explain=True)
+
+
+def _forecast(
+    problem: Problem, foreseen: Foreseen, evidence: SigmaEvidence, explain: bool
+) -> MaterialForecast:
     fit = _fit_at(problem, foreseen)
     parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
     asked = {name: getattr(problem.unknowns, name) for name in _NAMES}
     free = [name for name, unknown in asked.items() if unknown is not None and unknown.free]
     identifiable = {name: within_reach(parameters, name) for name in free}
-    evidence = _evidence(problem, foreseen, fit, split)
     lost = [name for name in free if not identifiable[name]]
     sentences = causes_of(foreseen, problem, lost) if explain else ()
     if explain:
         sentences += _closing(problem, free, lost, evidence)
     names, values, weakest = _spectrum(problem, foreseen)
     count = len(foreseen.situation.frame)
+    told = highest_degree_told(foreseen)
     return MaterialForecast(
-        parameters, identifiable, evidence, names, values, weakest, count, sentences
+        parameters, identifiable, evidence, names, values, weakest, count, sentences, told
     )
 
 

@@ -5,13 +5,13 @@ their derivatives; weighed by the noise to be expected they are all that a forec
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy, Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.elimination import Data, Problem
@@ -29,6 +29,8 @@ _COARSE = 0.5
 # Noise is never taken to be less than this part of the mean radiance, as in a fit.
 _LEAST_NOISE = 1e-6
 
+Kind = TypeVar("Kind", bound=Glossy)
+
 
 class Situation(NamedTuple):
     """What the cameras of each photograph see of the object, and the light it is in."""
@@ -41,7 +43,7 @@ class Situation(NamedTuple):
 class Supposed(NamedTuple):
     """The material and the noise that a forecast is made for."""
 
-    brdf: Microfacet = TYPICAL_MATERIAL
+    brdf: Glossy = TYPICAL_MATERIAL
     noise: NoiseModel = TYPICAL_NOISE
 
 
@@ -80,11 +82,11 @@ def foresee(
     return foreseen_of(situation, supposed, near)
 
 
-def kind_of(brdf: Microfacet) -> Microfacet:
+def kind_of(brdf: Kind) -> Kind:
     """The kind of a material, without its numbers: one compiled program serves all of a kind."""
     zero = np.zeros(len(np.asarray(brdf.kd)))
     mu = None if brdf.mu is None else 1.5
-    return Microfacet(zero, zero, 0.1, mu, brdf.fresnel, brdf.masking, brdf.distribution)
+    return brdf.with_roughness(0.1, mu).with_amplitudes(zero, zero)
 
 
 def foreseen_of(situation: Situation, supposed: Supposed, near: LinearisedModel) -> Foreseen:
@@ -103,7 +105,7 @@ def weights_of(
     return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
 
 
-def unknowns_at(problem: Problem, brdf: Microfacet) -> tuple[np.ndarray, np.ndarray]:
+def unknowns_at(problem: Problem, brdf: Glossy) -> tuple[np.ndarray, np.ndarray]:
     """Find the search point and the eliminated unknowns of a supposed material.
 
     Raises ``ValueError`` where it lies outside the bounds of the search.
@@ -124,7 +126,7 @@ def unknowns_at(problem: Problem, brdf: Microfacet) -> tuple[np.ndarray, np.ndar
     return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
 
 
-def problem_of(unknowns: MicrofacetUnknowns, brdf: Microfacet) -> Problem:
+def problem_of(unknowns: MicrofacetUnknowns, brdf: Glossy) -> Problem:
     """Lay out the unknowns of a supposed material, fixed ones at what is supposed of them."""
     held = {}
     for name in ("kd", "ks", "sigma", "mu"):
@@ -157,7 +159,7 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
     return _mixed(brdf, columns.diffuse, columns.specular)
 
 
-def _mixed(brdf: Microfacet, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
+def _mixed(brdf: Glossy, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
     kd, ks = (np.asarray(a, float)[None] for a in (brdf.kd, brdf.ks))
     return kd * np.asarray(diffuse) + ks * np.asarray(specular)
 

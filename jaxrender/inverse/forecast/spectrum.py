@@ -1,5 +1,6 @@
 """A known light by degree: its coefficients, how much it sends, which degrees of it show."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,7 +25,7 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     head_on = jnp.ones(1)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     band_limit = band_limit_of(len(coefficients))
-    transfer = np.asarray(transfer_of_samples(lobe, head_on, band_limit))[0]
+    transfer = np.asarray(_looked_up(lobe, head_on, band_limit))[0]
     radiance = np.asarray(foreseen.data.radiance)
     level = np.sqrt(np.mean(radiance**2, keepdims=True))
     deviation = np.asarray(noise.standard_deviation(level))
@@ -34,6 +35,9 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     sizes = sizes_by_degree(coefficients)
     degrees = np.flatnonzero(told & (sizes > _ROUNDING * sizes.max()))
     return int(degrees[-1]) if degrees.size else 0
+
+
+_looked_up = eqx.filter_jit(transfer_of_samples)
 
 
 def light_coefficients(

@@ -1,0 +1,155 @@
+"""Several models fitted to the same pixels, and judged by pixels that none of them has seen.
+
+A model with more freedom always explains what it was fitted to better; what it predicts of other
+pixels tells whether it is closer to the truth.  So a part of the samples is held out, every model
+is fitted to the rest, and each is scored by the exact integral on what was held out:
+
+chi^2 = mean ((B - predicted) / deviation)^2
+
+with one deviation for all, that of the noise left by the best of them, so that a model cannot
+excuse what it leaves unexplained as noise.  Differences from the best come with their standard
+errors over the samples: what is less than a few of them is no difference.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import Shape
+from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA, BRDFFit, fit_brdf
+from jaxrender.inverse.elimination import Data
+from jaxrender.inverse.forecast import weights_of
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.models import ExactModel
+from jaxrender.inverse.observations import Observations, random_subset
+from jaxrender.inverse.passes import FitSettings
+from jaxrender.inverse.shadowing import concave, nodes_seen
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.shapes import Float
+
+# The exact integral of so many samples tells a difference of a per cent in chi-squared.
+_MOST_HELD_OUT = 2000
+# A model is told apart from the best when it is this many standard errors behind.
+_TOLD_APART = 3.0
+
+
+class Candidate(NamedTuple):
+    """A model to be fitted: its name, the lobe (its numbers do not matter), what is unknown."""
+
+    name: str
+    variant: Glossy
+    unknowns: MicrofacetUnknowns
+
+
+class Score(NamedTuple):
+    """How well one model predicts what was held out.
+
+    ``behind`` is its chi-squared less that of the best, with its standard error.
+    """
+
+    name: str
+    fit: BRDFFit
+    chi_squared: float
+    relative_rms: float
+    behind: float
+    behind_error: float
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether the held-out samples say that the best model is better."""
+        return self.behind > _TOLD_APART * self.behind_error
+
+
+class Comparison(NamedTuple):
+    """The models in order, the best first, and how many samples were held out."""
+
+    scores: tuple[Score, ...]
+    held_out: int
+
+    @property
+    def best(self) -> Score:
+        """The model that predicts best."""
+        return self.scores[0]
+
+
+def compare_models(
+    observations: Observations,
+    light: KnownLight,
+    candidates: tuple[Candidate, ...],
+    settings: FitSettings,
+    held_out: float = 0.2,
+    *,
+    stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+    shape: Shape | None = None,
+) -> Comparison:
+    """Fit every candidate to the same samples and rank them by those that were held out.
+
+    Raises ``ValueError`` for less than two candidates, a part outside (0, 1), and what ``fit_brdf``
+    refuses.
+    """
+    if len(candidates) < 2:
+        raise ValueError("a comparison needs two models or more")
+    training, rest = divided(observations, held_out, settings.seed)
+    fits = [
+        fit_brdf(training, light, c.unknowns, c.variant, settings, stage, shape=shape)
+        for c in candidates
+    ]
+    with stage("compare"):
+        predicted = [_predicted(fit, rest, light, shape) for fit in fits]
+        measured = np.asarray(rest.radiance)
+        squares = [float(np.sum((measured - one) ** 2)) for one in predicted]
+        nearest = int(np.argmin(squares))
+        noise = settings.noise or fits[nearest].final.noise
+        weights = weights_of(noise, predicted[nearest])
+        left = [np.mean(((measured - one) * weights) ** 2, axis=1) for one in predicted]
+        order = sorted(range(len(fits)), key=lambda k: float(np.mean(left[k])))
+    size = float(np.sum(measured**2))
+    scores = tuple(
+        Score(
+            candidates[k].name,
+            fits[k],
+            float(np.mean(left[k])),
+            float(np.sqrt(squares[k] / size)),
+            *_mean_and_error(left[k] - left[order[0]]),
+        )
+        for k in order
+    )
+    return Comparison(scores, rest.count)
+
+
+def divided(
+    observations: Observations, held_out: float, seed: int
+) -> tuple[Observations, Observations]:
+    """Draw at random what is held out; ``ValueError`` for a part that leaves nothing on a side."""
+    count = round(observations.count * held_out) if 0 < held_out < 1 else 0
+    if not 0 < count < observations.count:
+        raise ValueError(
+            f"held_out={held_out} of {observations.count} samples: give a part between 0 and 1 "
+            "that leaves samples on both sides"
+        )
+    order = np.random.default_rng(seed).permutation(observations.count)
+    training, rest = (observations.take(np.sort(p)) for p in (order[count:], order[:count]))
+    return training, random_subset(rest, _MOST_HELD_OUT, seed)
+
+
+def _predicted(
+    fit: BRDFFit, rest: Observations, light: KnownLight, shape: Shape | None
+) -> Float[np.ndarray, "sample channel"]:
+    """Predict samples by the exact integral with what a fit has found, unknown gains included."""
+    shape = concave(shape)
+    cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
+    nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.sigma), cells)
+    seen = nodes_seen(shape, rest, nodes)
+    problem, end = fit.final.problem, fit.final.fit
+    model = ExactModel(fit.brdf, rest.samples, nodes, seen)
+    data = Data(rest.radiance, np.ones_like(rest.radiance), rest.frame)
+    point = jnp.asarray(end.solution.point)
+    return np.asarray(problem.predict(model, data, point, end.linear))
+
+
+def _mean_and_error(values: Float[np.ndarray, "sample"]) -> tuple[float, float]:
+    return float(np.mean(values)), float(np.std(values) / np.sqrt(len(values)))

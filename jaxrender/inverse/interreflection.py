@@ -1,0 +1,132 @@
+"""Interreflections of a diffuse concave object, found along with its albedo (T 6.6).
+
+T 6.6 proposes to iterate, as Yu et al. do: with the albedo found so far, compute the light that
+bounces between parts of the object, give it to the model as more irradiance, and fit again.  Every
+round is wrong by what the last one missed times albedo times the hidden fraction, so a few settle.
+
+The bounced light enters the diffuse part only; gloss of bounced light, and bounces off gloss, are
+left out.  Error bars take it as known.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Lambertian
+from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.passes import Stop
+from jaxrender.inverse.shadowing import places_of
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import integral_columns, visible_nodes
+from jaxrender.reflection.interreflection import Interreflection
+from jaxrender.shapes import AnyArray, Array, Float
+
+# Diffuse light does not see more detail of the environment than this (radians).
+_CELL = 0.1
+# Rounds until kd moves by less than this part of the largest.
+_SETTLED, _MOST_ROUNDS = 1e-4, 12
+# Vertices that meet the light at once.
+_PLACES_AT_ONCE = 4096
+
+
+class WithBounced(eqx.Module):
+    """A model with more diffuse light than its own: that which comes from the object itself."""
+
+    model: Model
+    bounced: Float[AnyArray, "sample channel"]
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Add the bounced irradiance to the diffuse column."""
+        diffuse, specular = self.model.columns(sigma, mu)
+        return Columns(diffuse + jnp.asarray(self.bounced), specular)
+
+    def thinned(self, step: int) -> "WithBounced":
+        """Keep one in ``step`` samples."""
+        return WithBounced(self.model.thinned(step), self.bounced[::step])
+
+
+class Bounced(NamedTuple):
+    """The light that bounces: at the mesh's vertices for each photograph (one where all share it).
+
+    ``part`` is what it adds to the direct irradiance of the samples, on average; ``rounds`` says
+    how many fits it took, ``settled`` whether that was enough.
+    """
+
+    at_vertices: Float[np.ndarray, "frame vertex channel"]
+    part: float
+    rounds: int
+    settled: bool
+    kd_without: Float[np.ndarray, "channel"]
+
+
+def fit_with_bounces(
+    stop: Stop,
+    lit: tuple[Shape, KnownLight],
+    refit: Callable[[Stop, Float[np.ndarray, "sample channel"]], Stop],
+) -> tuple[Stop, Bounced]:
+    """Fit and bounce in turn until the albedo settles.
+
+    ``refit`` continues a fit with the bounced irradiance of its samples.  Raises ``ValueError`` for
+    a concave shape that is no mesh, whose vertices are to hold the light.
+    """
+    shape, light = lit
+    if not isinstance(shape, Mesh):
+        raise ValueError("interreflections are computed on a mesh's vertices: give a mesh")
+    exchange = Interreflection.of(shape)
+    observed = stop.observations
+    frames = np.zeros(observed.count, int)
+    if light.per_frame is not None:
+        frames = np.asarray(observed.frame)
+    direct = [
+        direct_irradiance(shape, light.of_frame(k))
+        for k in range(1 if light.per_frame is None else len(light.per_frame))
+    ]
+    to_samples = exchange.gathering(places_of(observed), np.asarray(observed.samples.normals))
+    without = kd = _kd(stop)
+    rounds, settled = 0, False
+    while not settled and rounds < _MOST_ROUNDS:
+        rounds += 1
+        albedo = np.clip(np.pi * kd, 0, 1)
+        total = np.stack([exchange.total(one, albedo) for one in direct])
+        gathered = np.stack([to_samples @ one for one in total])
+        bounced = albedo * gathered[frames, np.arange(observed.count)]
+        stop = refit(stop, bounced)
+        before, kd = kd, _kd(stop)
+        settled = bool(np.max(np.abs(kd - before)) <= _SETTLED * np.max(kd))
+    direct_part = np.sum(np.asarray(_diffuse_of(stop)) - bounced)
+    part = float(np.sum(bounced) / max(float(direct_part), 1e-300))
+    found = Bounced(total - np.stack(direct), part, rounds, settled, without)
+    return stop, found
+
+
+def direct_irradiance(mesh: Mesh, light: KnownLight) -> Float[np.ndarray, "vertex channel"]:
+    """Sum the light that reaches each vertex from outside, shadows traced."""
+    white = Lambertian(np.ones(light.directional.irradiance.shape[1]))
+    everywhere = SurfacePlaces.of_vertices(mesh)
+    # Of one photograph, so that all of it is in the first part.
+    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, _CELL)
+    assert isinstance(nodes, LightNodes)
+    found = []
+    for first in range(0, len(mesh.vertices), _PLACES_AT_ONCE):
+        part = slice(first, first + _PLACES_AT_ONCE)
+        places = SurfacePlaces(*(np.asarray(a)[part] for a in everywhere))
+        normals = mesh.normals[part]
+        samples = SurfaceSamples(normals, normals)
+        seen = visible_nodes(mesh, places, nodes)
+        found.append(np.asarray(integral_columns(white, samples, nodes, seen))[:, 0])
+    return np.concatenate(found)
+
+
+def _kd(stop: Stop) -> Float[np.ndarray, "channel"]:
+    """The diffuse value that the photographs show; an unknown scale of the light is in it."""
+    return np.asarray(stop.fit.linear.kd, float)
+
+
+def _diffuse_of(stop: Stop) -> Float[Array, "sample channel"]:
+    physical = stop.problem.unknowns.unpack(jnp.asarray(stop.fit.solution.point))
+    return stop.model.columns(physical.sigma, physical.mu).diffuse

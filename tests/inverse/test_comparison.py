@@ -1,0 +1,73 @@
+"""Models ranked by held-out pixels: the one that made the photographs comes first.
+
+- Photographs by the exact integral of GGX rank GGX first, of Ward's model Ward first, with a
+  chi-squared of one and the others told apart; a matt material is far behind.
+- What is held out was not fitted, is the same for all, and is drawn by the seed.
+- Two equal candidates are behind by nothing, and are not told apart.
+"""
+
+import numpy as np
+import pytest
+from inverse_problems import ball_samples, known_light, photograph, with_noise
+
+from jaxrender.brdf import Microfacet, Ward, simple_glossy_named
+from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Unknown
+from jaxrender.inverse.comparison import Candidate, compare_models, divided
+
+KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
+GGX = Microfacet(KD, KS, 0.16, None, "half", "smith", "ggx")
+WARD = Ward(KD, KS, 0.16)
+METALLIC = MicrofacetUnknowns(mu=None)
+MATT = MicrofacetUnknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
+CANDIDATES = (
+    Candidate("lambertian", Microfacet(KD, KS, 0.1, None), MATT),
+    Candidate("ward", simple_glossy_named("ward"), METALLIC),
+    Candidate("ggx", GGX.with_roughness(0.1), METALLIC),
+)
+SETTINGS = FitSettings(starts=1, refine_samples=320)
+
+
+@pytest.mark.parametrize(("name", "truth"), [("ggx", GGX), ("ward", WARD)])
+def test_the_true_model_comes_first(name, truth):
+    noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
+    found = compare_models(noisy, known_light(), CANDIDATES, SETTINGS)
+    assert found.best.name == name
+    assert found.held_out == 80
+    best, second, last = found.scores
+    # The mean of 240 squared normal deviates, and the noise itself is known to 3 %.
+    assert best.chi_squared == pytest.approx(1, abs=0.4)
+    assert (best.behind, best.behind_error) == (0, 0)
+    assert second.told_apart
+    assert last.told_apart
+    assert last.name == "lambertian"
+    assert last.chi_squared > 10 * second.chi_squared > 10 * best.chi_squared
+    assert best.relative_rms < second.relative_rms < last.relative_rms
+    assert second.behind == pytest.approx(second.chi_squared - best.chi_squared)
+
+
+def test_held_out_samples_take_no_part():
+    observations = photograph(WARD, *ball_samples(50))
+    training, rest = divided(observations, 0.2, 3)
+    assert (training.count, rest.count) == (40, 10)
+    rows = np.concatenate([training.radiance, rest.radiance])
+    assert len(np.unique(rows, axis=0)) == 50
+    np.testing.assert_array_equal(divided(observations, 0.2, 3)[1].radiance, rest.radiance)
+    assert np.any(divided(observations, 0.2, 4)[1].radiance != rest.radiance)
+
+
+def test_the_same_model_twice_is_no_better():
+    noisy = with_noise(photograph(WARD, *ball_samples()), 0.01, 0.002)
+    settings = SETTINGS._replace(refine=False)
+    twice = (CANDIDATES[1], CANDIDATES[1]._replace(name="again"))
+    found = compare_models(noisy, known_light(), twice, settings)
+    assert found.scores[1].behind == 0
+    assert not found.scores[1].told_apart
+
+
+def test_bad_comparisons_are_refused():
+    observations = photograph(WARD, *ball_samples(50))
+    with pytest.raises(ValueError, match="two models or more"):
+        compare_models(observations, known_light(), CANDIDATES[:1], SETTINGS)
+    for part in (0.0, 1.0, 0.001):
+        with pytest.raises(ValueError, match="leaves samples on both sides"):
+            divided(observations, part, 0)
