@@ -41,7 +41,7 @@ from jaxrender.io import read_environment, read_mesh
 from jaxrender.lighting import DirectionalSources, Environment
 
 DEMANDED_ROUGHNESS, DEMANDED_ALBEDO = 0.10, 0.03
-SAMPLES, UNKNOWN_LIGHT_SAMPLES, LOWEST_COSINE = 8000, 6000, 0.15
+SAMPLES, UNKNOWN_LIGHT_SAMPLES, LOWEST_COSINE = 8000, 4000, 0.15
 
 
 class Row(NamedTuple):

@@ -218,12 +218,38 @@ def without_idle_lamps(task: Task, state: State) -> State:
     assert state.joint is not None
     solved, slow = state.joint.solved, task.response.slow_count
     inverse = np.linalg.inv(np.asarray(solved.normal)[:, slow:, slow:])
-    variance = np.einsum("crp,crp->pc", inverse, inverse)
-    worth = np.sum(np.asarray(solved.light)[slow:] ** 2 / variance, axis=1)
-    idle = state.active & (worth < _worth(measured(task, state)))
+    covariance = np.einsum("crp,crq->cpq", inverse, inverse)
+    energies = np.asarray(solved.light)[slow:].T
+    idle = _idle_lamps(energies, covariance, state.active, _worth(measured(task, state)))
     if not idle.any():
         return state
     return descend(task, state._replace(active=state.active & ~idle), _STEPS_PER_ROUND)
+
+
+def _idle_lamps(
+    energies: Float[np.ndarray, "channel source"],
+    covariance: Float[np.ndarray, "channel source source"],
+    active: Bool[np.ndarray, "source"],
+    worth: float,
+) -> Bool[np.ndarray, "source"]:
+    """Mark lamps not worth their unknowns, one after the other, the least first.
+
+    Lamps in a crowd are idle each by itself, as the others would make up for it, but not together:
+    once one is gone, energies and covariance of the rest are those given that it is dark.
+    """
+    idle = np.zeros(len(active), bool)
+    while (active & ~idle).any():
+        variance = np.einsum("cpp->cp", covariance)
+        cost = np.sum(energies**2 / np.where(active & ~idle, variance, 1), axis=0)
+        least = int(np.argmin(np.where(active & ~idle, cost, np.inf)))
+        if cost[least] >= worth:
+            break
+        idle[least] = True
+        column = covariance[:, :, least]
+        slope = column / variance[:, least, None]
+        energies = energies - slope * energies[:, least, None]
+        covariance = covariance - slope[:, :, None] * column[:, None, :]
+    return idle
 
 
 def with_neighbours_merged(task: Task, state: State) -> State:
