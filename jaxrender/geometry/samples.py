@@ -5,7 +5,11 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from jaxrender.geometry.directions import dot, reflect
+from jaxrender.geometry.frames import world_from_local
 from jaxrender.shapes import AnyArray, Array, Float
+
+# Closer to its normal than this (radians) a sample is seen head-on: no azimuth is marked.
+_HEAD_ON = 1e-6
 
 
 class SurfaceSamples(NamedTuple):
@@ -23,3 +27,15 @@ class SurfaceSamples(NamedTuple):
     def reflected(self) -> Float[Array, "sample 3"]:
         """The reflected viewing directions R, where a mirror would look."""
         return reflect(jnp.asarray(self.outgoing), jnp.asarray(self.normals))
+
+    @property
+    def world_from_mirror(self) -> Float[Array, "sample 3 3"]:
+        """Frames with R as third axis and N in the half plane of the first; any, seen head-on."""
+        normals, reflected = jnp.asarray(self.normals), self.reflected
+        towards = normals - dot(normals, reflected)[:, None] * reflected
+        length = jnp.linalg.norm(towards, axis=1, keepdims=True)
+        head_on = length < _HEAD_ON
+        first = jnp.where(
+            head_on, world_from_local(reflected)[:, :, 0], towards / jnp.where(head_on, 1, length)
+        )
+        return jnp.stack([first, jnp.cross(reflected, first), reflected], axis=-1)

@@ -17,8 +17,8 @@
     transfer vectors (T 6.10): diffuse light on shapes that shadow themselves
 ``tabulated``
     the dual model as a table over roughness, for solvers
-``render``
-    camera to image with either model
+``render`` ``sensitivity``
+    camera to image with either model; its derivatives by the material
 
 Every model returns *columns*: the radiance of each lobe of the BRDF at amplitude one, so that
 radiance = columns times amplitudes is linear in what a fit can eliminate.
@@ -79,6 +79,8 @@ from jaxrender.reflection.render import (
     render_view,
     render_views,
 )
+from jaxrender.reflection.sensitivity import sensitivities
+from jaxrender.reflection.slow_light import reflect_slow_light
 from jaxrender.reflection.subspaces import (
     PrincipalComponents,
     RecoveredBasis,
@@ -106,6 +108,7 @@ __all__ = [
     "evaluate_anisotropic",
     "convolve_radial",
     "reflect_about_mirror",
+    "reflect_slow_light",
     "convolve_flatland",
     "evaluate_flatland",
     "flatland_coefficients",
@@ -149,6 +152,7 @@ __all__ = [
     "render_samples",
     "render_view",
     "render_views",
+    "sensitivities",
     "roughness_table",
     "shadowed_irradiance",
     "sources_needed",

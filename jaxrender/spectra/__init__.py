@@ -37,6 +37,7 @@ from jaxrender.spectra.lambertian import lambertian_transfer
 from jaxrender.spectra.light import light_coefficients
 from jaxrender.spectra.microfacet import (
     TRANSFERS,
+    azimuthal_transfer_of_samples,
     exit_cosine_transfer,
     gaussian_transfer,
     normal_exitance_transfer,
@@ -73,6 +74,7 @@ __all__ = [
     "anisotropic_coefficients",
     "axial_coefficients",
     "azimuthal_transfer",
+    "azimuthal_transfer_of_samples",
     "clear_coefficients",
     "clipped_mirror_coefficients",
     "directional_coefficients",

@@ -13,6 +13,7 @@ the order q = 0 alone is the azimuthal mean, h_l.
 
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -100,8 +101,11 @@ def _polar_nodes(
 ) -> tuple[Float[Array, "bin node"], Float[Array, "bin node"]]:
     """Place nodes over the lobe's extent, split where the circles about R first cross the horizon.
 
-    There the averaged lobe has a kink that one Gauss rule could not follow.
+    There the averaged lobe has a kink that one Gauss rule could not follow.  The integral does not
+    depend on where its nodes are, so they follow the lobe without being differentiated.
     """
+    reach = jax.lax.stop_gradient(reach)
+    tail = None if tail is None else jax.lax.stop_gradient(tail)
     # Circles wider than pi / 2 + t_o lie below the horizon altogether.
     reach = jnp.minimum(reach, jnp.pi / 2 + exit_angles)
     touch = jnp.minimum(jnp.pi / 2 - exit_angles, reach)

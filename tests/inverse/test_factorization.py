@@ -28,6 +28,7 @@ from jaxrender.inverse.factorization.joint import (
     Measured,
     _moved,
     _tangents,
+    evaluated,
     reduced_system,
     solve_light,
 )
@@ -131,7 +132,7 @@ def test_derivatives_of_the_prediction(photographs):
     state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
     response = response_of(task, state)
     light = state.joint.solved.light
-    tangents = np.asarray(_tangents(response, state.guess, light))
+    tangents = np.asarray(_tangents(response, state.guess, evaluated(response, state.guess), light))
 
     def predict(guess: Guess):
         share = jax.nn.sigmoid(guess.gloss)[:, None, None]

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import world_from_local
-from jaxrender.inverse.factorization.response import Guess, Response, gloss_share
+from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
 from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -68,24 +68,25 @@ class Joint(NamedTuple):
 def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
     """Solve for the light of every channel."""
     with jax.default_matmul_precision("highest"):
-        return solve_columns(mixed_columns(response, guess), measured)
+        return solve_columns(mixed(evaluated(response, guess), guess), measured)
 
 
 @jax.jit
 def reduced_system(response: Response, guess: Guess, measured: Measured) -> tuple[Solved, System]:
     """Solve for the light and set up the step of everything else."""
     with jax.default_matmul_precision("highest"):
-        columns = mixed_columns(response, guess)
+        each = evaluated(response, guess)
+        columns = mixed(each, guess)
         solved = solve_columns(columns, measured)
-        tangents = _tangents(response, guess, solved.light)
+        tangents = _tangents(response, guess, each, solved.light)
         left = measured.radiance - solved.predicted
         curvature, slope, across = [], [], []
         # One channel after the other: a batch of matrix products is slower than each by itself.
         for k in range(left.shape[1]):
-            weights = jnp.asarray(measured.weights)[:, k, None]
-            moved = weights * jnp.concatenate([tangents[k], left[:, k, None]], axis=1)
-            inner = moved.T @ moved
-            across.append((weights * columns[k]).T @ moved[:, :-1])
+            weights = jnp.asarray(measured.weights)[None, :, k]
+            moved = weights * jnp.concatenate([tangents[k].T, left[None, :, k]])
+            inner = moved @ moved.T
+            across.append((weights * columns[k].T) @ moved[:-1].T)
             projected = jax.scipy.linalg.solve_triangular(solved.normal[k], across[-1], lower=True)
             curvature.append(inner[:-1, :-1] - projected.T @ projected)
             slope.append(inner[:-1, -1])
@@ -127,11 +128,17 @@ def unknown_count(guess: Guess) -> int:
     return guess.gloss.shape[0] + 2 + 2 * guess.directions.shape[0]
 
 
-def mixed_columns(response: Response, guess: Guess) -> Float[Array, "channel sample part"]:
-    """Evaluate what one unit of each part of the light sends to the camera."""
-    columns = response.columns(guess)
+def evaluated(response: Response, guess: Guess) -> Columns:
+    """Evaluate both lobes' responses once: the compiler is kept from doing so in every product."""
+    return jax.lax.optimization_barrier(response.columns(guess))
+
+
+def mixed(columns: Columns, guess: Guess) -> Float[Array, "channel sample part"]:
+    """Weigh the lobes: what one unit of each part of the light sends to the camera."""
     share = gloss_share(guess)[:, None, None]
-    return (1 - share) * columns.diffuse[None] + share * columns.specular[None]
+    return jax.lax.optimization_barrier(
+        (1 - share) * columns.diffuse[None] + share * columns.specular[None]
+    )
 
 
 def solve_columns(columns: Float[Array, "channel sample part"], measured: Measured) -> Solved:
@@ -140,9 +147,10 @@ def solve_columns(columns: Float[Array, "channel sample part"], measured: Measur
     penalty = jnp.asarray(measured.penalty)
     light, predicted, cost, factors = [], [], [], []
     for k in range(radiance.shape[1]):
-        # The measurements as one more column: every sum over the samples is in one product.
-        both = weights[:, k, None] * jnp.concatenate([columns[k], radiance[:, k, None]], axis=1)
-        sums = both.T @ both
+        # The measurements as one more column: every sum over the samples is in one product, and
+        # with the samples along rows it runs through memory in order.
+        both = weights[None, :, k] * jnp.concatenate([columns[k].T, radiance[None, :, k]])
+        sums = both @ both.T
         normal, right = sums[:-1, :-1] + jnp.diag(penalty[:, k]), sums[:-1, -1]
         # A source that is switched off has no column: unit diagonal, so that its energy is zero.
         size = jnp.diag(normal)
@@ -161,31 +169,26 @@ def solve_columns(columns: Float[Array, "channel sample part"], measured: Measur
 
 
 def _tangents(
-    response: Response, guess: Guess, light: Float[Array, "part channel"]
+    response: Response, guess: Guess, columns: Columns, light: Float[Array, "part channel"]
 ) -> Float[Array, "channel sample unknown"]:
     """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
     share = gloss_share(guess)
-    columns = response.columns(guess)
     by_share = (columns.specular - columns.diffuse) @ light
     gloss = jnp.eye(share.shape[0], dtype=share.dtype) * (share * (1 - share))[:, None]
     by_gloss = jnp.einsum("sc,cd->csd", by_share, gloss)
-    one = jnp.ones_like(jnp.asarray(guess.sigma))
 
     slow, fast = jnp.split(light, [response.slow_count])
     by_degree = response.mirrored(slow)
 
-    def specular_light(sigma, mu) -> Float[Array, "sample channel"]:
-        here = guess._replace(sigma=sigma, mu=mu)
+    def specular_light(lobe: Float[Array, "2"]) -> Float[Array, "sample channel"]:
+        here = guess._replace(sigma=lobe[0], mu=lobe[1])
         passed = response.passed(here)
         return jnp.einsum("sl,slc->sc", passed, by_degree) + response.source_specular(here) @ fast
 
-    at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu))
-    by_lobe = [
-        share[:, None] * jax.jvp(specular_light, at, tangents)[1].T
-        for tangents in ((one, 0 * one), (0 * one, one))
-    ]
+    at = jnp.stack([jnp.asarray(guess.sigma), jnp.asarray(guess.mu)])
+    by_lobe = share[:, None, None] * jnp.swapaxes(jax.jacfwd(specular_light)(at), 0, 1)
     by_direction = _direction_tangents(response, guess, fast)
-    return jnp.concatenate([by_gloss, jnp.stack(by_lobe, axis=-1), by_direction], axis=-1)
+    return jax.lax.optimization_barrier(jnp.concatenate([by_gloss, by_lobe, by_direction], axis=-1))
 
 
 def _direction_tangents(

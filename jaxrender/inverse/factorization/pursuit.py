@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxrender.inverse.factorization.joint import Measured, mixed_columns, solve_columns
+from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, solve_columns
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
@@ -111,7 +111,7 @@ def _pair(
 
 
 def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:
-    columns = mixed_columns(response, guess)
+    columns = mixed(evaluated(response, guess), guess)
     solved = solve_columns(columns, measured)
     diffuse, specular = candidates
     left = measured.radiance - solved.predicted

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Microfacet
-from jaxrender.geometry import Shape, visible, visible_along
+from jaxrender.geometry import Shape, visible_along
 from jaxrender.harmonics import coefficient_count
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
@@ -24,8 +24,10 @@ from jaxrender.inverse.factorization.rounds import (
     free_unknowns,
     light_the_scene,
     settle,
+    taken_up,
     weigh_by_noise,
 )
+from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
@@ -33,6 +35,9 @@ from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
 from jaxrender.shapes import Float
 
+# Lamps are looked for, and everything fitted along with them, on about this many samples; what comes
+# after them is done on all.
+_ROUND_SAMPLES = 2000
 # A logarithm this close to its bound is at it.
 _AT_BOUND = 0.01
 # The residual, as a multiple of the noise that photographs usually have, above which light of many
@@ -79,10 +84,20 @@ def factorize(
     interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
     little of the sphere of directions.
     """
-    task = _task(observations, variant, settings, known, concave(shape))
+    hiding = concave(shape)
+    if hiding is not None:
+        observations = with_transfer(observations, hiding, settings.band_limit)
+    task = _task(observations, variant, settings, known, hiding)
     _check_enough(task)
+    step = max(1, observations.count // _ROUND_SAMPLES)
+    few = task
+    if step > 1:
+        thinned = observations.take(np.arange(0, observations.count, step))
+        few = _task(thinned, variant, settings, known, hiding)
     with stage("light"):
-        state = light_the_scene(task, begin(task), watch)
+        state = light_the_scene(few, begin(few), watch)
+        if step > 1:
+            state = taken_up(task, state)
     with stage("refine"):
         state = settle(task, state, watch)
     with stage("account"):
@@ -122,13 +137,10 @@ def _task(
     if shape is None:
         return Task(radiance, response, None, known, settings)
     places = places_of(observations)
-    transfer = np.asarray(with_transfer(observations, shape, settings.band_limit).transfer)
-    transfer = transfer[:, : coefficient_count(settings.band_limit)]
+    transfer = np.asarray(observations.transfer)[:, : coefficient_count(settings.band_limit)]
     reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
     response = response.shadowed(transfer, reflected)
-    return Task(
-        radiance, response, lambda towards: visible(shape, places, towards), known, settings
-    )
+    return Task(radiance, response, Sight(shape, places), known, settings)
 
 
 def _check_enough(task: Task) -> None:

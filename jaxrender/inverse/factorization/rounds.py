@@ -16,20 +16,24 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf import Microfacet
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, synthesise
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.factorization.joint import Joint, Measured, descend_jointly
+from jaxrender.inverse.factorization.joint import Joint, Measured, descend_jointly, solve_light
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, Response, gloss_share
+from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.lighting import LightNodes
-from jaxrender.reflection import integral_columns
-from jaxrender.shapes import AnyArray, Bool, Float
+from jaxrender.reflection import integral_columns, reflect_slow_light
+from jaxrender.shapes import Array, Bool, Float
 
 # Where the search begins when nothing is said: half of what is reflected is gloss, rather blurred.
 _START_SHARE, _START_SIGMA, _START_MU = 0.5, 0.25, 1.5
 # Lamps added in each round, until there are as many as allowed or they no longer pay.
 _ROUNDS = (8, 8, 16, 16, 16, 16, 16, 16)
+# A round that found fewer is the last one.
+_TOO_FEW = 3
 _STEPS_PER_ROUND, _LAST_STEPS = 6, 4
 # A direction, and an energy in each channel.
 _UNKNOWNS_PER_LAMP = 5
@@ -40,12 +44,14 @@ _CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
 # Highlights count by radiance to this power while the light is crude, the dark as if it had this
 # part of the mean radiance.
 _COMPRESSION, _DARK = -0.7, 1e-3
+# What slow light alone is expected to leave of the photographs.
+_FIRST_MISFIT = 0.1
 # Coefficients of degree l are expected within this part of the mean light over sqrt(l (l + 1)).
 _LEAST_LIGHT = 0.2
 _NEIGHBOURS_PER_SIGMA = 1.0
 _REFINEMENTS, _SETTLED = 6, 2e-3
-# Rows of the image that the slow light is integrated on, and their limits.
-_ROWS_PER_SIGMA, _FEWEST_ROWS, _MOST_ROWS = 12.0, 64, 128
+# The directions by which what a concave object hides from itself is integrated.
+_HIDDEN_GRID = LatLongGrid(48, 96)
 
 
 class FactorSettings(NamedTuple):
@@ -80,18 +86,15 @@ class Round(NamedTuple):
     relative_rms: float
 
 
-Sees = Callable[[Float[AnyArray, "direction 3"]], AnyArray]
-
-
 class Task(NamedTuple):
     """What does not change: the photographs, how samples respond to light, what is known.
 
-    ``sees`` tells which of given directions each sample sees; None where nothing is hidden.
+    ``sight`` tells which directions each sample sees; None where nothing is hidden.
     """
 
     radiance: Float[np.ndarray, "sample channel"]
     response: Response
-    sees: Sees | None = None
+    sight: Sight | None = None
     known: Known = NOTHING_KNOWN
     settings: FactorSettings = DEFAULTS
 
@@ -112,8 +115,8 @@ class State(NamedTuple):
     rounds: tuple[Round, ...] = ()
 
 
-def begin(task: Task) -> State:
-    """Start without lamps, at half gloss."""
+def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
+    """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
     known, radiance = task.known, task.radiance
     channels, lamps = radiance.shape[1], task.settings.most_sources
     share = np.full(channels, _START_SHARE) if known.share is None else np.asarray(known.share)
@@ -126,6 +129,7 @@ def begin(task: Task) -> State:
     )
     mean = radiance.mean(axis=0)
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
+    weights = weights / (misfit * np.sqrt(np.mean((weights * radiance) ** 2)))
     return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
 
 
@@ -141,15 +145,20 @@ def measured(task: Task, state: State) -> Measured:
 def response_of(task: Task, state: State) -> Response:
     """Switch on the lamps in use, where they are seen."""
     seen = np.ones((len(task.radiance), 1))
-    if task.sees is not None:
-        seen = np.asarray(task.sees(np.asarray(state.guess.directions)), float)
+    if task.sight is not None:
+        seen = np.asarray(task.sight.of(state.guess.directions), float)
     return eqx.tree_at(lambda r: r.lit, task.response, jnp.asarray(seen * state.active[None, :]))
 
 
 def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
-    """Mark the nonlinear unknowns that are searched for."""
+    """Mark the nonlinear unknowns that are searched for.
+
+    Slow light alone tells a sharp lobe from a sharper one by next to nothing: roughness waits for
+    the first lamps.
+    """
     known, channels = task.known, task.radiance.shape[1]
-    material = [known.share is None] * channels + [known.sigma is None]
+    seen_sharply = bool(state.active.any()) or bool(state.rounds)
+    material = [known.share is None] * channels + [known.sigma is None and seen_sharply]
     material.append(known.mu is None and task.response.variant.mu is not None)
     return np.concatenate([np.array(material), np.tile(state.active, 2)])
 
@@ -184,9 +193,9 @@ def add_lamps(task: Task, state: State, count: int) -> State:
     step = max(1, len(task.radiance) // _PURSUIT_SAMPLES)
     radiance, weights, penalty = measured(task, state)
     few = Measured(radiance[::step], weights[::step], np.asarray(penalty) / step)
-    seen = None if task.sees is None else np.asarray(task.sees(towards))[::step]
+    seen = None if task.sight is None else task.sight.of_fixed(towards)[::step]
     found = pursue(response_of(task, state).thinned(step), state.guess, few, towards, count, seen)
-    pays = np.asarray(found.gains) > _worth(few)
+    pays = step * np.asarray(found.gains) > _worth(measured(task, state))
     chosen = np.asarray(found.chosen)[np.logical_and.accumulate(pays)]
     slots = np.flatnonzero(~state.active)[: len(chosen)]
     directions, active = np.array(state.guess.directions), state.active.copy()
@@ -284,7 +293,8 @@ def light_the_scene(task: Task, state: State, watch: Callable[[Round], None]) ->
     """Add lamps in rounds while they pay."""
     for lamps in (0, *_ROUNDS):
         more = add_lamps(task, state, lamps) if lamps else state
-        if lamps and np.array_equal(more.active, state.active):
+        added = int(np.count_nonzero(more.active & ~state.active))
+        if lamps and not added:
             break
         state = descend(task, more, _STEPS_PER_ROUND)
         state = weigh_evenly(task, state)
@@ -292,21 +302,37 @@ def light_the_scene(task: Task, state: State, watch: Callable[[Round], None]) ->
             state = corrected(task, state)
         state = state._replace(rounds=(*state.rounds, round_of(task, state)))
         watch(state.rounds[-1])
+        if lamps and added < _TOO_FEW:
+            break
     return state
+
+
+def taken_up(task: Task, state: State) -> State:
+    """Go on with other samples of the same photographs, from the guess and the light found."""
+    fresh = begin(task, state.rounds[-1].relative_rms)._replace(
+        guess=state.guess,
+        active=state.active,
+        level=state.level,
+        joint=state.joint,
+        rounds=state.rounds,
+    )
+    if task.settings.refine:
+        fresh = corrected(task, fresh)
+    solved = solve_light(response_of(task, fresh), fresh.guess, measured(task, fresh))
+    return fresh._replace(joint=Joint(fresh.guess, solved, 0, False))
 
 
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
     """Take the last steps: with the noise's weights, and with the exact integral's corrections."""
     for turn in range(_REFINEMENTS):
-        before = _search_vector(state)
+        before = _material(state)
         state, _ = weigh_by_noise(task, state)
         if task.settings.refine:
             state = corrected(task, state)
         state = descend(task, state, _LAST_STEPS, 1e-6)
         if turn == 0:
             state = with_neighbours_merged(task, without_idle_lamps(task, state))
-        after = _search_vector(state)
-        if before.shape == after.shape and np.max(np.abs(after - before)) < _SETTLED:
+        if np.max(np.abs(_material(state) - before)) < _SETTLED:
             break
     state = state._replace(rounds=(*state.rounds, round_of(task, state)))
     watch(state.rounds[-1])
@@ -322,16 +348,24 @@ def corrected(task: Task, state: State) -> State:
     response, guess = response_of(task, state), state.guess
     slow = jnp.asarray(state.joint.solved.light[: response.slow_count])
     lobe = response.lobe(guess)
-    rows = int(np.clip(_ROWS_PER_SIGMA / float(lobe.sigma), _FEWEST_ROWS, _MOST_ROWS))
-    grid = LatLongGrid(16 * -(-rows // 16), 32 * -(-rows // 16))
-    image = np.asarray(synthesise(grid, slow)).reshape(-1, slow.shape[1])
-    directions, weights = grid.directions().reshape(-1, 3), grid.weights().reshape(-1, 1)
-    visible = None if task.sees is None else task.sees(directions)
-    nodes = LightNodes(directions, weights * image)
-    exact = integral_columns(lobe, response.samples, nodes, visible)[:, 1]
+    exact = reflect_slow_light(lobe, response.samples, slow)
+    if task.sight is not None:
+        exact = exact - _hidden_slow_light(task, task.sight, lobe, slow)
     dual = jnp.einsum("sl,slc->sc", response.passed(guess), response.mirrored(slow))
     defect = gloss_share(guess)[None, :] * (exact - dual)
     return state._replace(target=task.radiance - np.asarray(defect))
+
+
+def _hidden_slow_light(
+    task: Task, sight: Sight, lobe: Microfacet, slow: Float[Array, "coefficient channel"]
+) -> Float[Array, "sample channel"]:
+    """Sum the slow light that the object keeps from itself: only this rests on a grid."""
+    image = np.asarray(synthesise(_HIDDEN_GRID, slow)).reshape(-1, slow.shape[1])
+    directions = _HIDDEN_GRID.directions().reshape(-1, 3)
+    weights = _HIDDEN_GRID.weights().reshape(-1, 1)
+    nodes = LightNodes(directions, weights * image)
+    hidden = ~sight.of_fixed(directions)
+    return integral_columns(lobe, task.response.samples, nodes, hidden)[:, 1]
 
 
 def round_of(task: Task, state: State) -> Round:
@@ -354,7 +388,6 @@ def _worth(data: Measured) -> float:
     return _UNKNOWNS_PER_LAMP * float(np.log(np.asarray(data.radiance).size))
 
 
-def _search_vector(state: State) -> Float[np.ndarray, "unknown"]:
+def _material(state: State) -> Float[np.ndarray, "unknown"]:
     guess = state.guess
-    lamps = np.asarray(guess.directions)[state.active].ravel()
-    return np.concatenate([np.asarray(guess.gloss), [float(guess.sigma), float(guess.mu)], lamps])
+    return np.concatenate([np.asarray(guess.gloss), [float(guess.sigma), float(guess.mu)]])

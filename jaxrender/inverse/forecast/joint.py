@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import degrees
-from jaxrender.inverse.factorization.joint import Measured, mixed_columns, reduced_system
+from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
@@ -60,6 +60,8 @@ def forecast_joint(
     logarithm), for light that differs from photograph to photograph, and for too few samples.
     """
     brdf = supposed.brdf
+    if not isinstance(brdf, Microfacet):
+        raise ValueError("light and material are told apart of microfacets only: suppose one")
     kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
     if not np.all(kd * ks > 0):
         raise ValueError("kd and ks must be above 0 in every channel: suppose a little of both")
@@ -164,7 +166,7 @@ def _radiance(
     response: Response, guess: Guess, light: Float[Array, "part channel"]
 ) -> Float[Array, "sample channel"]:
     with jax.default_matmul_precision("highest"):
-        return jnp.einsum("csp,pc->sc", mixed_columns(response, guess), light)
+        return jnp.einsum("csp,pc->sc", mixed(evaluated(response, guess), guess), light)
 
 
 def _parameters(guess: Guess, covariance: np.ndarray, metal: bool) -> Uncertain:

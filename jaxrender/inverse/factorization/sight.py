@@ -1,0 +1,27 @@
+"""Which directions the samples of a concave object see past the object itself.  Host side."""
+
+import numpy as np
+
+from jaxrender.geometry import Shape, SurfacePlaces, visible
+from jaxrender.shapes import AnyArray, Bool, Float
+
+
+class Sight:
+    """Traces towards lamps wherever they move, and only once towards directions that stay."""
+
+    def __init__(self, shape: Shape, places: SurfacePlaces):
+        self._shape, self._places = shape, places
+        self._known: dict[bytes, Bool[np.ndarray, "sample direction"]] = {}
+
+    def of(self, towards: Float[AnyArray, "direction 3"]) -> Bool[np.ndarray, "sample direction"]:
+        """Trace which of the directions each sample sees."""
+        return visible(self._shape, self._places, np.asarray(towards))
+
+    def of_fixed(
+        self, towards: Float[AnyArray, "direction 3"]
+    ) -> Bool[np.ndarray, "sample direction"]:
+        """Return the same and remember it: for sets of directions that are asked for again."""
+        key = np.asarray(towards).tobytes()
+        if key not in self._known:
+            self._known[key] = self.of(towards)
+        return self._known[key]

@@ -1,0 +1,32 @@
+"""Slow light reflected by a glossy lobe with nothing left out: all azimuthal orders of T 3.43.
+
+The dual model keeps the azimuthal mean of the lobe about the reflected direction, the order q = 0.
+With the orders to the light's own degree the sum
+
+sum_lq Lambda_l^-1 h_lq(t_o) L_lq,    L_lq the light in the frame of the reflected direction
+
+is the reflection integral itself, horizon and grazing angles included, of light with a band limit:
+what ``integral_columns`` approaches as its grid grows, at a cost that does not depend on how sharp
+the lobe is.  Nothing may shadow the surface.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import band_limit_of
+from jaxrender.reflection.convolution import reflect_about_mirror
+from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.spectra import azimuthal_transfer_of_samples
+
+
+@eqx.filter_jit
+def reflect_slow_light(
+    brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
+) -> Float[Array, "sample channel"]:
+    """Evaluate the specular column (ks = 1) of light given by its coefficients."""
+    samples = SurfaceSamples(*(jnp.asarray(a) for a in samples))
+    band_limit = band_limit_of(slow.shape[0])
+    terms = azimuthal_transfer_of_samples(brdf, samples.exit_cosines, band_limit)
+    return reflect_about_mirror(slow, terms, samples.world_from_mirror)

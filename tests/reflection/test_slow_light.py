@@ -1,0 +1,68 @@
+"""Slow light with all azimuthal orders is the reflection integral; its mean alone is not."""
+
+import numpy as np
+import pytest
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import coefficient_count, degrees, real_basis
+from jaxrender.reflection import polar_columns, reflect_slow_light
+from jaxrender.spectra import transfer_of_samples
+
+BAND_LIMIT = 8
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Samples with exit cosines from .15 to 1, one of them head-on, and coloured slow light."""
+    rng = np.random.default_rng(5)
+    normals = unit(rng.normal(size=(60, 3)))
+    cosines = np.concatenate([[1.0], rng.uniform(0.15, 1, 59)])
+    across = unit(np.cross(normals, rng.normal(size=(60, 3))))
+    outgoing = cosines[:, None] * normals + np.sqrt(1 - cosines**2)[:, None] * across
+    light = rng.normal(size=(coefficient_count(BAND_LIMIT), 2))
+    light = light / (1 + degrees(BAND_LIMIT))[:, None]
+    return SurfaceSamples(normals, unit(outgoing)), light
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        Microfacet(np.ones(2), np.ones(2), 0.12, 1.6),
+        Microfacet(np.ones(2), np.ones(2), 0.3, None, "exit", "smith"),
+        Microfacet(np.ones(2), np.ones(2), 0.2, 1.5, "half", "smith", "ggx"),
+    ],
+    ids=["gaussian", "masked", "ggx"],
+)
+def test_equals_the_integral(scene, kind):
+    samples, light = scene
+    found = np.asarray(reflect_slow_light(kind, samples, light))
+    exact = polar_columns(
+        kind, samples, lambda towards: real_basis(towards, BAND_LIMIT) @ light, 96
+    )
+    exact = np.asarray(exact)[:, 1]
+    size = np.sqrt(np.mean(exact**2))
+    assert np.abs(found - exact).max() < 5e-4 * size
+    # The azimuthal mean, which the dual model keeps, is another matter.
+    mean = np.asarray(transfer_of_samples(kind, samples.exit_cosines, BAND_LIMIT))
+    basis = np.asarray(real_basis(samples.reflected, BAND_LIMIT))
+    dual = (mean[:, degrees(BAND_LIMIT)] * basis) @ light
+    assert np.abs(dual - exact).max() > 20 * np.abs(found - exact).max()
+
+
+def test_mirror_frames(scene):
+    """R is the third axis; the normal has no component along the second, none below the first."""
+    samples, _ = scene
+    frames = np.asarray(samples.world_from_mirror)
+    np.testing.assert_allclose(
+        frames @ np.swapaxes(frames, 1, 2), np.eye(3)[None].repeat(60, 0), atol=1e-12
+    )
+    np.testing.assert_allclose(np.linalg.det(frames), 1, atol=1e-12)
+    np.testing.assert_allclose(frames[:, :, 2], samples.reflected, atol=1e-12)
+    local = np.einsum("sij,si->sj", frames, samples.normals)
+    np.testing.assert_allclose(local[:, 1], 0, atol=1e-7)
+    assert np.all(local[:, 0] > -1e-7)
