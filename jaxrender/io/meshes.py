@@ -7,6 +7,7 @@ of the file brings vertex normals, those are kept, and its vertices stay as they
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import trimesh
 
 from jaxrender.errors import InputError
 from jaxrender.geometry.mesh import Mesh
+from jaxrender.shapes import Bool, Float
 
 MESH_SUFFIXES = (".obj", ".ply", ".glb", ".stl")
 
@@ -42,14 +44,25 @@ def read_mesh(path: str | Path, scale: float | int = 1.0) -> Mesh:
     return _mesh(path, scale * merged, index.reshape(-1)[faces], None)
 
 
-def write_mesh(path: str | Path, mesh: Mesh) -> None:
-    """Write a mesh with its normals, in the format that the path's ending names."""
+def write_mesh(
+    path: str | Path,
+    mesh: Mesh,
+    columns: Mapping[str, Float[np.ndarray, "vertex"] | Bool[np.ndarray, "vertex"]] | None = None,
+) -> None:
+    """Write a mesh with its normals, in the format that the path's ending names.
+
+    ``columns`` are further numbers of every vertex, by name, which only PLY has room for.
+    """
     path = Path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise InputError(f"{path}: unknown mesh format; use {', '.join(MESH_SUFFIXES)}")
     solid = trimesh.Trimesh(
         mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False, validate=False
     )
+    if columns and path.suffix.lower() != ".ply":
+        raise InputError(f"{path}: only .ply has room for {', '.join(columns)}")
+    for name, values in (columns or {}).items():
+        solid.vertex_attributes[name] = np.asarray(values, np.float32)
     if path.suffix.lower() == ".ply":
         solid.export(path, vertex_normal=True)
     else:

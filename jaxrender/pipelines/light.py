@@ -11,10 +11,12 @@ from jaxrender.geometry import Shape
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
 from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
 from jaxrender.inverse.factorization import RecoveredScene, Round
+from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.io import write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.deviation import write_covariance
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
@@ -83,6 +85,7 @@ class LightRecovery(Recovery):
         with h5netcdf.File(folder / "result.nc", "w") as file:
             _write_light(file, self.found.scene)
             _write_samples(file, self.observations, self.found)
+            write_covariance(file, self.found.parameters)
 
     def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
         """Gather what the report shows."""
@@ -280,7 +283,8 @@ def _in_given_units(config: RunConfig, found: Factorization) -> Factorization:
         energy_error=scene.energy_error / total,
         total=scene.total / total,
     )
-    parameters = type(found.parameters)(*(p._replace(kd=kd, ks=ks) for p in found.parameters))
+    value, low, high, error = (p._replace(kd=kd, ks=ks) for p in found.parameters[:4])
+    parameters = Uncertain(value, low, high, error)
     zero = parameters.standard_error._replace(kd=0 * kd, ks=0 * ks)
     return found._replace(
         brdf=found.brdf.with_amplitudes(kd, ks),

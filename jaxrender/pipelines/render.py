@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
@@ -17,12 +17,14 @@ from jaxrender.io import Capture, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources, LightNodes
 from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.config.brdf import distribution_of
+from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import read_result
 from jaxrender.pipelines.scene import fault_of, known_light, shape_of, sources_of_frame
 from jaxrender.pipelines.shadows import TransferField
+from jaxrender.pipelines.subject import Subject, subject_of
 from jaxrender.reflection import (
     DualForward,
     ExactForward,
@@ -30,7 +32,6 @@ from jaxrender.reflection import (
     ShadowedDual,
     ShadowedForward,
     ShadowedModel,
-    render_view,
 )
 
 MODELS = ("integral", "dual")
@@ -58,8 +59,10 @@ def render_config(
 ) -> Path:
     """Render every view of a finished result into ``out`` as EXR, with alpha = coverage.
 
-    Where the light was recovered it is that light, in its gauge.  Raises ``InputError`` for a
-    folder that holds no result and for input that has gone since.
+    Beside an image of one material lies ``NAME_deviation.exr``: the standard deviation that the
+    covariance of the material (gain and scale included) makes of it, to first order.  Where the
+    light was recovered it is that light, in its gauge.  Raises ``InputError`` for a folder that
+    holds no result and for input that has gone since.
     """
     progress = progress or SilentProgress()
     if model not in MODELS:
@@ -77,16 +80,20 @@ def render_config(
         return out
     with progress.stage("render"), result_folder(out, digest, force) as folder:
         light = _light_of(config, (result, found), scene)
-        _render_views(config, found, (model, light, scene.cameras), (folder, progress))
+        _render_views(config, (result, found), (model, light, scene), (folder, progress))
     return out
 
 
-def material_of(brdf: dict) -> Microfacet:
+def material_of(brdf: dict) -> Glossy:
     """Build the material that a ``result.json`` holds."""
     kd = np.array(brdf["kd"], float)
     if brdf["model"] == "lambertian":
         return Microfacet(kd, np.zeros_like(kd), 0.1, None)
     ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
+    if brdf["model"] in SIMPLE_GLOSSY:
+        lobe = simple_glossy_named(brdf["model"])
+        width = lobe.shape.width_of(float(brdf[lobe.shape.name]))
+        return lobe.with_roughness(width).with_amplitudes(kd, ks)
     mu = None if brdf["mu"] == "none" else float(brdf["mu"])
     choices = brdf["fresnel"], brdf["masking"], distribution_of(brdf["model"])
     return Microfacet(kd, ks, float(brdf["sigma"]), mu, *choices)
@@ -112,7 +119,7 @@ def _light_of(config: RunConfig, result: tuple[Path, dict], scene: Scene) -> Kno
         with fault_of(f"{scene.environment}"):
             other = read_environment(scene.environment, scene.convention)
             return KnownLight(other, DirectionalSources.none())
-    if config.task != "brdf":
+    if not config.knows_light:
         lamps = found["lighting"]["directional"]
         sources = DirectionalSources.none()
         if lamps:
@@ -124,20 +131,25 @@ def _light_of(config: RunConfig, result: tuple[Path, dict], scene: Scene) -> Kno
 
 def _render_views(
     config: RunConfig,
-    found: dict,
-    how: tuple[str, KnownLight, Path | None],
+    result: tuple[Path, dict],
+    how: tuple[str, KnownLight, Scene],
     into: tuple[Path, Progress],
 ) -> None:
-    (model, light, cameras), (folder, progress) = how, into
+    (model, light, scene), (folder, progress) = how, into
+    cameras, found = scene.cameras, result[1]
     assert config.capture.geometry is not None
     capture = _capture_of(config, cameras)
-    shape, material = shape_of(config.capture.geometry), material_of(found["brdf"])
+    shape = shape_of(config.capture.geometry)
+    subject = subject_of(config, result, shape, material_of)
+    if subject.lobe is None and model == "dual":
+        raise InputError(f"{result[0]}: coefficients have no lobe for --model dual; use integral")
+    covariance = _covariance(config, result[0], scene, progress)
     if light.per_frame is not None and len(light.per_frame) != len(capture.frames):
         raise InputError(
             f"{cameras}: the light of the result moved with its photographs; new cameras need an "
             "--environment"
         )
-    scale = float(found.get("scale", 1.0))
+    scale, gains = float(found.get("scale", 1.0)), found.get("gains", {})
     shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
         view = observe(frame.camera, shape)
@@ -148,29 +160,57 @@ def _render_views(
         if lit and view.hit.any():
             if light.per_frame is not None or shared is None:
                 own = KnownLight(light.environment, sources)
-                shared = _forward(own, material, model, (shape, view))
-            gain = scale * float(found.get("gains", {}).get(frame.name, 1.0))
-            image[..., :3] = gain * render_view(material, view, shared)
+                shared = _forward(own, subject, model, (shape, view))
+            gain = float(gains.get(frame.name, 1.0))
+            radiance = subject.image(view, shared)
+            image[..., :3] = scale * gain * radiance
+            slopes = None if covariance is None else subject.slopes(view, shared)
+            if covariance is not None and slopes is not None:
+                which = list(gains).index(frame.name) if frame.name in gains else None
+                deviation = np.zeros_like(radiance)
+                deviation[view.hit] = image_deviation(
+                    covariance.of_frame(which), slopes, radiance[view.hit], (gain, scale)
+                )
+                write_image(folder / f"{frame.name}_deviation.exr", deviation)
         write_image(folder / f"{frame.name}.exr", image)
         progress.advance((number + 1) / len(capture.frames))
 
 
+def _covariance(
+    config: RunConfig, folder: Path, scene: Scene, progress: Progress
+) -> MaterialCovariance | None:
+    """Read the material's covariance; where there is none to speak of, say why."""
+    if config.task not in ("brdf", "factorize"):
+        return None
+    if config.task == "factorize" and scene.environment is None:
+        progress.note(
+            "no standard deviations: the errors of a light that was recovered with the material go "
+            "together with those of the material; give --environment to see the material's"
+        )
+        return None
+    found = read_covariance(folder / "result.nc")
+    if found is None:
+        progress.note(f"{folder}: no standard deviations: the result has no covariance")
+    return found
+
+
 def _forward(
-    light: KnownLight, material: Microfacet, model: str, seen: tuple[Shape, SurfaceView]
+    light: KnownLight, subject: Subject, model: str, seen: tuple[Shape, SurfaceView]
 ) -> ForwardModel | ShadowedModel:
     """Prepare one photograph's light for either model."""
     shape, view = seen
     convex = shape.is_convex()
     if model == "integral":
         cells = None if convex else SHADOWED_ANGLE_PER_SIGMA
-        parts = exact_nodes(light, np.zeros(0, int), float(material.sigma), cells)
+        parts = exact_nodes(light, np.zeros(0, int), subject.width, cells)
         nodes = parts[0]
         assert isinstance(nodes, LightNodes)
         nodes = LightNodes(*(jnp.asarray(a) for a in nodes))
         return ExactForward(nodes) if convex else ShadowedForward(shape, nodes)
     samples = camera_samples(view)
     observed = Observations(samples, np.zeros((len(samples.normals), 3)), np.zeros(0, int))
-    dual = prepare_light(light, observed, material, "auto", None).dual
+    assert subject.lobe is not None
+    dual = prepare_light(light, observed, subject.lobe, "auto", None).dual
     if convex:
         return DualForward(dual)
     field = TransferField.of(shape, light.diffuse_degrees, len(samples.normals))

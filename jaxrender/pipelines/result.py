@@ -13,12 +13,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender import __version__
+from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
 from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse.comparison import Comparison, Score
+from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.passes import Stop, values_of
-from jaxrender.inverse.uncertainty import Parameters
+from jaxrender.inverse.uncertainty import Parameters, in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
+from jaxrender.pipelines.deviation import write_covariance
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
@@ -37,24 +41,23 @@ class Finding(NamedTuple):
     model: str
     ks_per_channel: bool
     transfer: TransferField | None = None
+    comparison: Comparison | None = None
+    forecast: MaterialForecast | None = None
 
 
 def result_of(finding: Finding) -> dict[str, Any]:
     """Build the summary: values, intervals, what is identifiable, light, residuals."""
     fit = finding.fit
     names = _names(finding)
-    final = fit.final
+    final, own = fit.final, in_own_units(fit.parameters, fit.brdf.shape)
     result: dict[str, Any] = {
         "task": "brdf",
         "outcome": fit.outcome.value,
         "meaning": fit.outcome.sentence,
         "reasons": list(fit.reasons),
-        "brdf": {"model": finding.model, **_values(finding, fit.parameters.value)},
-        "interval90": {
-            name: _pairs(finding, name, fit.parameters.lower, fit.parameters.upper)
-            for name in names
-        },
-        "standard_error": _values(finding, fit.parameters.standard_error, metal=False),
+        "brdf": {"model": finding.model, **_values(finding, own.value)},
+        "interval90": {name: _pairs(finding, name, own.lower, own.upper) for name in names},
+        "standard_error": _values(finding, own.standard_error, metal=False),
         "identifiable": fit.identifiable,
         "model_sensitive": model_sensitive(fit, finding.variants),
         "variants": [_variant(finding, variant) for variant in finding.variants],
@@ -64,13 +67,19 @@ def result_of(finding: Finding) -> dict[str, Any]:
         "pixels": pixels_of(finding.photographs),
     }
     if finding.model != "lambertian":
-        result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
-        result["evidence"] = {**fit.evidence._asdict(), "sentence": fit.evidence.sentence()}
+        if isinstance(fit.brdf, Microfacet):
+            result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
+        sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
+        result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
+    if finding.comparison is not None:
+        result["comparison"] = _comparison(finding, finding.comparison)
+    if finding.forecast is not None:
+        result["forecast"] = _forecast(finding, finding.forecast)
     if fit.exact is not None:
         result["frequency"] = {
-            "brdf": _values(finding, values_of(fit.frequency)),
+            "brdf": _values(finding, _own(finding, values_of(fit.frequency))),
             "residual": _residual(fit.frequency),
-            "bias": {name: _plain(fit.bias[name]) for name in names},
+            "bias": {name: _plain(_bias(finding, name)) for name in names},
         }
     bounced = interreflection(fit)
     if bounced:
@@ -119,6 +128,7 @@ def write_arrays(path: Path, finding: Finding) -> None:
         _write_stop(file, "frequency", fit.frequency)
         if fit.exact is not None:
             _write_stop(file, "exact", fit.exact)
+        write_covariance(file, fit.parameters)
         dual = fit.light.dual
         light = file.create_group("light")
         light.dimensions = {
@@ -150,7 +160,11 @@ def summary_of(result: dict[str, Any]) -> str:
         remark = "fixed" if known is None else remark
         remark += " model sensitive" if sensitive.get(name) else ""
         lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
-    if result["task"] != "brdf":
+    if "spectrum" in result:
+        lines += _summary_of_spectrum(result["spectrum"])
+    if "texture" in result:
+        lines += _summary_of_texture(result)
+    if result["task"] in ("factorize", "lighting"):
         lines += _summary_of_light(result["lighting"])
     residual = result["residual"]
     lines.append(
@@ -186,22 +200,106 @@ def _summary_of_light(light: dict[str, Any]) -> list[str]:
     return [*lines, f"gauge: {light['gauge']}"]
 
 
+def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
+    """Say how many coefficients there are, and how well the lobe is known at each order."""
+    lines = [
+        f"{spectrum['unknowns']} coefficients to order {spectrum['order']}, of which the "
+        f"photographs determine {spectrum['determined']:.0f}"
+    ]
+    lines += [
+        f"  order {one['order']}: {100 * one['relative_rms']:.2f} % unexplained, standard error "
+        f"of the lobe {100 * one['lobe_relative_error']:.2g} %"
+        for one in spectrum["orders"]
+    ]
+    return lines
+
+
+def _summary_of_texture(result: dict[str, Any]) -> list[str]:
+    """Say what became of the sites, and up to what their values are known."""
+    texture = result["texture"]
+    lines = [
+        f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
+        f"{texture['kd_marked']}, ks {texture['ks_marked']}",
+        f"kd of a site is known to {100 * texture['median_relative_error_kd']:.2g} % (median)",
+    ]
+    if "ambiguity" in result:
+        lines.append(f"not told: {result['ambiguity']}")
+    return lines
+
+
 def _names(finding: Finding) -> list[str]:
     if finding.model == "lambertian":
         return ["kd"]
-    return ["kd", "ks", "sigma"] + ([] if finding.fit.brdf.mu is None else ["mu"])
+    shape = finding.fit.brdf.shape.name
+    return ["kd", "ks", shape] + ([] if finding.fit.brdf.mu is None else ["mu"])
+
+
+def _attribute(name: str) -> str:
+    """Where parameters keep what a model calls ``name``: any number for the lobe's width."""
+    return name if name in ("kd", "ks", "mu") else "sigma"
+
+
+def _own(finding: Finding, parameters: Parameters) -> Parameters:
+    """Say the width as the model's own number."""
+    return parameters._replace(sigma=finding.fit.brdf.shape.of_width(parameters.sigma))
+
+
+def _bias(finding: Finding, name: str) -> np.ndarray:
+    """How far the frequency fit was off, in the model's own number."""
+    bias = np.asarray(finding.fit.bias[_attribute(name)])
+    power = finding.fit.brdf.shape.power
+    return (1 + bias) ** power - 1 if _attribute(name) == "sigma" and power != 1 else bias
+
+
+def _comparison(finding: Finding, comparison: Comparison) -> dict[str, Any]:
+    """List the models that were compared, the best first."""
+
+    def one(score: Score) -> dict[str, Any]:
+        own = finding._replace(fit=score.fit, model=score.name)
+        parameters = in_own_units(score.fit.parameters, score.fit.brdf.shape)
+        return {
+            "model": score.name,
+            "outcome": score.fit.outcome.value,
+            "brdf": _values(own, parameters.value),
+            "standard_error": _values(own, parameters.standard_error, metal=False),
+            "chi_squared": score.chi_squared,
+            "relative_rms": score.relative_rms,
+            "behind": score.behind,
+            "behind_error": score.behind_error,
+            "told_apart": score.told_apart,
+        }
+
+    return {
+        "held_out": comparison.held_out,
+        "ranking": [one(score) for score in comparison.scores],
+    }
+
+
+def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
+    """Say what the material that was found could have been expected to tell."""
+    own = in_own_units(forecast.parameters, finding.fit.brdf.shape)
+    shape = finding.fit.brdf.shape.name
+    return {
+        "standard_error": _values(finding, own.standard_error, metal=False),
+        "recoverable_degree": forecast.highest_degree,
+        "singular_values": forecast.singular_values.tolist(),
+        "unknowns": [shape if name == "sigma" else name for name in forecast.unknowns],
+        "weakest": forecast.weakest.tolist(),
+        "sentences": [sentence.replace("sigma", shape) for sentence in forecast.sentences],
+    }
 
 
 def _values(finding: Finding, parameters: Parameters, metal: bool = True) -> dict[str, Any]:
     values = {name: _plain(_shared(finding, name, parameters)) for name in _names(finding)}
-    if metal and finding.model != "lambertian" and finding.fit.brdf.mu is None:
+    facets = isinstance(finding.fit.brdf, Microfacet)
+    if metal and facets and finding.model != "lambertian" and finding.fit.brdf.mu is None:
         values["mu"] = "none"
     return values
 
 
 def _shared(finding: Finding, name: str, parameters: Parameters) -> np.ndarray:
     """One number for a ks that all channels share."""
-    value = np.asarray(getattr(parameters, name))
+    value = np.asarray(getattr(parameters, _attribute(name)))
     if name == "ks" and not finding.ks_per_channel and np.ptp(value) == 0:
         return np.asarray(value[0])
     return value

@@ -12,9 +12,17 @@ from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.observations import random_subset
 from jaxrender.io import write_image
+from jaxrender.pipelines.brdf_spectrum import recover_spectrum
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
-from jaxrender.pipelines.config import RunConfig, load_recipe, load_run_config, resolved_yaml
+from jaxrender.pipelines.config import (
+    RunConfig,
+    SpectrumConfig,
+    TextureConfig,
+    load_recipe,
+    load_run_config,
+    resolved_yaml,
+)
 from jaxrender.pipelines.light import recover_light
 from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
@@ -30,6 +38,8 @@ from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import provenance_of, read_result, summary_of, write_json
 from jaxrender.pipelines.scene import fault_of, input_files, known_light, shape_of, unknowns_of
 from jaxrender.pipelines.synth import synthesise
+from jaxrender.pipelines.texture import recover_surface
+from jaxrender.pipelines.texture.sites import sites_of
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -109,7 +119,7 @@ def _with_photographs(
         }
     )
     lighting = config.lighting
-    if config.task == "brdf" and not lighting.given:
+    if config.knows_light and not lighting.given:
         lighting = made.lighting.model_copy(
             update={"split": lighting.split, "free_scale": lighting.free_scale}
         )
@@ -121,7 +131,7 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
         assert config.capture.geometry is not None
         shape = shape_of(config.capture.geometry)
         light = None
-        if config.task == "brdf":
+        if config.knows_light:
             light = known_light(config.lighting, [frame.name for frame in capture.frames])
         images = read_photographs(config.capture, capture, progress)
     with clock.stage("trace"):
@@ -130,9 +140,10 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
                 config.capture, capture, images, shape, config.samples.min_cosine, progress
             )
         light = _light_of_kept(light, capture, photographs)
-        observations = random_subset(
-            observations_of(photographs), config.samples.count, config.samples.seed
-        )
+        observations = observations_of(photographs)
+        # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
+        if config.task != "texture":
+            observations = random_subset(observations, config.samples.count, config.samples.seed)
     return Loaded(photographs, observations, light, inputs, shape)
 
 
@@ -153,6 +164,14 @@ def _check_samples(config: RunConfig, loaded: Loaded) -> None:
     """Refuse samples that no fit can be made from."""
     observations = loaded.observations
     photographs, drawn = loaded.photographs, config.samples.count
+    if not np.any(observations.radiance > 0):
+        raise InputError(
+            f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
+            "the position of capture.geometry"
+        )
+    if config.task in ("texture", "brdf-spectrum"):
+        # What these need is for the sites, or for the light's degrees, to say.
+        return
     usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
     problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
     with fault_of(f"samples.count is {drawn}, and {usable} pixels are usable"):
@@ -161,11 +180,6 @@ def _check_samples(config: RunConfig, loaded: Loaded) -> None:
         refined = config.solve.refine_samples
         with fault_of(f"solve.refine_samples is {refined}; give more, or refine: off"):
             check_enough(observations.take(np.arange(refined)), problem)
-    if not np.any(observations.radiance > 0):
-        raise InputError(
-            f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
-            "the position of capture.geometry"
-        )
     unseen = set(range(len(photographs))) - set(observations.frame.tolist())
     if config.solve.free_exposure and unseen:
         name = photographs[min(unseen)].frame.image_path
@@ -182,6 +196,12 @@ def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -
         assert loaded.light is not None
         known = (loaded.observations, loaded.light)
         return recover_material(config, known, seen, clock, progress)
+    if config.task == "brdf-spectrum":
+        assert loaded.light is not None
+        known = (loaded.observations, loaded.light)
+        return recover_spectrum(config, known, seen, clock, progress)
+    if config.task == "texture":
+        return recover_surface(config, (loaded.observations, loaded.light), seen, clock, progress)
     return recover_light(config, loaded.observations, seen, clock, progress)
 
 
@@ -242,6 +262,18 @@ def _would_render(config: RunConfig) -> str:
 
 
 def _would_fit(config: RunConfig, loaded: Loaded) -> str:
+    if config.task == "brdf-spectrum":
+        order = (config.spectrum or SpectrumConfig()).order
+        return (
+            f"dry run: would recover coefficients to order {order} from "
+            f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
+        )
+    if config.task == "texture":
+        sites = sites_of(loaded.shape, loaded.photographs, config.texture or TextureConfig())
+        return (
+            f"dry run: would recover the material of {sites.sentence}, from "
+            f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"
+        )
     unknowns = unknowns_of(config, len(loaded.photographs))
     free = [
         name

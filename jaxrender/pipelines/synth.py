@@ -15,13 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from ruamel.yaml import YAML
 
-from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
 from jaxrender.geometry import (
-    Camera,
     Mesh,
     Pinhole,
     Shape,
+    SurfaceView,
     fibonacci_sphere,
     look_at,
     observe,
@@ -32,6 +31,7 @@ from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, 
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
+from jaxrender.pipelines.paint import render_painted
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.scene import (
     directional_of,
@@ -130,7 +130,12 @@ def _write_capture(
     frames = []
     for number, camera in enumerate(cameras):
         name = _image_name(number)
-        write_image(folder / name, _photograph(camera, shape, material, light, (noise, rng)))
+        view = observe(camera, shape)
+        if recipe.texture is None:
+            exact = render_view(material, view, light)
+        else:
+            exact = render_painted(recipe, material, view, (shape, light))
+        write_image(folder / name, _photograph(view, exact, noise, rng))
         frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
         progress.advance((number + 1) / len(cameras))
     first = cameras[0]
@@ -146,20 +151,15 @@ def _image_name(number: int) -> str:
 
 
 def _photograph(
-    camera: Camera,
-    shape: Shape,
-    material: Microfacet,
-    light: ExactForward | ShadowedForward,
-    noise: tuple[NoiseModel, np.random.Generator],
+    view: SurfaceView,
+    exact: Float[np.ndarray, "row column channel"],
+    noise: NoiseModel,
+    rng: np.random.Generator,
 ) -> Float[np.ndarray, "row column 4"]:
-    view = observe(camera, shape)
-    covered = view.hit
-    exact = render_view(material, view, light)[covered]
-    model, rng = noise
-    image = np.zeros((*covered.shape, 4))
+    image = np.zeros((*view.hit.shape, 4))
     # A sensor reads no negative light.
-    image[covered, :3] = np.maximum(model.add(exact, rng), 0)
-    image[..., 3] = covered
+    image[view.hit, :3] = np.maximum(noise.add(exact[view.hit], rng), 0)
+    image[..., 3] = view.hit
     return image
 
 
@@ -242,7 +242,7 @@ def _write_config(
         if recipe.brdf.mu == "none":
             brdf["mu"] = "none"
     config = {
-        "task": "brdf",
+        "task": "brdf" if recipe.texture is None else "texture",
         "capture": {"transforms": "transforms.json", "geometry": geometry},
         "lighting": lighting,
         "brdf": brdf,

@@ -6,7 +6,7 @@ it is reflected; the other models are those of convex shapes and cast none.
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import equinox as eqx
 import numpy as np
@@ -146,19 +146,31 @@ def render_samples(
 
     A model with shadows must know the samples' places (ValueError without).
     """
+    found = np.zeros((samples.normals.shape[0], brdf.amplitudes.shape[1]))
+    for rows, batch, lit in batches(samples, model, places):
+        found[rows] = np.asarray(_reflect(brdf, batch, lit))[: rows.stop - rows.start]
+    return found
+
+
+def batches(
+    samples: SurfaceSamples,
+    model: ForwardModel | ShadowedModel,
+    places: SurfacePlaces | None = None,
+) -> Iterator[tuple[slice, SurfaceSamples, ForwardModel]]:
+    """Cut samples into batches of one size, the last filled up, each with its model.
+
+    The slice says which samples a batch holds.  A model with shadows must know the samples' places
+    (ValueError without).
+    """
     if isinstance(model, ShadowedModel) and places is None:
         raise ValueError("shadows need to know where the samples lie: give their places")
-    count = samples.normals.shape[0]
-    found = np.zeros((count, brdf.amplitudes.shape[1]))
-    step = _batch_size(model)
+    count, step = samples.normals.shape[0], _batch_size(model)
     for first in range(0, count, step):
         batch = SurfaceSamples(*(_batch(a, first, step) for a in samples))
         lit = model
         if isinstance(lit, ShadowedModel):
             lit = lit.at(SurfacePlaces(*(_batch(a, first, step) for a in places or ())), batch)
-        size = min(step, count - first)
-        found[first : first + size] = np.asarray(_reflect(brdf, batch, lit))[:size]
-    return found
+        yield slice(first, min(first + step, count)), batch, lit
 
 
 def _batch_size(model: ForwardModel | ShadowedModel) -> int:

@@ -159,9 +159,12 @@ def test_defaults():
     }
     assert config.brdf.model_dump() == {
         "model": "microfacet",
+        "compare": (),
         "kd": "free",
         "ks": "free",
         "sigma": "free",
+        "roughness": "free",
+        "exponent": "free",
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
@@ -181,6 +184,8 @@ def test_defaults():
         "free_exposure": False,
         "most_sources": 48,
         "variants": True,
+        "held_out": 0.2,
+        "interreflection": False,
     }
 
 
@@ -329,7 +334,7 @@ def test_anchors_are_allowed():
     assert config.lighting.directional[0] == config.lighting.directional[1]
 
 
-KEYS = "task, capture, lighting, brdf, samples, solve, output"
+KEYS = "task, capture, lighting, brdf, samples, solve, texture, spectrum, output"
 SYNTAX = {
     "": f"bad.yaml:1:1: the file is empty; keys are {KEYS}",
     "# nothing\n": f"bad.yaml:1:1: the file is empty; keys are {KEYS}",
@@ -417,7 +422,10 @@ VALUES = {
     (
         "task",
         "brdff",
-    ): "found 'brdff', accepted: 'brdf', 'lighting' or 'factorize', did you mean 'brdf'?",
+    ): (
+        "found 'brdff', accepted: 'brdf', 'lighting', 'factorize', 'texture' or 'brdf-spectrum', "
+        "did you mean 'brdf'?"
+    ),
     ("capture.transforms", "12"): "found 12, accepted: a path",
     ("capture.geometry", "1"): "found 1, accepted: {sphere, mesh, scale}",
     ("capture.geometry.sphere.radius", "0"): "found 0, accepted: a number above 0",
@@ -455,8 +463,9 @@ VALUES = {
     ("lighting.split", ".nan"): "found nan, accepted: 'off', 'auto' or a number from 0 to 1",
     ("samples.min_cosine", ".nan"): "found nan, accepted: a number between 0 and 1, both excluded",
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",
-    ("brdf.model", "phong"): (
-        "found 'phong', accepted: 'microfacet', 'ggx', 'beckmann' or 'lambertian'"
+    ("brdf.model", "plastic"): (
+        "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'ward', 'phong', "
+        "'blinn-phong' or 'lambertian'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"
@@ -518,7 +527,8 @@ def test_wrong_entry_of_a_list_of_sections():
 
 def test_missing_keys():
     assert message("capture: {recipe: a.yaml}\n") == (
-        "bad.yaml:1:1: missing key 'task', accepted: 'brdf', 'lighting' or 'factorize'"
+        "bad.yaml:1:1: missing key 'task', accepted: 'brdf', 'lighting', 'factorize', 'texture' "
+        "or 'brdf-spectrum'"
     )
     text = CAPTURE + "lighting:\n  environment: {scale: 2}\n"
     assert (

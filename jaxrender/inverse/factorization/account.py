@@ -115,11 +115,14 @@ def _parameters(
     error = Parameters(
         *(np.sqrt(np.einsum("...i,ij,...j->...", s, few, s)) for s in map(np.asarray, slopes))
     )
+    every = np.concatenate([np.reshape(s, (-1, channels + 2)) for s in slopes])
+    if metal:
+        every[2 * channels + 1] = 0
     value = Parameters(*(np.asarray(part, float) for part in material(vector)))
     if metal:
         value = value._replace(mu=np.asarray(np.nan))
         error = error._replace(mu=np.asarray(0.0))
-    return intervals(value, error)
+    return intervals(value, error, every @ few @ every.T)
 
 
 def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple) -> RecoveredScene:

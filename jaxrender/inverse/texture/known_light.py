@@ -7,10 +7,13 @@ at first: so split at a small roughness and search, then split at what was found
 import numpy as np
 
 from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Shape
 from jaxrender.inverse.known_light import KnownLight, exact_nodes, prepare_light
+from jaxrender.inverse.models import ExactModel, Model
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.texture.fit import TextureFit, TextureSettings, fit_texture
-from jaxrender.inverse.texture.forward import Forward, dual_forward, exact_forward
+from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.shapes import Int
@@ -24,6 +27,8 @@ _SPLIT_AGAIN, _SPLITS = 0.25, 3
 _AFFORDABLE_PAIRS = 2**28
 # Observations that the rough pass looks at.
 _ROUGH_SAMPLES = 4000
+# Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
+_SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
 
 def recover_texture(
@@ -36,13 +41,15 @@ def recover_texture(
     unknowns: MicrofacetUnknowns | None = None,
     settings: TextureSettings | None = None,
     exact: bool = True,
+    shape: Shape | None = None,
 ) -> TextureFit:
-    """Recover K_d and K_s of every site of an object that does not shadow itself.
+    """Recover K_d and K_s of every site of an object.
 
     ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
     the Fresnel angle, the masking and, by ``mu=None``, a metal.  With ``exact`` sigma and mu are
     refined on the integral, and the sites solved on it, too, unless observations times directions
-    exceed 2^28.  For shadows, build a :class:`Forward` and call ``fit_texture``.
+    exceed 2^28.  ``shape`` is asked for shadows where it is concave; the observations must then
+    have places, and the sites are solved on the dual model (T 6.12).
     """
     settings = settings or TextureSettings()
     unknowns = unknowns or MicrofacetUnknowns(mu=MicrofacetUnknowns().mu if variant.mu else None)
@@ -50,13 +57,20 @@ def recover_texture(
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)
     found = float(np.clip(_ROUGH_SIGMA, low, high))
-    rough = forward_under(light, observations, variant, found, (low, high), "rough", exact=False)
+    shape = concave(shape)
+    if shape is not None:
+        observations = with_transfer(observations, shape, light.diffuse_degrees)
+    rough = forward_under(
+        light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
+    )
     rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES)
     fit = fit_texture(some, rough, unknowns, rough_settings)
     for _ in range(_SPLITS):
         before, found = found, fit.sigma
         reach = (max(low, found / _TABLE_REACH), min(high, found * _TABLE_REACH))
-        forward = forward_under(light, observations, variant, found, reach, exact=exact)
+        forward = forward_under(
+            light, observations, variant, found, reach, exact=exact, shape=shape
+        )
         fit = fit_texture(measured, forward, unknowns, settings, fit.lobe.point)
         if abs(np.log(fit.sigma / found)) < _SPLIT_AGAIN or before == found:
             break
@@ -71,18 +85,38 @@ def forward_under(
     sigma_range: tuple[float, float],
     split: str | float = "auto",
     exact: bool = True,
+    shape: Shape | None = None,
 ) -> Forward:
-    """Model observations under a known light, split at ``sigma``."""
+    """Model observations under a known light, split at ``sigma``; ``shape`` if it is concave.
+
+    A concave shape's observations have their transfer vectors (T 6.10).
+    """
     brdf = variant.with_roughness(sigma, None).as_metal()
     prepared = prepare_light(light, observations, brdf, split, None)
-    dual = dual_forward(variant, observations, prepared.dual, sigma_range)
+    shadows = shadows_of(shape, observations, prepared.dual)
+    dual = dual_forward(variant, observations, prepared.dual, sigma_range, shadows)
     if not exact:
         return dual
+    if shape is not None:
+        return dual._replace(exact=_shadowed_exact(light, observations, variant, sigma, shape))
     nodes = exact_nodes(light, np.asarray(observations.frame), sigma)
     integral = exact_forward(variant, observations, nodes)
     directions = sum(part.directions.shape[-2] for part in nodes)
     affordable = observations.count * directions <= _AFFORDABLE_PAIRS
     return Forward(dual.search, integral if affordable else dual.final, integral)
+
+
+def _shadowed_exact(
+    light: KnownLight, observations: Observations, variant: Microfacet, sigma: float, shape: Shape
+) -> ModelOf:
+    """Model observations by the integral over the nodes that each of them sees."""
+
+    def model_of(index: Int[np.ndarray, "kept"]) -> Model:
+        own = observations.take(index)
+        nodes = exact_nodes(light, np.asarray(own.frame), sigma, _SHADOWED_ANGLE_PER_SIGMA)
+        return ExactModel(variant, own.samples, nodes, nodes_seen(shape, own, nodes))
+
+    return model_of
 
 
 def _sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:

@@ -32,11 +32,11 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 # Observations solved at once.
 _CHUNK = 2**14
 # K_d is marked where its standard error exceeds this part of it ...
-_TRUSTED_ERROR = 0.05
+TRUSTED_ERROR = 0.05
 # ... (of what is dark, this part of the typical K_d counts as well) ...
 _DARK = 0.1
 # ... or where the residuals are this many times what the noise makes them.
-_TRUSTED_MISFIT = 3.0
+TRUSTED_MISFIT = 3.0
 _LEAST_NOISE = 1e-6
 
 
@@ -135,7 +135,7 @@ def solve_surface(
         misfit[sites] = np.sqrt(np.asarray(solved.squares)[:count] / freedom)
         left += float(solved.residual)
     energy = float(np.sum(measured.share[:, None] * measured.radiance**2))
-    bad = ~(_relative_error(kd, kd_error) <= _TRUSTED_ERROR) | ~(misfit <= _TRUSTED_MISFIT)
+    bad = ~(_relative_error(kd, kd_error) <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT)
     return Texture(
         kd,
         ks,

@@ -1,10 +1,10 @@
 """Configs as data: what a run is told, with no class of the run time in it.
 
 One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :mod:`.lighting`,
-:mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`; :mod:`.run` is
-the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values` holds the kinds of
-value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document` (places),
-:mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).
+:mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`, :mod:`.texture`;
+:mod:`.run` is the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values`
+holds the kinds of value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document`
+(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig
@@ -38,6 +38,7 @@ from jaxrender.pipelines.config.recipe import (
 from jaxrender.pipelines.config.run import RunConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
 from jaxrender.pipelines.config.solve import NoiseConfig, SolveConfig
+from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 
 __all__ = [
     "AreaConfig",
@@ -59,7 +60,9 @@ __all__ = [
     "RunConfig",
     "SamplesConfig",
     "SolveConfig",
+    "SpectrumConfig",
     "SphereConfig",
+    "TextureConfig",
     "ViewsConfig",
     "json_schema",
     "load_recipe",

@@ -10,8 +10,8 @@ from jaxrender.pipelines.config.brdf import (
     Fresnel,
     Masking,
     Model,
+    refuse_foreign_keys,
     refuse_roughest,
-    refuse_specular_keys,
     with_defaults_of_model,
 )
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
@@ -61,13 +61,28 @@ class RecipeBrdfConfig(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> RecipeBrdfConfig:
-        refuse_specular_keys(self)
+        refuse_foreign_keys(self)
         refuse_roughest(self.model, self.sigma)
         missing = {"ks", "sigma", "mu"} - self.model_fields_set
         if self.model != "lambertian" and missing:
             names = ", ".join(sorted(missing))
             raise ValueError(f"a {self.model} recipe states its whole truth; missing: {names}")
         return self
+
+
+class RecipePaintConfig(Section):
+    """Paint by direction from the middle of the object: from brdf's kd and ks to those here."""
+
+    pattern: Literal["checker", "noise"] = "checker"
+    """Sharp cells of latitude and longitude, or soft blotches."""
+    cells: Count = 8
+    """Cells from pole to pole, twice as many around; of blotches the highest degree."""
+    kd: Rgb
+    """Diffuse BRDF value of the other paint, 1/sr."""
+    ks: NonNegative
+    """Specular weight of the other paint, one for all channels."""
+    seed: WholeNumber = 0
+    """Seed of the blotches."""
 
 
 class AreaConfig(Section):
@@ -137,6 +152,8 @@ class RecipeConfig(Section):
     """The shape."""
     brdf: RecipeBrdfConfig
     """The true material."""
+    texture: RecipePaintConfig | None = None
+    """Paint that varies over the surface; without it the material is the same everywhere."""
     lighting: RecipeLightingConfig
     """The true light."""
     views: ViewsConfig = ViewsConfig()
@@ -147,3 +164,11 @@ class RecipeConfig(Section):
     """Rows of the environment image that is handed to the fit."""
     seed: WholeNumber = 0
     """Seed of the noise."""
+
+    @model_validator(mode="after")
+    def _paint_has_one_ks(self) -> RecipeConfig:
+        if self.texture is not None and len(set(self.brdf.ks)) > 1:
+            raise ValueError("a painted material has one ks for all channels; give brdf.ks once")
+        if self.texture is not None and self.brdf.model == "lambertian" and self.texture.ks:
+            raise ValueError("found texture.ks with model lambertian, which has only kd; give 0")
+        return self

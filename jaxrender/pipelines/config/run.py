@@ -6,19 +6,23 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import GLOSSY, BrdfConfig
+from jaxrender.pipelines.config.brdf import FACET_MODELS, GLOSSY, BrdfConfig
 from jaxrender.pipelines.config.capture import CaptureConfig
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
 from jaxrender.pipelines.config.solve import SolveConfig
+from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 from jaxrender.pipelines.config.values import ConfigPath, Section
+
+_UNDER_KNOWN_LIGHT = ("brdf", "brdf-spectrum")
 
 
 class RunConfig(Section):
     """A fit: what is known, what is asked, and how it is found."""
 
-    task: Literal["brdf", "lighting", "factorize"]
-    """What is recovered: the material, the light, or both."""
+    task: Literal["brdf", "lighting", "factorize", "texture", "brdf-spectrum"]
+    """What is recovered: the material, the light, both, a material for every texel (with the light
+    known or, where none is given, unknown), or the BRDF as coefficients."""
     capture: CaptureConfig
     """The photographs and the shape."""
     lighting: LightingConfig = LightingConfig()
@@ -29,12 +33,26 @@ class RunConfig(Section):
     """Which pixels take part."""
     solve: SolveConfig = SolveConfig()
     """How the unknowns are found."""
+    texture: TextureConfig | None = None
+    """The texture of task texture."""
+    spectrum: SpectrumConfig | None = None
+    """The coefficients of task brdf-spectrum."""
     output: ConfigPath | None = None
     """Result folder; taken relative to the working directory."""
 
+    @property
+    def knows_light(self) -> bool:
+        """Whether the light is known, from the config or from its recipe."""
+        if self.task == "texture":
+            unknown = self.texture is not None and self.texture.unknown_light
+            return not unknown and (self.lighting.given or self.capture.recipe is not None)
+        return self.task in _UNDER_KNOWN_LIGHT
+
     @model_validator(mode="after")
     def _has_light(self) -> RunConfig:
-        recovers_light = self.task != "brdf"
+        if self.task == "texture":
+            return self
+        recovers_light = self.task not in _UNDER_KNOWN_LIGHT
         if recovers_light and self.lighting.given:
             raise ValueError(
                 f"task {self.task} recovers the light; remove lighting, or choose task: brdf"
@@ -46,9 +64,36 @@ class RunConfig(Section):
         return self
 
     @model_validator(mode="after")
+    def _asks_of_known_light_what_it_alone_can(self) -> RunConfig:
+        if self.solve.interreflection and self.lighting.free_scale:
+            raise ValueError(
+                "bounced light tells by the albedo, which an unknown scale of the light leaves "
+                "open; remove solve.interreflection or lighting.free_scale"
+            )
+        if self.task == "brdf":
+            return self
+        if self.brdf.model not in (*FACET_MODELS, "lambertian"):
+            raise ValueError(
+                f"model {self.brdf.model} is fitted under known light only (task: brdf); "
+                f"choose model {GLOSSY}"
+            )
+        if self.brdf.compare:
+            raise ValueError("brdf.compare is for task: brdf; remove it")
+        if self.solve.interreflection:
+            raise ValueError("solve.interreflection is for task: brdf; remove it")
+        return self
+
+    @model_validator(mode="after")
     def _knows_what_its_task_needs(self) -> RunConfig:
         brdf = self.brdf
-        if self.task == "brdf":
+        for key, task in (("texture", "texture"), ("spectrum", "brdf-spectrum")):
+            if getattr(self, key) is not None and self.task != task:
+                raise ValueError(f"found {key} with task {self.task}; remove it, or task: {task}")
+        if self.task == "texture":
+            _refuse_for_texture(self)
+        if self.task == "brdf-spectrum":
+            _refuse_for_spectrum(self)
+        if self.task not in ("lighting", "factorize"):
             return self
         if brdf.model == "lambertian":
             raise ValueError(
@@ -69,3 +114,36 @@ class RunConfig(Section):
                 "under unknown light only the ratio of kd and ks means anything; fix both or none"
             )
         return self
+
+
+def _refuse_for_texture(config: RunConfig) -> None:
+    """Refuse what a material for every texel cannot be combined with."""
+    brdf, solve, lighting = config.brdf, config.solve, config.lighting
+    if not (brdf.kd.free and brdf.ks.free):
+        raise ValueError("kd and ks are the texture that is sought; leave both free")
+    faults = {
+        "brdf.ks_per_channel": (brdf.ks_per_channel, "has one ks for all channels"),
+        "solve.free_exposure": (solve.free_exposure, "needs known exposures"),
+        "lighting.free_scale": (lighting.free_scale, "takes the light as given"),
+        "solve.loss": (solve.loss != "squares", "counts squared residuals"),
+    }
+    for key, (found, why) in faults.items():
+        if found:
+            raise ValueError(f"task texture {why}; remove {key}")
+    if config.texture is not None and config.texture.unknown_light and lighting.given:
+        raise ValueError("found lighting with texture.unknown_light; remove one of them")
+
+
+def _refuse_for_spectrum(config: RunConfig) -> None:
+    """Refuse what is linear recovery's no part of: a model, and unknown factors."""
+    solve, lighting = config.solve, config.lighting
+    if config.brdf != BrdfConfig():
+        raise ValueError("task brdf-spectrum fits no model; remove brdf")
+    if solve.free_exposure or lighting.free_scale:
+        key = "solve.free_exposure" if solve.free_exposure else "lighting.free_scale"
+        raise ValueError(f"task brdf-spectrum needs absolute radiance; remove {key}")
+    if lighting.per_frame is not None:
+        raise ValueError(
+            "task brdf-spectrum is for light that all photographs share; found lighting.per_frame: "
+            "choose task: brdf"
+        )

@@ -23,9 +23,14 @@ _STAGES = {
     "solve": "fit in the frequency view",
     "refine": "refinement by the exact integral",
     "light": "finding the light, source by source",
+    "texture": "sigma and mu, then the material of every texel",
+    "spectrum": "summing up and solving for the coefficients",
     "shadows": "tracing shadows",
     "account": "error bars",
+    "compare": "judging the models on held-out pixels",
+    "interreflection": "light from one part of the object to another",
     "variants": "fits under other models",
+    "forecast": "error bars to be expected",
     "predict": "rendering the predictions",
     "write": "writing files",
     "report": "this page",
@@ -67,11 +72,14 @@ class Timings(NamedTuple):
 
 def ending(contents: Contents) -> Ending:
     """Say how the fit ended."""
-    outcome = str(contents.result.get("outcome", contents.fit.outcome.value))
+    outcome, reasons = (contents.result.get(key) for key in ("outcome", "reasons"))
+    if contents.fit is not None:
+        outcome = outcome or contents.fit.outcome.value
+        reasons = contents.fit.reasons if reasons is None else reasons
+    outcome = str(outcome)
     headline, tone = _HEADLINES.get(outcome, (outcome, "warn"))
     known = {item.value: item.sentence for item in Outcome}
-    reasons = contents.result.get("reasons", contents.fit.reasons)
-    return Ending(headline, tone, known.get(outcome, ""), tuple(str(r) for r in reasons))
+    return Ending(headline, tone, known.get(outcome, ""), tuple(str(r) for r in reasons or ()))
 
 
 def figures(contents: Contents) -> tuple[Figure, ...]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
+from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
 from jaxrender.shapes import Bool, Float
 
 
@@ -58,4 +59,49 @@ class LightContents(NamedTuple):
         return False
 
 
-Contents = ReportContents | LightContents
+class TextureContents(NamedTuple):
+    """All that the report of a recovered texture shows.
+
+    ``maps`` are kd, ks, kd_error, ks_error (NaN where unknown) and marks, None where sites are
+    vertices; ``light`` the coefficients of a light that was recovered as well.
+    """
+
+    title: str
+    result: dict[str, Any]
+    maps: dict[str, Panorama] | None
+    light: Float[np.ndarray, "coefficient channel"] | None
+    frames: tuple[FramePictures, ...]
+
+    @property
+    def fit(self) -> None:
+        """None: the result has all there is."""
+
+    @property
+    def is_lambertian(self) -> bool:
+        """Whether the paint was taken to have no gloss."""
+        return self.result["brdf"]["model"] == "lambertian"
+
+
+class SpectrumContents(NamedTuple):
+    """All that the report of a BRDF's coefficients shows: fits of several orders, the last asked.
+
+    ``light_energy`` is that of each degree of the light.
+    """
+
+    title: str
+    result: dict[str, Any]
+    orders: tuple[BRDFSpectrum, ...]
+    light_energy: Float[np.ndarray, "degree"]
+    frames: tuple[FramePictures, ...]
+
+    @property
+    def fit(self) -> None:
+        """None: the result has all there is."""
+
+    @property
+    def is_lambertian(self) -> bool:
+        """Never: no model is supposed."""
+        return False
+
+
+Contents = ReportContents | LightContents | TextureContents | SpectrumContents

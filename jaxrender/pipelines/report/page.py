@@ -7,16 +7,27 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from jaxrender.pipelines.report import account, parameters, wording
-from jaxrender.pipelines.report.contents import Contents, LightContents, ReportContents
+from jaxrender.pipelines.report.brdf_spectrum import spectrum_sections
+from jaxrender.pipelines.report.comparison import comparison
+from jaxrender.pipelines.report.contents import (
+    Contents,
+    LightContents,
+    ReportContents,
+    SpectrumContents,
+    TextureContents,
+)
+from jaxrender.pipelines.report.forecast import forecast
 from jaxrender.pipelines.report.light import direction_discs, environment_map
 from jaxrender.pipelines.report.material import spheres
 from jaxrender.pipelines.report.photographs import gallery
 from jaxrender.pipelines.report.recovered_light import light_pictures, path_plots
 from jaxrender.pipelines.report.residuals import residual_plots
 from jaxrender.pipelines.report.spectra import spectrum_plots
+from jaxrender.pipelines.report.texture import lobes_alone, texture_sections
 
 _PACKAGE = "jaxrender.pipelines.report"
 _TEMPLATE, _LIGHT_TEMPLATE, _STYLE = "report.html.j2", "light.html.j2", "report.css"
+_TEXTURE_TEMPLATE, _SPECTRUM_TEMPLATE = "texture.html.j2", "brdf_spectrum.html.j2"
 _KICKERS = {
     "factorize": "Material and light recovered from photographs",
     "lighting": "Light recovered from photographs",
@@ -48,6 +59,11 @@ def page(contents: Contents) -> str:
     style, _, _ = templates.loader.get_source(templates, _STYLE)
     if isinstance(contents, LightContents):
         name, sections = _LIGHT_TEMPLATE, _light_sections(contents)
+    elif isinstance(contents, TextureContents):
+        name, sections = _TEXTURE_TEMPLATE, texture_sections(contents)
+        contents = lobes_alone(contents)
+    elif isinstance(contents, SpectrumContents):
+        name, sections = _SPECTRUM_TEMPLATE, spectrum_sections(contents)
     else:
         name, sections = _TEMPLATE, _sections(contents)
     return templates.get_template(name).render(
@@ -86,6 +102,8 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
     return {
         "variants": parameters.variants(contents),
         "evidence": parameters.evidence(contents),
+        "comparison": comparison(contents),
+        "forecast": forecast(contents),
         "refined": contents.fit.exact is not None,
         "map": environment_map(contents.light, contents.fit.light),
         "discs": direction_discs(contents.light),

@@ -14,8 +14,12 @@ _MEANINGS = {
     "kd": ("K", "d", "matt reflectance [1/sr]; times π it is the albedo"),
     "ks": ("K", "s", "strength of the gloss"),
     "sigma": ("σ", "", "roughness: how wide the highlight is [radians]"),
+    "roughness": ("α", "", "roughness: how wide the highlight is"),
+    "exponent": ("s", "", "exponent: the larger, the narrower the highlight"),
     "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
 }
+_SHAPES = ("sigma", "roughness", "exponent")
+_THESIS = ("kd", "ks", "sigma", "mu")
 _RGB = ("red", "green", "blue")
 
 
@@ -74,14 +78,15 @@ class Evidence(NamedTuple):
 
     sentence: str
     bars: tuple[EvidenceBar, ...]
+    letter: str = "σ"
 
 
 def parameters(contents: Contents) -> tuple[Parameter, ...]:
     """List the parameters that the material has, in the order of T 6.2."""
     given = contents.result.get("brdf", {})
     names = [name for name in _MEANINGS if name in given]
-    if not names:
-        names = ["kd"] if contents.is_lambertian else list(_MEANINGS)
+    if not names and contents.fit is not None:
+        names = ["kd"] if contents.is_lambertian else list(_THESIS)
     return tuple(_parameter(contents, name) for name in names)
 
 
@@ -122,10 +127,12 @@ def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
 
 def _values(contents: Contents, what: str, name: str) -> list[float]:
     """Look a parameter up in the result, or in the fit where the result does not have it."""
-    result, fitted = contents.result, contents.fit.parameters
+    result, fitted = contents.result, contents.fit and contents.fit.parameters
     key = {"value": "brdf", "interval": "interval90", "error": "standard_error"}[what]
     if name in result.get(key, {}):
         return numbers(result[key][name])
+    if fitted is None:
+        return []
     if what == "interval":
         pair = np.stack([np.asarray(getattr(p, name)) for p in (fitted.lower, fitted.upper)], -1)
         found = pair
@@ -194,7 +201,8 @@ def _chi_squared(difference: Any) -> str:
 
 def evidence(contents: ReportContents) -> Evidence | None:
     """Compare the standard errors of sigma; None where there is no sigma to speak of."""
-    if contents.is_lambertian or _flag(contents.result, "identifiable", "sigma") is None:
+    known = [name for name in _SHAPES if _flag(contents.result, "identifiable", name) is not None]
+    if contents.is_lambertian or not known:
         return None
     own = contents.fit.evidence
     given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}
@@ -206,7 +214,9 @@ def evidence(contents: ReportContents) -> Evidence | None:
     errors = {name: given.get(key) for key, name in names.items()}
     largest = max([0.0, *(e for error in errors.values() for e in numbers(error))])
     bars = tuple(_bar(name, error, largest) for name, error in errors.items())
-    return Evidence(str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars)
+    return Evidence(
+        str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars, _MEANINGS[known[0]][0]
+    )
 
 
 def _bar(name: str, error: Any, largest: float) -> EvidenceBar:
@@ -217,5 +227,7 @@ def _bar(name: str, error: Any, largest: float) -> EvidenceBar:
 
 def in_degrees(contents: Contents) -> str | None:
     """Say the roughness as an angle."""
+    if "sigma" not in contents.result.get("brdf", {"sigma": None}):
+        return None
     values = [] if contents.is_lambertian else _values(contents, "value", "sigma")
     return f"{shown(math.degrees(values[0]), 2)}°" if values else None

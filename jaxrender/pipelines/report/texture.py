@@ -1,0 +1,126 @@
+"""The page of a recovered texture: its maps, its marks, and the light if recovered."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib import colormaps
+
+from jaxrender.harmonics import LatLongGrid, synthesise
+from jaxrender.pipelines.report.contents import TextureContents
+from jaxrender.pipelines.report.display import (
+    Picture,
+    data_uri,
+    exposed,
+    exposure_for,
+    shrunk,
+    tone_key,
+    tone_mapped,
+    with_alpha,
+)
+from jaxrender.pipelines.report.wording import counted, percent, shown
+from jaxrender.shapes import Float
+
+_LONGEST_SIDE = 400
+# Small maps are blown up to about this many pixels, so that browsers do not blur them.
+_SMALLEST_SIDE = 256
+_COLOURS, _ROWS = "viridis", 64
+# The scale of a map of one number ends at this percentile of it.
+_WITHIN_PERCENTILE = 98
+_CAPTIONS = {
+    "kd": "K_d, sRGB, one exposure for all channels",
+    "ks": "K_s",
+    "kd_error": "standard error of K_d, largest of the channels, beside K_d",
+    "ks_error": "standard error of K_s",
+    "marks": "marks: red K_d, green K_s not to be trusted; both and blue: nobody saw it",
+}
+
+
+class Map(NamedTuple):
+    """One map as a data URI, with what it shows."""
+
+    picture: str
+    caption: str
+
+
+def lobes_alone(contents: TextureContents) -> TextureContents:
+    """Leave the means of kd and ks out of the table, and sigma and mu where regions have theirs."""
+    brdf = contents.result["brdf"]
+    kept = () if "regions" in contents.result else ("sigma", "mu")
+    brdf = {name: value for name, value in brdf.items() if name in ("model", *kept)}
+    return contents._replace(result={**contents.result, "brdf": brdf})
+
+
+def texture_sections(contents: TextureContents) -> dict[str, Any]:
+    """Gather what the template shows beside what all reports have."""
+    result = contents.result
+    return {
+        "variants": None,
+        "evidence": None,
+        "refined": False,
+        "maps": _maps(contents),
+        "texture": result["texture"],
+        "ambiguity": result.get("ambiguity"),
+        "regions": [_region(region) for region in result.get("regions", ())],
+        "light": _light(contents),
+        "lambertian": contents.is_lambertian,
+    }
+
+
+def _region(region: dict[str, Any]) -> dict[str, str]:
+    found = {"name": region["name"], "sites": counted(region["sites"])}
+    for name in ("sigma", "mu"):
+        pair = region.get(f"{name}_interval90")
+        span = "" if pair is None else f" ({shown(pair[0])} to {shown(pair[1])})"
+        found[name] = shown(region.get(name)) + span
+    return found
+
+
+def _maps(contents: TextureContents) -> tuple[Map, ...]:
+    if contents.maps is None:
+        return ()
+    maps = contents.maps
+    found = [Map(_coloured(maps["kd"]), _CAPTIONS["kd"])]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.max(maps["kd_error"] / maps["kd"], axis=-1, keepdims=True)
+    relative = np.where(np.isfinite(relative), relative, np.nan)
+    graded = {"ks": maps["ks"], "kd_error": relative, "ks_error": maps["ks_error"]}
+    for name in ("kd_error",) if contents.is_lambertian else ("ks", "kd_error", "ks_error"):
+        uri, top = _graded(graded[name])
+        scale = percent(top) if name == "kd_error" else shown(top, 3)
+        found.append(Map(uri, f"{_CAPTIONS[name]}; dark 0, yellow {scale}"))
+    marks = np.rint(255 * maps["marks"]).astype(np.uint8)
+    return (*found, Map(data_uri(_enlarged(marks)), _CAPTIONS["marks"]))
+
+
+def _coloured(image: Picture) -> str:
+    known = np.isfinite(np.asarray(image)).all(axis=-1)
+    small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)
+    codes = exposed(small, exposure_for(image))
+    opacity = shrunk(known[..., None].astype(float), _LONGEST_SIDE)[..., 0]
+    return data_uri(_enlarged(with_alpha(codes, opacity)))
+
+
+def _graded(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
+    known = np.isfinite(np.asarray(image))
+    top = float(np.percentile(image[known], _WITHIN_PERCENTILE)) if known.any() else 1.0
+    top = top if top > 0 else 1.0
+    small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)[..., 0]
+    opacity = shrunk(known.astype(float), _LONGEST_SIDE)[..., 0]
+    colours = colormaps[_COLOURS](np.clip(small / np.maximum(opacity, 1e-6) / top, 0, 1))
+    codes = np.rint(255 * colours[..., :3]).astype(np.uint8)
+    return data_uri(_enlarged(with_alpha(codes, opacity))), top
+
+
+def _enlarged(codes: np.ndarray) -> np.ndarray:
+    """Repeat the texels of a small map."""
+    times = max(1, _SMALLEST_SIDE // max(codes.shape[:2]))
+    return np.repeat(np.repeat(codes, times, axis=0), times, axis=1)
+
+
+def _light(contents: TextureContents) -> str | None:
+    if contents.light is None:
+        return None
+    image = synthesise(LatLongGrid(_ROWS, 2 * _ROWS), jnp.asarray(contents.light))
+    radiance = np.maximum(np.asarray(image), 0)
+    return data_uri(tone_mapped(radiance, tone_key(radiance)))

@@ -1,0 +1,151 @@
+"""What a finished result can be rendered as: one material, a texture, or a BRDF as coefficients."""
+
+import abc
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+
+from jaxrender.brdf import Glossy
+from jaxrender.errors import InputError
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
+from jaxrender.geometry.texels import surface_sites
+from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
+from jaxrender.pipelines.brdf_spectrum import read_spectrum
+from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.texture.surface import facets_of, lobes_of
+from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
+from jaxrender.shapes import Float
+
+# An image of a light is summed as finely as a lobe of this part of the finest wave asks for.
+_WIDTH_PER_WAVE = 0.5
+
+
+class Subject(abc.ABC):
+    """Something with a shape that sends light to a camera.
+
+    ``lobe`` is the material that a light is made ready for, None where there is no such lobe;
+    ``width`` the width of its finest detail, radians.
+    """
+
+    lobe: Glossy | None
+    width: float
+
+    @abc.abstractmethod
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render a view; zero where nothing is hit."""
+
+    def slopes(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "pixel 4 channel"] | None:
+        """Differentiate by kd, ks, sigma and mu; None where those are not the parameters."""
+        return None
+
+
+class UniformSubject(Subject):
+    """One material everywhere."""
+
+    def __init__(self, lobe: Glossy):
+        self.lobe, self.width = lobe, float(lobe.sigma)
+
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render a view."""
+        assert self.lobe is not None
+        return render_view(self.lobe, view, model)
+
+    def slopes(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "pixel 4 channel"]:
+        """Differentiate by kd, ks, sigma and mu."""
+        assert self.lobe is not None
+        return sensitivities(self.lobe, view, model)
+
+
+class SpectrumSubject(Subject):
+    """A BRDF known by coefficients; it may ring, and is shown black where it is negative."""
+
+    def __init__(self, folder: Path):
+        spectrum = read_spectrum(folder / "result.nc")
+        self.lobe, self.brdf = None, HarmonicBRDF.of(spectrum)
+        self.width = _WIDTH_PER_WAVE * np.pi / max(spectrum.basis.band_limit, 1)
+
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render a view."""
+        return np.maximum(render_view(self.brdf, view, model), 0)
+
+
+class TexturedSubject(Subject):
+    """A material for every texel or vertex, with one lobe for each region; unseen sites are black.
+
+    Raises ``InputError`` where the result's arrays have gone or are damaged.
+    """
+
+    def __init__(self, config: RunConfig, folder: Path, shape: Shape):
+        path = folder / "result.nc"
+        try:
+            with h5netcdf.File(path, "r") as file:
+                group, lobe = file["texture"], file["lobe"]
+                kd, ks, region = (np.asarray(group[name][:]) for name in ("kd", "ks", "region"))
+                sigmas, mus = (np.asarray(lobe[name][:]) for name in ("sigma", "mu"))
+        except (OSError, KeyError) as error:
+            raise InputError(
+                f"{path}: cannot be read ({error}); run fit again with --force"
+            ) from None
+        size = ks.shape if ks.ndim == 2 else (1, 1)
+        self.shape, self.size = shape, (int(size[0]), int(size[1]))
+        self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))
+        self.ks, self.region = np.nan_to_num(ks.ravel()), region.ravel()
+        variant = facets_of(config.brdf)
+        self.lobes = [
+            variant.with_roughness(float(s), None if variant.mu is None else float(m))
+            for s, m in zip(sigmas, mus)
+        ]
+        seen = np.isfinite(kd.reshape(-1, kd.shape[-1])).all(axis=1)
+        self.numbers = np.unique(self.region[seen])
+        self.width = float(sigmas.min())
+        self.lobe = self.lobes[int(np.argmin(sigmas))]
+
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render B = K_d(x) D + K_s(x) S (T 6.13)."""
+        found = surface_sites(self.shape, view, self.size)
+        if found.count != len(self.ks):
+            raise InputError(
+                f"{found.sentence} of the shape, {len(self.ks)} in the result: its geometry has "
+                "changed since; run fit again with --force"
+            )
+        site = found.of_pixel[view.hit]
+        values = np.zeros((len(site), self.kd.shape[1]))
+        places = SurfacePlaces.of_views([view])
+        for number, lobe in zip(self.numbers, self.lobes):
+            rows = np.flatnonzero(self.region[site] == number)
+            if not rows.size:
+                continue
+            samples = SurfaceSamples(view.normals[view.hit][rows], view.outgoing[view.hit][rows])
+            own = SurfacePlaces(*(part[rows] for part in places))
+            columns = lobes_of(lobe, samples, model, own)
+            kd, ks = self.kd[site[rows]], self.ks[site[rows]][:, None]
+            values[rows] = kd * columns.diffuse + ks * columns.specular
+        image = np.zeros((*view.hit.shape, values.shape[1]))
+        image[view.hit] = values
+        return image
+
+
+def subject_of(
+    config: RunConfig, result: tuple[Path, dict[str, Any]], shape: Shape, material
+) -> Subject:
+    """Make what a result folder holds; ``material`` makes one of its ``brdf`` section."""
+    folder, found = result
+    if config.task == "texture":
+        return TexturedSubject(config, folder, shape)
+    if config.task == "brdf-spectrum":
+        return SpectrumSubject(folder)
+    return UniformSubject(material(found["brdf"]))

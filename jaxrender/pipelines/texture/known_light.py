@@ -1,0 +1,142 @@
+"""A texture under known light: each region's sigma and mu, then every site (T 6.13)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Shape
+from jaxrender.inverse import KnownLight, MicrofacetUnknowns, Observations
+from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.shadowing import concave
+from jaxrender.inverse.texture import (
+    Forward,
+    TextureFit,
+    TextureSettings,
+    by_site,
+    fit_texture,
+    forward_under,
+    recover_texture,
+)
+from jaxrender.inverse.unknowns import Unknown
+from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.scene import settings_of, unknowns_of
+from jaxrender.pipelines.texture.sites import SurfaceSites
+from jaxrender.pipelines.texture.surface import Region, Surface, facets_of, worst_outcome
+from jaxrender.shapes import Array, Float, Int
+
+# A lobe that nothing asks about: matte paint has none.
+_NO_LOBE = 0.1
+_METHODS = {"variable-projection": "joint", "simplex": "thesis"}
+
+
+class MatteModel(eqx.Module):
+    """A model whose lobe is dark: paint without gloss."""
+
+    model: Model
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate the diffuse column alone."""
+        diffuse = self.model.columns(sigma, mu).diffuse
+        return Columns(diffuse, jnp.zeros_like(diffuse))
+
+    def thinned(self, step: int) -> "MatteModel":
+        """Keep one in ``step`` samples."""
+        return MatteModel(self.model.thinned(step))
+
+
+def texture_settings(config: RunConfig) -> TextureSettings:
+    """Translate how a texture is to be found."""
+    settings = settings_of(config)
+    return TextureSettings(
+        settings.noise,
+        _METHODS[settings.method],
+        settings.starts,
+        config.samples.count,
+        settings.refine_samples,
+        settings.seed,
+    )
+
+
+def under_known_light(
+    config: RunConfig,
+    observations: Observations,
+    light: KnownLight,
+    sites: SurfaceSites,
+    regions: tuple[Int[np.ndarray, "site"], list[str]],
+) -> Surface:
+    """Recover every region by itself and put them together.
+
+    Raises ``ValueError`` where nothing can be told, such as for sites that are seen only once.
+    """
+    region, names = regions
+    texture, found, reasons = None, [], []
+    for number, name in enumerate(names):
+        own = (sites.of_observation >= 0) & (region[sites.of_observation] == number)
+        if not own.any():
+            continue
+        site = np.where(own, sites.of_observation, -1)
+        fit = _fit(config, observations, light, (site, sites))
+        texture = (
+            fit.texture if texture is None else texture.with_sites((region == number), fit.texture)
+        )
+        seen = int(np.count_nonzero(fit.texture.seen))
+        errors = (fit.sigma_error, fit.mu_error)
+        if config.brdf.model == "lambertian":
+            errors = (None, None)
+        found.append((Region(name, seen, fit.sigma, fit.mu, *errors, fit.outcome), fit))
+        reasons += [f"{reason}{f' in region {name}' if name else ''}" for reason in fit.reasons]
+    assert texture is not None
+    largest = max(found, key=lambda pair: pair[0].sites)[1]
+    return Surface(
+        texture,
+        tuple(pair[0] for pair in found),
+        region,
+        largest.noise,
+        worst_outcome([pair[0].outcome for pair in found]),
+        tuple(reasons),
+        "given",
+    )
+
+
+def _fit(
+    config: RunConfig,
+    observations: Observations,
+    light: KnownLight,
+    where: tuple[Int[np.ndarray, "sample"], SurfaceSites],
+) -> TextureFit:
+    site, sites = where
+    variant, settings = facets_of(config.brdf), texture_settings(config)
+    shape: Shape | None = concave(sites.shape)
+    if config.brdf.model == "lambertian":
+        return _fit_matte(observations, light, (variant, settings), where)
+    return recover_texture(
+        observations,
+        site,
+        sites.count,
+        light,
+        variant,
+        unknowns=unknowns_of(config, 0),
+        settings=settings,
+        exact=config.solve.refine == "exact",
+        shape=shape,
+    )
+
+
+def _fit_matte(
+    observations: Observations,
+    light: KnownLight,
+    how: tuple[Microfacet, TextureSettings],
+    where: tuple[Int[np.ndarray, "sample"], SurfaceSites],
+) -> TextureFit:
+    """Divide by the irradiance (T 6.1.1, class 1), each site by all its observations."""
+    (variant, settings), (site, sites) = how, where
+    reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
+    forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
+    dark = Forward(*(_darkened(model) for model in (forward.final, forward.final)))
+    unknowns = MicrofacetUnknowns(sigma=Unknown(fixed=(_NO_LOBE,)), mu=None)
+    return fit_texture(by_site(observations, site, sites.count), dark, unknowns, settings)
+
+
+def _darkened(model_of):
+    return lambda index: MatteModel(model_of(index))

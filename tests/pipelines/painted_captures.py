@@ -1,0 +1,100 @@
+"""Captures of painted balls that the tests of textures share: T 6.13 in plain NumPy.
+
+B = kd(x) D + ks(x) S with D and S of ``small_captures``: sums over lamps, nothing of the program's
+forward model.  Paint is a checkerboard of latitude and longitude whose cells hold whole texels.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+from unittest import mock
+
+import numpy as np
+import small_captures
+from small_captures import Ball, cameras, focal_length, write_json
+
+from jaxrender.geometry import Shape, observe
+from jaxrender.io import write_image
+
+LAMPS = (
+    ((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)),
+    ((0.3, -0.7, 0.2), (1.2, 1.4, 1.8)),
+    ((0.9, 0.0, 0.9), (0.8, 0.8, 0.8)),
+)
+_LAMPS = ", ".join(f"{{direction: {list(d)}, irradiance: {list(e)}}}" for d, e in LAMPS)
+LIGHTING = f"lighting: {{directional: [{_LAMPS}]}}\n"
+NOISE, CELLS = 0.01, 4
+KD = np.array([[0.2, 0.1, 0.05], [0.08, 0.15, 0.25]])
+KS = np.array([0.06, 0.12])
+
+
+class Paint(NamedTuple):
+    """Two paints, and where each is."""
+
+    kd: np.ndarray = KD
+    ks: np.ndarray = KS
+
+    def of(self, points):
+        """Kd and ks by direction from the origin."""
+        x, y, z = (points / np.linalg.norm(points, axis=1, keepdims=True)).T
+        row = np.floor(np.arccos(np.clip(z, -1, 1)) / np.pi * CELLS)
+        column = np.floor((np.arctan2(y, x) / (2 * np.pi)) % 1 * 2 * CELLS)
+        which = ((row + column) % 2).astype(int)
+        return self.kd[which], self.ks[which]
+
+
+CHECKER, MATTE = Paint(), Paint(ks=np.zeros(2))
+
+
+def write_painted(folder: Path, paint: Paint = CHECKER, views: int = 9, shape: Shape | None = None):
+    """Write pictures of the ball (or of another shape) and transforms.json."""
+    ball = Ball(views=views, size=40)
+    shape = ball.shape if shape is None else shape
+    (folder / "images").mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    frames = []
+    for number, camera in enumerate(cameras(ball)):
+        view = observe(camera, shape)
+        kd, ks = paint.of(view.points[view.hit])
+        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit])
+        image = np.zeros((*view.hit.shape, 4))
+        exact = kd * diffuse + ks[:, None] * specular
+        image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))
+        image[..., 3] = view.hit
+        write_image(folder / f"images/{number}.exr", image)
+        pose = camera.world_from_camera.tolist()
+        frames.append({"file_path": f"images/{number}.exr", "transform_matrix": pose})
+    intrinsics = {"w": ball.size, "h": ball.size, "fl_x": focal_length(ball.size)}
+    write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
+    return folder
+
+
+def columns(normals, outgoing, lamps=LAMPS):
+    """D and S of T 6.13, with the sigma and mu of ``small_captures``."""
+    found = []
+    for kd, ks in (((1.0, 1.0, 1.0), 0.0), ((0.0, 0.0, 0.0), 1.0)):
+        with mock.patch.multiple(small_captures, KD=kd, KS=ks):
+            found.append(small_captures.reflected(normals, outgoing, lamps))
+    return found
+
+
+def texel_paint(rows: int, paint: Paint = CHECKER):
+    """Kd and ks of the texels of a sphere's texture, row by row from the top."""
+    polar = ((np.arange(rows) + 0.5) * np.pi / rows)[:, None]
+    azimuth = ((np.arange(2 * rows) + 0.5) * np.pi / rows)[None, :]
+    points = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)
+        ),
+        axis=-1,
+    )
+    return paint.of(points.reshape(-1, 3))
+
+
+def write_config(folder: Path, text: str, lighting: str = LIGHTING, shape: str = "") -> Path:
+    """Write a config beside a capture."""
+    geometry = shape or "sphere: {radius: 1}"
+    path = folder / "config.yaml"
+    path.write_text(
+        f"capture: {{transforms: transforms.json, geometry: {{{geometry}}}}}\n{lighting}{text}"
+    )
+    return path

@@ -1,0 +1,240 @@
+"""``task: texture`` from config to result folder; photographs by T 6.13 in plain NumPy, 1 % noise.
+
+- Under known light sigma, mu, K_d and K_s of every texel come out within their standard errors;
+  maps, marks, arrays, predictions and the page are written, and agree with each other.
+- Unseen texels are counted and marked; the maps go on beyond the seam and are 0 further off.
+- The result renders again, to the noise; colours of a mask are regions with a lobe each.
+- Matte paint: a mesh without coordinates gets its vertices, and says so; under unknown light the
+  texture is right up to what cannot be told, which is said; gloss that is not there is not told.
+- Bad input is refused in words.
+"""
+
+import h5netcdf
+import numpy as np
+import pytest
+from painted_captures import (
+    CHECKER,
+    KD,
+    MATTE,
+    NOISE,
+    Paint,
+    texel_paint,
+    write_config,
+    write_painted,
+)
+from small_captures import MU, SIGMA, jaxrender, read_result
+
+from jaxrender.errors import InputError
+from jaxrender.geometry import Mesh
+from jaxrender.io import read_image, read_mesh, write_image, write_mesh
+from jaxrender.pipelines import fit, load_run_config
+from jaxrender.pipelines.render import render_config
+
+ROWS, WITHIN = 16, 3.5
+TASK = "task: texture\ntexture: {size: 16}\nsolve: {starts: 1, refine: off}\n"
+MATTE_TASK = "task: texture\ntexture: {size: 16}\nbrdf: {model: lambertian}\n"
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    return write_painted(tmp_path_factory.mktemp("painted") / "capture")
+
+
+@pytest.fixture(scope="module")
+def matte(tmp_path_factory):
+    return write_painted(tmp_path_factory.mktemp("matte") / "capture", MATTE)
+
+
+@pytest.fixture(scope="module")
+def found(ball):
+    return run(ball, TASK)
+
+
+def run(capture, text, *overrides, **config):
+    path = write_config(capture, text, **config)
+    out = capture.parent / f"out{abs(hash((text, overrides, str(config))))}"
+    fit(load_run_config(path, [*overrides, f"output={out}"]))
+    return out, read_result(out)
+
+
+def arrays(folder):
+    with h5netcdf.File(folder / "result.nc") as file:
+        group = file["texture"]
+        return {name: np.asarray(group[name][:]) for name in group.variables}
+
+
+def test_sigma_and_mu_are_within_their_intervals(found):
+    _, result = found
+    assert (result["task"], result["outcome"]) == ("texture", "converged")
+    for name, truth in (("sigma", SIGMA), ("mu", MU)):
+        error = result["standard_error"][name]
+        assert abs(result["brdf"][name] - truth) < WITHIN * error
+        low, high = result["interval90"][name]
+        assert low < result["brdf"][name] < high
+    assert result["identifiable"] == {"sigma": True, "mu": True}
+    assert result["noise"]["relative"] == pytest.approx(NOISE, rel=0.1)
+    assert result["residual"]["relative_rms"] < 1.1 * NOISE
+
+
+def test_every_texel_is_within_its_error(found):
+    folder, _ = found
+    texture = arrays(folder)
+    kd, ks = texel_paint(ROWS)
+    good = (texture["seen"].ravel() > 2) & (texture["kd_marked"].ravel() == 0)
+    off = (texture["kd"].reshape(-1, 3) - kd) / texture["kd_error"].reshape(-1, 3)
+    assert good.sum() > 100
+    # Errors of a texel's channels go together through its K_s: some 100 count for themselves.
+    assert 0.8 < np.sqrt(np.mean(off[good] ** 2)) < 1.2
+    told = good & (texture["ks_marked"].ravel() == 0)
+    off = (texture["ks"].ravel() - ks) / texture["ks_error"].ravel()
+    assert 0.75 < np.sqrt(np.mean(off[told] ** 2)) < 1.3
+
+
+def test_maps_are_the_arrays_and_unseen_texels_are_marked(found):
+    folder, result = found
+    texture, said = arrays(folder), result["texture"]
+    seen = texture["seen"] > 0
+    assert said["sentence"] == "32 x 16 texels by latitude and longitude of the sphere"
+    assert (said["seen"], said["unseen"]) == (seen.sum(), (~seen).sum())
+    assert said["unseen"] > 0
+    assert said["kd_marked"] == (texture["kd_marked"][seen] > 0).sum()
+    image = read_image(folder / said["files"]["kd"]).pixels
+    lit = np.isfinite(texture["kd_error"]).all(axis=-1)
+    np.testing.assert_allclose(image[lit], texture["kd"][lit], rtol=1e-6)
+    # Two texels further than what was seen, and no more: the camera's far side is black.
+    near = image.sum(axis=-1) > 0
+    assert lit.sum() < near.sum() < near.size
+    marks = read_image(folder / said["files"]["marks"]).pixels > 0.5
+    np.testing.assert_array_equal(marks[..., 2], ~seen)
+    np.testing.assert_array_equal(marks[..., 0], texture["kd_marked"] > 0)
+    error = read_image(folder / said["files"]["kd_error"]).pixels
+    np.testing.assert_allclose(error[lit], texture["kd_error"][lit], rtol=1e-6)
+
+
+def test_predictions_and_page(found, ball):
+    folder, _ = found
+    photograph, predicted = (
+        read_image(path).pixels
+        for path in (ball / "images/1.exr", folder / "images/1_predicted.exr")
+    )
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
+    assert np.median(np.abs(predicted[inside] / photograph[inside] - 1)) < 1.5 * NOISE
+    page = (folder / "report.html").read_text()
+    for words in ("Texture recovered from photographs", "not to be trusted", "One σ and one μ"):
+        assert words in page
+    assert page.count('class="texture"') == 5
+
+
+def test_the_result_renders_again(found, ball, tmp_path):
+    out = render_config(found[0], tmp_path / "again")
+    photograph, again = (read_image(p).pixels for p in (ball / "images/1.exr", out / "1.exr"))
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
+    assert np.median(np.abs(again[inside] / photograph[inside] - 1)) < 1.5 * NOISE
+    # The errors of a texture are maps of their own.
+    assert not list(out.glob("*_deviation.exr"))
+
+
+def test_a_mesh_without_coordinates_has_vertices(tmp_path):
+    mesh = Mesh.icosphere(2)
+    plain = Paint(np.tile(KD[:1], (2, 1)), np.zeros(2))
+    folder = write_painted(tmp_path / "capture", plain, 3, mesh)
+    write_mesh(folder / "ball.ply", mesh)
+    out, result = run(folder, MATTE_TASK, shape="mesh: ball.ply")
+    said = result["texture"]
+    assert said["sentence"] == "162 vertices: the mesh has no texture coordinates"
+    assert said["files"] == {"vertices": "textures/vertices.ply"}
+    texture = arrays(out)
+    told = texture["kd_marked"] == 0
+    off = (texture["kd"] - KD[0]) / texture["kd_error"]
+    assert told.sum() > 60
+    assert 0.8 < np.sqrt(np.mean(off[told] ** 2)) < 1.2
+    assert len(read_mesh(out / "textures/vertices.ply").vertices) == 162
+    assert "vertices.ply" in (out / "report.html").read_text()
+
+
+def test_matte_paint_under_unknown_light(matte):
+    folder, result = run(matte, MATTE_TASK, lighting="")
+    assert result["outcome"] == "not_identifiable"
+    assert "T 6.1.1, class 6" in result["ambiguity"]
+    assert "total-variation" in result["ambiguity"]
+    assert "0.18 / pi" in result["lighting"]["gauge"]
+    texture = arrays(folder)
+    kd, _ = texel_paint(ROWS, MATTE)
+    good = (texture["seen"].ravel() > 3) & np.isfinite(texture["kd"]).all(axis=-1).ravel()
+    ratio = texture["kd"].reshape(-1, 3)[good] / kd[good]
+    # Neighbouring cells of different paint: what varies faster than the surface is told.
+    within = np.abs(np.log(ratio / np.median(ratio, axis=0)))
+    assert np.median(within) < 0.1
+    assert (folder / "lighting.exr").is_file()
+    assert "What cannot be told" in (folder / "report.html").read_text()
+
+
+def test_gloss_that_is_not_there_is_not_told(matte, found):
+    _, result = run(matte, TASK)
+    assert result["outcome"] in ("not_identifiable", "at_bound")
+    assert any("sigma" in reason for reason in result["reasons"])
+
+
+def test_texels_without_end_are_marked_not_made_up(matte):
+    _, result = run(matte, MATTE_TASK, "texture.size=96")
+    said = result["texture"]
+    assert said["unseen"] > said["seen"]
+    assert said["median_observations"] <= 2
+
+
+def test_bad_input_is_refused_in_words(ball, tmp_path):
+    single = write_painted(tmp_path / "single", views=1)
+    with pytest.raises(InputError, match=r"no site is seen more than once"):
+        run(single, TASK, "texture.size=300")
+    write_image(tmp_path / "noise.png", np.random.default_rng(0).uniform(size=(16, 32, 3)))
+    with pytest.raises(InputError, match=r"512 colours; .* one flat colour for each"):
+        run(ball, TASK, f"texture.regions={tmp_path / 'noise.png'}")
+    with pytest.raises(InputError, match=r"gone\.png: no such image file"):
+        run(ball, TASK, f"texture.regions={tmp_path / 'gone.png'}")
+    with pytest.raises(InputError, match=r"nowhere\.exr"):
+        run(ball, TASK, lighting="lighting: {environment: {path: nowhere.exr}}\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("task: texture\nbrdf: {kd: 0.1}\n", "kd and ks are the texture that is sought"),
+        ("task: texture\nbrdf: {ks_per_channel: true}\n", "one ks for all channels; remove"),
+        ("task: texture\nsolve: {free_exposure: true}\n", "needs known exposures"),
+        ("task: texture\nsolve: {loss: huber}\n", "counts squared residuals"),
+        ("task: texture\ntexture: {unknown_light: true}\n", "remove one of them"),
+        ("task: texture\ntexture: {size: 0}\n", "texture.size: found 0, accepted: 'auto' or"),
+        ("task: texture\ntexture: {prio: variance}\n", "did you mean 'prior'"),
+        ("task: brdf\ntexture: {size: 4}\n", "found texture with task brdf; remove it"),
+        ("task: textur\n", "did you mean 'texture'"),
+        ("task: brdf-spectrum\nbrdf: {model: ggx}\n", "fits no model; remove brdf"),
+        ("task: brdf-spectrum\nsolve: {free_exposure: true}\n", "needs absolute radiance"),
+    ],
+)
+def test_configs_that_ask_for_what_cannot_be(tmp_path, text, message):
+    path = write_config(tmp_path, text)
+    with pytest.raises(InputError, match=message):
+        load_run_config(path)
+
+
+def test_schema_and_dry_run_know_the_task(ball, capsys):
+    assert jaxrender("schema") == 0
+    assert '"unknown_light"' in capsys.readouterr().out
+    path = write_config(ball, TASK)
+    assert jaxrender("fit", path, "--dry-run", "texture.size=auto") == 0
+    assert "would recover the material of 32 x 16 texels" in capsys.readouterr().out
+
+
+def test_regions_are_put_together(matte, tmp_path):
+    kd, _ = texel_paint(ROWS, CHECKER)
+    which = (kd[:, 0] > 0.1).reshape(ROWS, 2 * ROWS)
+    write_image(tmp_path / "mask.png", np.repeat(which[..., None] * 1.0, 3, axis=-1))
+    folder, result = run(matte, MATTE_TASK, f"texture.regions={tmp_path / 'mask.png'}")
+    assert [region["name"] for region in result["regions"]] == ["#000000", "#ffffff"]
+    assert sum(region["sites"] for region in result["regions"]) == result["texture"]["seen"]
+    texture = arrays(folder)
+    np.testing.assert_array_equal(texture["region"], which)
+    good = texture["kd_marked"].ravel() == 0
+    off = (texture["kd"].reshape(-1, 3) - kd) / texture["kd_error"].reshape(-1, 3)
+    assert 0.8 < np.sqrt(np.mean(off[good] ** 2)) < 1.2
+    assert "#ffffff" in (folder / "report.html").read_text()
