@@ -1,8 +1,8 @@
 """Interreflections of a diffuse concave object, found along with its albedo (T 6.6).
 
 T 6.6 proposes to iterate, as Yu et al. do: with the albedo found so far, compute the light that
-bounces between parts of the object, give it to the model as more irradiance, and fit again.  Every
-round is wrong by what the last one missed times albedo times the hidden fraction, so a few settle.
+bounces between parts of the object, give it to the model as more irradiance, and fit again.  The
+secant of two rounds says where the albedo that bounces and that which is found agree.
 
 The bounced light enters the diffuse part only; gloss of bounced light, and bounces off gloss, are
 left out.  Error bars take it as known.
@@ -64,6 +64,26 @@ class Bounced(NamedTuple):
     kd_without: Float[np.ndarray, "channel"]
 
 
+class _Round(NamedTuple):
+    """One round: the kd that bounced, and the kd that was found with those bounces."""
+
+    supposed: Float[np.ndarray, "channel"]
+    found: Float[np.ndarray, "channel"]
+
+    def next(self, before: "_Round | None") -> Float[np.ndarray, "channel"]:
+        """Suppose what was found or, after two rounds, where their secant says the two meet.
+
+        More bounces make a darker object and the other way around, so plain rounds swing about the
+        answer, in a deep bright bowl for dozens of times.
+        """
+        if before is None:
+            return self.found
+        run = self.supposed - before.supposed
+        rise = self.found - before.found
+        slope = np.where(run != 0, rise / np.where(run != 0, run, 1), 0)
+        return self.supposed + (self.found - self.supposed) / (1 - np.clip(slope, -5, 0.5))
+
+
 def fit_with_bounces(
     stop: Stop,
     lit: tuple[Shape, KnownLight],
@@ -87,17 +107,19 @@ def fit_with_bounces(
         for k in range(1 if light.per_frame is None else len(light.per_frame))
     ]
     to_samples = exchange.gathering(places_of(observed), np.asarray(observed.samples.normals))
-    without = kd = _kd(stop)
+    without = supposed = _kd(stop)
+    before: _Round | None = None
     rounds, settled = 0, False
     while not settled and rounds < _MOST_ROUNDS:
         rounds += 1
-        albedo = np.clip(np.pi * kd, 0, 1)
+        albedo = np.clip(np.pi * supposed, 0, 1)
         total = np.stack([exchange.total(one, albedo) for one in direct])
         gathered = np.stack([to_samples @ one for one in total])
         bounced = albedo * gathered[frames, np.arange(observed.count)]
         stop = refit(stop, bounced)
-        before, kd = kd, _kd(stop)
-        settled = bool(np.max(np.abs(kd - before)) <= _SETTLED * np.max(kd))
+        now = _Round(supposed, _kd(stop))
+        settled = bool(np.max(np.abs(now.found - supposed)) <= _SETTLED * np.max(now.found))
+        before, supposed = now, now.next(before)
     direct_part = np.sum(np.asarray(_diffuse_of(stop)) - bounced)
     part = float(np.sum(bounced) / max(float(direct_part), 1e-300))
     found = Bounced(total - np.stack(direct), part, rounds, settled, without)

@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxrender.geometry import Shape
+from jaxrender.geometry import Mesh, Shape
 from jaxrender.inverse import KnownLight, Observations, fit_brdf
+from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
+from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.pipelines.clock import Clock
@@ -15,8 +17,19 @@ from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import Finding, result_of, write_arrays
-from jaxrender.pipelines.scene import settings_of, sources_of_frame, unknowns_of, variant_of
-from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
+from jaxrender.pipelines.scene import (
+    fault_of,
+    lobe_of,
+    settings_of,
+    sources_of_frame,
+    unknowns_of,
+)
+from jaxrender.pipelines.shadows import (
+    TransferField,
+    interreflection,
+    sentence_on,
+    with_bounces,
+)
 from jaxrender.reflection import DualForward, ShadowedDual, dual_light, render_view, render_views
 
 
@@ -64,6 +77,12 @@ class MaterialRecovery(Recovery):
             images = render_views(material, views, light_of(0))
         else:
             images = [render_view(material, view, light_of(k)) for k, view in enumerate(views)]
+        if finding.transfer is not None and isinstance(finding.transfer.shape, Mesh):
+            mesh = finding.transfer.shape
+            images = [
+                with_bounces(image, finding.fit, (views[k], mesh, k))
+                for k, image in enumerate(images)
+            ]
         gain = gains if len(gains) > 1 else np.ones(len(images))
         return [scale * gain[k] * image for k, image in enumerate(images)]
 
@@ -78,7 +97,6 @@ def recover_material(
     """Fit the material, and its variants where the config asks for them."""
     (observations, light), (photographs, shape) = known, seen
     settings = settings_of(config)
-    unknowns = unknowns_of(config, len(photographs))
     transfer = None
     if not shape.is_convex():
         with clock.stage("shadows"):
@@ -89,28 +107,64 @@ def recover_material(
             assert observations.places is not None
             vectors = transfer.at(observations.places, np.asarray(observations.samples.normals))
             observations = observations._replace(transfer=vectors)
-    found = fit_brdf(
-        observations,
-        light,
-        unknowns,
-        variant_of(config.brdf),
-        settings,
-        clock.stage,
-        shape=shape,
-    )
+    known = (observations, light)
+    comparison, model = None, config.brdf.model
+    if config.brdf.compare:
+        comparison = _compared(config, known, (shape, len(photographs)), clock)
+        found, model = comparison.best.fit, comparison.best.name
+        progress.note(sentence_of(comparison))
+    else:
+        unknowns = unknowns_of(config, len(photographs))
+        lobe = lobe_of(config.brdf)
+        found = fit_brdf(*known, unknowns, lobe, settings, clock.stage, shape=shape)
     variants = ()
-    if config.solve.variants and config.brdf.model != "lambertian" and settings.refine:
+    if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):
             variants = fit_variants(found, light, settings, shape)
     if transfer is not None:
         progress.note(sentence_on(interreflection(found)))
+    with clock.stage("forecast"):
+        forecast = forecast_of_fit(found, light)
     finding = Finding(
         found,
         variants,
         light,
         photographs,
-        config.brdf.model,
+        model,
         config.brdf.ks_per_channel,
         transfer,
+        comparison,
+        forecast,
     )
     return MaterialRecovery(finding)
+
+
+def sentence_of(comparison: Comparison) -> str:
+    """Name the best model, and those that the held-out samples cannot tell from it."""
+    best, *others = comparison.scores
+    as_good = [score.name for score in others if not score.told_apart]
+    sentence = f"{best.name} explains {comparison.held_out} held-out samples best"
+    return f"{sentence}; {', '.join(as_good)} as well" if as_good else sentence
+
+
+def _compared(
+    config: RunConfig,
+    known: tuple[Observations, KnownLight],
+    seen: tuple[Shape, int],
+    clock: Clock,
+) -> Comparison:
+    """Fit every model that the config names, each with what is said of its own parameters."""
+    shape, photographs = seen
+    candidates = []
+    for model in config.brdf.models:
+        own = config.model_copy(update={"brdf": config.brdf.as_model(model)})
+        candidates.append(Candidate(model, lobe_of(own.brdf), unknowns_of(own, photographs)))
+    with fault_of("brdf.compare"):
+        return compare_models(
+            *known,
+            tuple(candidates),
+            settings_of(config),
+            config.solve.held_out,
+            stage=clock.stage,
+            shape=shape,
+        )

@@ -10,7 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import (
+    SIMPLE_GLOSSY,
+    Glossy,
+    Microfacet,
+    ShapeParameter,
+    simple_glossy_named,
+)
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
@@ -68,8 +74,14 @@ def true_material(brdf: RecipeBrdfConfig) -> Microfacet:
         )
 
 
+def lobe_of(brdf: BrdfConfig) -> Glossy:
+    """Build the lobe of any model that is to be fitted; its numbers do not matter."""
+    simple = brdf.model in SIMPLE_GLOSSY
+    return simple_glossy_named(brdf.model) if simple else variant_of(brdf)
+
+
 def variant_of(brdf: BrdfConfig) -> Microfacet:
-    """Build the lobe that is to be fitted; its numbers do not matter."""
+    """Build the microfacet lobe that is to be fitted; its numbers do not matter."""
     mu = None if brdf.mu == "none" or brdf.model == "lambertian" else 1.5
     choices = brdf.fresnel, brdf.masking, distribution_of(brdf.model)
     return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, *choices)
@@ -87,11 +99,14 @@ def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
             free_gains=free_gains,
             free_scale=config.lighting.free_scale,
         )
+    shape = SIMPLE_GLOSSY.get(brdf.model, Microfacet).shape
+    metal = brdf.model in SIMPLE_GLOSSY or brdf.mu == "none"
+    width = _as_width(getattr(brdf, shape.name), shape)
     return MicrofacetUnknowns(
         kd=_unknown("kd", brdf.kd, Unknown),
         ks=_unknown("ks", brdf.ks, Unknown),
-        sigma=_unknown("sigma", brdf.sigma, sigma_unknown),
-        mu=None if brdf.mu == "none" else _unknown("mu", brdf.mu, mu_unknown),
+        sigma=_unknown(shape.name, width, sigma_unknown),
+        mu=None if metal or brdf.mu == "none" else _unknown("mu", brdf.mu, mu_unknown),
         ks_per_channel=brdf.ks_per_channel,
         free_gains=free_gains,
         free_scale=config.lighting.free_scale,
@@ -115,6 +130,7 @@ def settings_of(config: RunConfig) -> FitSettings:
         noise=noise,
         starts=solve.starts,
         seed=config.samples.seed,
+        interreflection=solve.interreflection,
     )
 
 
@@ -179,6 +195,21 @@ def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
 
     collect(config.model_dump(exclude={"output"}))
     return [path for path in found if path.is_file()]
+
+
+def _as_width(parameter: Parameter, shape: ShapeParameter) -> Parameter:
+    """Say what is known of a model's own number as what is known of its lobe's width."""
+    if shape.scale == shape.power == 1:
+        return parameter
+
+    given = parameter.model_dump()
+    if given == "free":
+        return parameter
+    widths = {
+        key: float(shape.width_of(float(value))) for key, value in given.items() if key != "bounds"
+    }
+    ends = sorted(float(shape.width_of(float(bound))) for bound in given.get("bounds", ()))
+    return Parameter.model_validate(widths | ({"bounds": tuple(ends)} if ends else {}))
 
 
 def _unknown(name: str, parameter: Parameter, make) -> Unknown:

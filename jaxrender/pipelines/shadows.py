@@ -1,10 +1,10 @@
 """Shadows of a concave object in a run: its transfer vectors (T 6.10), traced once and kept."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.geometry import Mesh, Shape, SurfacePlaces
+from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceView
 from jaxrender.inverse import BRDFFit
 from jaxrender.inverse.shadowing import hidden_fraction
 from jaxrender.pipelines.caches import remembered
@@ -53,12 +53,20 @@ class TransferField(NamedTuple):
         return found
 
 
-def interreflection(fit: BRDFFit) -> dict[str, float]:
-    """Estimate how much light bounces between parts of the object; {} where that is little.
+def interreflection(fit: BRDFFit) -> dict[str, Any]:
+    """Say how much light bounces between parts of the object, or estimate it; {} if it is little.
 
     What a place does not see of the light it sees of the object, which is about as bright as its
     albedo: ``estimate`` = albedo x hidden fraction, both averages.
     """
+    if fit.bounced is not None:
+        bounced = fit.bounced
+        return {
+            "part": bounced.part,
+            "rounds": bounced.rounds,
+            "settled": bounced.settled,
+            "kd_without": np.asarray(bounced.kd_without).tolist(),
+        }
     transfer = fit.frequency.observations.transfer
     if transfer is None:
         return {}
@@ -69,14 +77,40 @@ def interreflection(fit: BRDFFit) -> dict[str, float]:
     return {"estimate": albedo * hidden, "albedo": albedo, "hidden_fraction": hidden}
 
 
-def sentence_on(bounced: dict[str, float]) -> str:
+def with_bounces(
+    image: Float[np.ndarray, "row column channel"],
+    fit: BRDFFit,
+    seen: tuple[SurfaceView, Mesh, int],
+) -> Float[np.ndarray, "row column channel"]:
+    """Add to a predicted view what bounced light adds; the last of ``seen`` is its photograph."""
+    if fit.bounced is None:
+        return image
+    view, mesh, number = seen
+    fields = fit.bounced.at_vertices
+    field = fields[number if len(fields) > 1 else 0]
+    places = view.face[view.hit], view.barycentric[view.hit]
+    more = np.asarray(fit.brdf.kd) * interpolated(field, mesh.faces, *places)
+    image = np.array(image)
+    image[view.hit] += more
+    return image
+
+
+def sentence_on(bounced: dict[str, Any]) -> str:
     """Say what of a concave shape is modelled and what is not."""
+    if "part" in bounced:
+        end = "" if bounced["settled"] else ", which did not settle"
+        return (
+            "the shape is not convex: its shadows on itself are modelled, and diffuse "
+            f"interreflections, which add {100 * bounced['part']:.1f} % to the light "
+            f"({bounced['rounds']} rounds of the fit{end})"
+        )
     sentence = "the shape is not convex: its shadows on itself are modelled, interreflections not"
     if not bounced:
         return sentence
     return (
         f"{sentence}; they may add {100 * bounced['estimate']:.1f} % to the light "
-        f"(mean albedo {bounced['albedo']:.2f} x hidden fraction {bounced['hidden_fraction']:.2f})"
+        f"(mean albedo {bounced['albedo']:.2f} x hidden fraction {bounced['hidden_fraction']:.2f}; "
+        "solve.interreflection models those of a diffuse object)"
     )
 
 

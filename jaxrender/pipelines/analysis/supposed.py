@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import SIMPLE_GLOSSY, Microfacet
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import TYPICAL_MATERIAL, TYPICAL_NOISE, Supposed
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import distribution_of
+from jaxrender.pipelines.config.brdf import GLOSSY, distribution_of
 from jaxrender.pipelines.scene import fault_of
 
 _NAMES = ("kd", "ks", "sigma", "mu")
@@ -32,6 +32,11 @@ def supposition_of(
     ``given`` are ``name=value`` or, of kd and ks, ``name=red,green,blue``.  Raises ``InputError``
     for what is no such pair, and for values that no material has.
     """
+    if config.brdf.model in SIMPLE_GLOSSY:
+        raise InputError(
+            f"brdf.model: a forecast supposes a microfacet; found {config.brdf.model}, choose "
+            f"{GLOSSY}"
+        )
     told = dict(_pair(text) for text in given)
     values, sources = {}, {}
     for name in _NAMES:

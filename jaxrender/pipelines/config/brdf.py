@@ -10,11 +10,13 @@ from jaxrender.pipelines.config.parameter import (
     Parameter,
     numbers_above,
     numbers_at_least,
+    numbers_at_most,
     one_number,
 )
 from jaxrender.pipelines.config.values import Accepts, Section, Switch
 
 Model = Literal["microfacet", "ggx", "beckmann", "lambertian"]
+FittedModel = Literal["microfacet", "ggx", "beckmann", "ward", "phong", "blinn-phong", "lambertian"]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
@@ -27,8 +29,18 @@ _ROUGHEST = 1.0
 # What a material without gloss is told to be instead.
 GLOSSY = "microfacet, ggx or beckmann"
 
-# The parameters that a purely diffuse material does not have.
-SPECULAR_KEYS = ("ks", "sigma", "mu", "ks_per_channel", "fresnel", "masking")
+# The parameters of each model beside kd; the glossy ones have the first two in common.
+_GLOSS = ("ks", "ks_per_channel")
+_FACETS = (*_GLOSS, "sigma", "mu", "fresnel", "masking")
+_KEYS = {
+    **dict.fromkeys(("microfacet", "ggx", "beckmann"), _FACETS),
+    "ward": (*_GLOSS, "roughness"),
+    "phong": (*_GLOSS, "exponent"),
+    "blinn-phong": (*_GLOSS, "exponent"),
+    "lambertian": (),
+}
+FACET_MODELS = tuple(model for model, keys in _KEYS.items() if keys == _FACETS)
+_SPECULAR_KEYS = tuple(dict.fromkeys(key for keys in _KEYS.values() for key in keys))
 
 
 def _kind(value: Any) -> str:
@@ -37,6 +49,13 @@ def _kind(value: Any) -> str:
 
 Reflectance = Annotated[Parameter, AfterValidator(numbers_at_least(0.0))]
 Roughness = Annotated[
+    Parameter,
+    AfterValidator(one_number),
+    AfterValidator(numbers_above(0.0)),
+    Accepts("'free', a number above 0, {fixed}, or {bounds, start}"),
+]
+_WardRoughness = Annotated[Roughness, AfterValidator(numbers_at_most(1.0))]
+Exponent = Annotated[
     Parameter,
     AfterValidator(one_number),
     AfterValidator(numbers_above(0.0)),
@@ -53,14 +72,20 @@ RefractiveIndex = Annotated[
 class BrdfConfig(Section):
     """The material: T 6.2, K_d + K_s F D G / (4 cos cos), with what is known of it."""
 
-    model: Model = "microfacet"
+    model: FittedModel = "microfacet"
     """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
+    compare: tuple[FittedModel, ...] = ()
+    """Other models to fit as well; the one that best explains held-out pixels is the result."""
     kd: Reflectance = Parameter()
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
     ks: Reflectance = Parameter()
     """Specular weight."""
     sigma: Roughness = Parameter()
     """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1."""
+    roughness: _WardRoughness = Parameter()
+    """Roughness of ward: the slopes' deviation times the root of 2, above 0 and at most 1."""
+    exponent: Exponent = Parameter()
+    """Exponent of phong (of the cosine to R) and blinn-phong (of that to the half vector)."""
     mu: RefractiveIndex = Parameter()
     """Refractive index, above 1; none for metals (F = 1)."""
     ks_per_channel: Switch = False
@@ -72,6 +97,21 @@ class BrdfConfig(Section):
     gauge: Gauge = "per-channel"
     """Under unknown light: how light and reflectance of the channels are told apart."""
 
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The model, and after it those that it is compared with, each once."""
+        return tuple(dict.fromkeys((self.model, *self.compare)))
+
+    def as_model(self, model: str) -> BrdfConfig:
+        """Take another model, with what is said of the parameters that it has.
+
+        Fresnel angle and masking go along where both are the thesis's or both are of physics.
+        """
+        same_kind = (model in PHYSICAL_MODELS) == (self.model in PHYSICAL_MODELS)
+        kept = {"kd", *_KEYS[model]} - (set() if same_kind else {"fresnel", "masking"})
+        fields = {key: getattr(self, key) for key in kept}
+        return BrdfConfig.model_validate({**fields, "model": model, "gauge": self.gauge})
+
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, given: Any) -> Any:
@@ -79,27 +119,30 @@ class BrdfConfig(Section):
 
     @model_validator(mode="after")
     def _agrees_with_its_model(self) -> BrdfConfig:
-        refuse_specular_keys(self)
+        refuse_foreign_keys(self)
         sigma = self.sigma
-        refuse_roughest(self.model, sigma.fixed, sigma.start, *(sigma.bounds or ()))
+        for model in self.models:
+            refuse_roughest(model, sigma.fixed, sigma.start, *(sigma.bounds or ()))
         has_three = isinstance(self.ks.fixed, tuple) or isinstance(self.ks.start, tuple)
         if has_three and not self.ks_per_channel:
             raise ValueError("ks has three values; add 'ks_per_channel: true', or give one number")
         return self
 
 
-def refuse_specular_keys(section: Section) -> None:
-    """Refuse specular settings of a material that has no specular part."""
-    if getattr(section, "model", None) != "lambertian":
-        return
+def refuse_foreign_keys(section: Section) -> None:
+    """Refuse settings that none of a section's models has."""
+    models = getattr(section, "models", (getattr(section, "model", "microfacet"),))
+    known = {key for model in models for key in _KEYS[model]}
     fields = type(section).model_fields
-    given = [key for key in SPECULAR_KEYS if key in fields]
+    given = [key for key in _SPECULAR_KEYS if key in fields and key not in known]
     changed = [key for key in given if getattr(section, key) != fields[key].get_default()]
-    if changed:
-        raise ValueError(
-            f"found {', '.join(changed)} with model lambertian, which has only kd; "
-            f"remove the key or choose model {GLOSSY}"
-        )
+    if not changed:
+        return
+    found = f"found {', '.join(changed)} with model {' and '.join(models)}, which"
+    if models == ("lambertian",):
+        raise ValueError(f"{found} has only kd; remove the key or choose model {GLOSSY}")
+    own = [key for key in _SPECULAR_KEYS if key in known and key != "ks_per_channel"]
+    raise ValueError(f"{found} has kd, {', '.join(own)}; remove the key, or choose another model")
 
 
 def with_defaults_of_model(given: Any) -> Any:

@@ -111,6 +111,11 @@ def numbers_at_least(limit: float) -> Callable[[Parameter], Parameter]:
     return _checked(lambda number: number >= limit, f"at least {limit:g}")
 
 
+def numbers_at_most(limit: float) -> Callable[[Parameter], Parameter]:
+    """A check that no number named for a parameter lies above a limit."""
+    return _checked(lambda number: number <= limit, f"at most {limit:g}")
+
+
 def _checked(passes: Callable[[float], bool], rule: str) -> Callable[[Parameter], Parameter]:
     def check(parameter: Parameter) -> Parameter:
         wrong = [number for number in parameter.numbers if not passes(number)]

@@ -10,6 +10,7 @@ from pydantic import Discriminator, Tag, model_validator
 from jaxrender.pipelines.config.values import (
     Count,
     NonNegative,
+    OpenFraction,
     Section,
     Switch,
     WholeNumber,
@@ -65,4 +66,14 @@ class SolveConfig(Section):
     most_sources: Count = 48
     """Directional sources that unknown light may have, beside its slow part."""
     variants: Switch = True
-    """Whether the answer is compared with those of other models of the material."""
+    """Whether the answer is compared with those of other choices of the same model."""
+    held_out: OpenFraction = 0.2
+    """Part of the samples that brdf.compare keeps from the fits, to judge them by."""
+    interreflection: Switch = False
+    """Whether light that bounces between parts of a concave diffuse object is modelled."""
+
+    @model_validator(mode="after")
+    def _bounces_are_refined(self) -> SolveConfig:
+        if self.interreflection and self.refine == "off":
+            raise ValueError("interreflection is part of the refinement; remove refine: off")
+        return self

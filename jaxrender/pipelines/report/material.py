@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
@@ -65,13 +65,13 @@ def spheres(contents: ReportContents) -> Spheres:
     )
 
 
-def with_arrays(brdf: Microfacet, dtype=np.float32) -> Microfacet:
+def with_arrays(brdf: Glossy, dtype=np.float32) -> Glossy:
     """Hold all numbers as arrays, so that a compiled function serves every material."""
     return jax.tree.map(lambda number: jnp.asarray(number, dtype), brdf)
 
 
 def _columns(
-    brdf: Microfacet, view: _View, light: KnownLight
+    brdf: Glossy, view: _View, light: KnownLight
 ) -> Float[np.ndarray, "sample lobe channel"]:
     """Evaluate both lights at once: the lamp is one channel more than the given light has."""
     given = _nodes(light, float(brdf.sigma))
@@ -89,7 +89,7 @@ def _columns(
 
 
 @eqx.filter_jit
-def _integrate(brdf: Microfacet, samples: SurfaceSamples, nodes: LightNodes):
+def _integrate(brdf: Glossy, samples: SurfaceSamples, nodes: LightNodes):
     return integral_columns(brdf, samples, nodes)
 
 

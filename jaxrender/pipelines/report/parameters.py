@@ -204,7 +204,7 @@ def evidence(contents: ReportContents) -> Evidence | None:
     known = [name for name in _SHAPES if _flag(contents.result, "identifiable", name) is not None]
     if contents.is_lambertian or not known:
         return None
-    own = contents.fit.evidence
+    own, letter = contents.fit.evidence, _MEANINGS[known[0]][0]
     given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}
     names = {
         "all": "all samples",
@@ -214,9 +214,7 @@ def evidence(contents: ReportContents) -> Evidence | None:
     errors = {name: given.get(key) for key, name in names.items()}
     largest = max([0.0, *(e for error in errors.values() for e in numbers(error))])
     bars = tuple(_bar(name, error, largest) for name, error in errors.items())
-    return Evidence(
-        str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars, _MEANINGS[known[0]][0]
-    )
+    return Evidence(str(given.get("sentence", "")).replace(" %", "\u00a0%"), bars, letter)
 
 
 def _bar(name: str, error: Any, largest: float) -> EvidenceBar:

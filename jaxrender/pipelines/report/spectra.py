@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.harmonics import degrees
 from jaxrender.pipelines.report.contents import ReportContents
 from jaxrender.pipelines.report.material import with_arrays
@@ -128,7 +128,7 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
 
 
 @eqx.filter_jit
-def _both_transfers(brdf: Microfacet, cosines: Float[AnyArray, "bin"], band_limit: int):
+def _both_transfers(brdf: Glossy, cosines: Float[AnyArray, "bin"], band_limit: int):
     return tuple(
         transfer(brdf, cosines, band_limit)
         for transfer in (exit_cosine_transfer, gaussian_transfer)
