@@ -26,10 +26,10 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import LatLongGrid, degrees, synthesise
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.dual_lighting import DualSettings, recover_dual
-from jaxrender.inverse.light_operator import light_operator
-from jaxrender.inverse.lighting import LightSettings, solve_coefficients
-from jaxrender.inverse.normal_equations import normal_equations
+from jaxrender.inverse.lighting.coefficients import LightSettings, solve_coefficients
+from jaxrender.inverse.lighting.dual import DualSettings, recover_dual
+from jaxrender.inverse.lighting.normal_equations import normal_equations
+from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.pipelines.report.display import tone_key, tone_mapped
 from jaxrender.spectra import light_coefficients

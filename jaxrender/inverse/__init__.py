@@ -20,10 +20,10 @@
     the light split for the dual model, and as point masses for the integral
 ``brdf``
     the whole recovery of a BRDF under known light (T 6.4.2)
-``light_operator`` ``normal_equations`` ``lighting`` ``positivity``
-    photographs as linear measurements of an unknown light, streamed; its coefficients (T 6.15)
-``reflected_bins`` ``unseen_directions`` ``dual_lighting``
-    the light as a map of directions (T 6.17 to 6.21)
+``comparison`` ``interreflection``
+    several models judged by held-out samples; the bounces of a diffuse concave object (T 6.6)
+``lighting``
+    the light from a known material: its coefficients, or a map of directions (T 6.4.3)
 ``factorization``
     light and material both unknown (T 6.4.4)
 ``light_field``
@@ -39,11 +39,17 @@
 """
 
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
-from jaxrender.inverse.dual_lighting import DualSettings, RecoveredDual, recover_dual
 from jaxrender.inverse.factorization import Factorization, FactorSettings, Known, factorize
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.light_operator import LightOperator
-from jaxrender.inverse.lighting import LightSettings, RecoveredLight, recover_coefficients
+from jaxrender.inverse.lighting import (
+    DualSettings,
+    LightOperator,
+    LightSettings,
+    RecoveredDual,
+    RecoveredLight,
+    recover_coefficients,
+    recover_dual,
+)
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings

@@ -8,7 +8,7 @@ from inverse_problems import unit
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import degrees
-from jaxrender.inverse.light_operator import LightOperator, LightRows
+from jaxrender.inverse.lighting.operator import LightOperator, LightRows
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 from jaxrender.spectra import phong_transfer
 

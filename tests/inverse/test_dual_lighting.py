@@ -20,9 +20,9 @@ from lighting_problems import glossy, photograph, random_light, samples_all_roun
 
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid, analyse, degrees, synthesise
-from jaxrender.inverse.dual_lighting import DualSettings, MirrorMisfit, recover_dual
-from jaxrender.inverse.light_operator import light_operator
-from jaxrender.inverse.lighting import LightSettings, recover_coefficients
+from jaxrender.inverse.lighting.coefficients import LightSettings, recover_coefficients
+from jaxrender.inverse.lighting.dual import DualSettings, MirrorMisfit, recover_dual
+from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.lighting import DirectionalSources
 from jaxrender.spectra import light_coefficients
 

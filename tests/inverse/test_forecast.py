@@ -40,8 +40,8 @@ from jaxrender.inverse.forecast.information import frame_grams, reading_of
 from jaxrender.inverse.forecast.joint import joint_system, measured_by
 from jaxrender.inverse.forecast.situation import foreseen_of, radiance_of, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
-from jaxrender.inverse.light_operator import light_operator
-from jaxrender.inverse.lighting import LightSettings, recover_coefficients
+from jaxrender.inverse.lighting.coefficients import LightSettings, recover_coefficients
+from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.lighting import DirectionalSources, Environment
 

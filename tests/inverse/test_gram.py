@@ -18,8 +18,8 @@ from jaxrender.harmonics import coefficient_count
 from jaxrender.inverse.factorization import stream
 from jaxrender.inverse.factorization.gram import exit_cosine_nodes
 from jaxrender.inverse.factorization.stream import Block, binned_gram
-from jaxrender.inverse.light_operator import light_operator
-from jaxrender.inverse.normal_equations import normal_equations
+from jaxrender.inverse.lighting.normal_equations import normal_equations
+from jaxrender.inverse.lighting.operator import light_operator
 
 BAND_LIMIT, DIFFUSE = 5, 3
 # Sums of some hundred products, in another order.

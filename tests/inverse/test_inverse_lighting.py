@@ -22,9 +22,13 @@ from lighting_problems import (
 from scipy import stats
 
 from jaxrender.harmonics import degrees, evaluate
-from jaxrender.inverse.light_operator import light_operator
-from jaxrender.inverse.lighting import LightSettings, recover_coefficients, solve_coefficients
-from jaxrender.inverse.normal_equations import normal_equations
+from jaxrender.inverse.lighting.coefficients import (
+    LightSettings,
+    recover_coefficients,
+    solve_coefficients,
+)
+from jaxrender.inverse.lighting.normal_equations import normal_equations
+from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import irradiance
 from jaxrender.spectra import light_coefficients, phong_transfer

@@ -16,8 +16,8 @@ from lighting_problems import glossy, random_light, samples_all_round
 
 from jaxrender.brdf import normalised_fresnel
 from jaxrender.harmonics import degrees, evaluate, real_basis
-from jaxrender.inverse import light_operator as module
-from jaxrender.inverse.light_operator import LightOperator, light_operator, sizes_by_degree
+from jaxrender.inverse.lighting import operator as module
+from jaxrender.inverse.lighting.operator import LightOperator, light_operator, sizes_by_degree
 from jaxrender.reflection import irradiance
 from jaxrender.reflection.dual import slow_specular
 from jaxrender.spectra import lambertian_transfer

@@ -26,7 +26,7 @@ from jaxrender.inverse.factorization.roughness import (
     roughness_from_source,
 )
 from jaxrender.inverse.factorization.stream import Block, binned_gram
-from jaxrender.inverse.light_operator import light_operator
+from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.spectra import lambertian_transfer
 
 BAND_LIMIT = 4

@@ -12,8 +12,8 @@ from lighting_problems import phong_operator, samples_all_round
 from scipy.optimize import minimize, nnls
 
 from jaxrender.harmonics import LatLongGrid, degrees, real_basis
-from jaxrender.inverse.lighting import LightSettings, recover_coefficients
-from jaxrender.inverse.positivity import (
+from jaxrender.inverse.lighting.coefficients import LightSettings, recover_coefficients
+from jaxrender.inverse.lighting.positivity import (
     CoefficientMisfit,
     hard_positive,
     negative_energy,

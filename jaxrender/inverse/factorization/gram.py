@@ -24,7 +24,7 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet, normalised_fresnel
 from jaxrender.harmonics import coefficient_count, degrees
-from jaxrender.inverse.normal_equations import NormalEquations
+from jaxrender.inverse.lighting.normal_equations import NormalEquations
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra import TRANSFERS, transfer_of_samples
 

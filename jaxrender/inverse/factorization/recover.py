@@ -35,8 +35,8 @@ from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
 from jaxrender.shapes import Float
 
-# Lamps are looked for, and everything fitted along with them, on about this many samples; what comes
-# after them is done on all.
+# Lamps are looked for, and everything fitted along with them, on about this many samples; the last
+# steps are done on all.
 _ROUND_SAMPLES = 2000
 # A logarithm this close to its bound is at it.
 _AT_BOUND = 0.01

@@ -16,7 +16,7 @@ from scipy.linalg import get_blas_funcs
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, degrees, real_basis
 from jaxrender.inverse.factorization.gram import BinnedGram, exit_cosine_nodes
-from jaxrender.inverse.light_operator import DIFFUSE_BAND_LIMIT
+from jaxrender.inverse.lighting.operator import DIFFUSE_BAND_LIMIT
 from jaxrender.shapes import AnyArray, Float
 from jaxrender.spectra import lambertian_transfer
 

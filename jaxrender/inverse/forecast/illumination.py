@@ -19,8 +19,12 @@ from jaxrender.inverse.forecast.situation import (
     weights_of,
 )
 from jaxrender.inverse.forecast.spectrum import light_coefficients
-from jaxrender.inverse.light_operator import degree_slices, light_operator, sizes_by_degree
-from jaxrender.inverse.normal_equations import DegreeReport, degree_report, normal_equations
+from jaxrender.inverse.lighting.normal_equations import (
+    DegreeReport,
+    degree_report,
+    normal_equations,
+)
+from jaxrender.inverse.lighting.operator import degree_slices, light_operator, sizes_by_degree
 from jaxrender.inverse.posedness import RECOVERABLE
 from jaxrender.shapes import Float
 

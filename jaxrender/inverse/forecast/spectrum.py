@@ -7,7 +7,7 @@ import numpy as np
 from jaxrender.harmonics import analyse, band_limit_of, real_basis
 from jaxrender.inverse.forecast.situation import Foreseen
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.light_operator import sizes_by_degree
+from jaxrender.inverse.lighting.operator import sizes_by_degree
 from jaxrender.inverse.posedness import posedness
 from jaxrender.shapes import Float
 from jaxrender.spectra import transfer_of_samples

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, degrees, real_basis, synthesise
-from jaxrender.inverse.light_operator import LightOperator
-from jaxrender.inverse.normal_equations import (
+from jaxrender.inverse.lighting.normal_equations import (
     NO_INFORMATION,
     DegreeReport,
     NormalEquations,
@@ -24,7 +23,8 @@ from jaxrender.inverse.normal_equations import (
     noise_variance,
     normal_equations,
 )
-from jaxrender.inverse.positivity import (
+from jaxrender.inverse.lighting.operator import LightOperator
+from jaxrender.inverse.lighting.positivity import (
     CoefficientMisfit,
     Positive,
     hard_positive,

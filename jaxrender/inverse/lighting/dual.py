@@ -29,10 +29,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid
-from jaxrender.inverse.light_operator import LightOperator
-from jaxrender.inverse.positivity import Misfit, hard_positive, soft_positive
-from jaxrender.inverse.reflected_bins import bin_by_reflection
-from jaxrender.inverse.unseen_directions import UNSEEN
+from jaxrender.inverse.lighting.operator import LightOperator
+from jaxrender.inverse.lighting.positivity import Misfit, hard_positive, soft_positive
+from jaxrender.inverse.lighting.reflected_bins import bin_by_reflection
+from jaxrender.inverse.lighting.unseen_directions import UNSEEN
 from jaxrender.lighting import Environment
 from jaxrender.shapes import AnyArray, Bool, Float
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from jaxrender.harmonics import LatLongGrid, coefficient_count, degrees
-from jaxrender.inverse.light_operator import LightOperator, LightRows, in_chunks
+from jaxrender.inverse.lighting.operator import LightOperator, LightRows, in_chunks
 from jaxrender.shapes import Bool, Float
 
 # Bins of less confidence than this part of the most confident one count as not observed.

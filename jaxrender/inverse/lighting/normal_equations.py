@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from jaxrender.harmonics import band_limit_of, coefficient_count
-from jaxrender.inverse.light_operator import (
+from jaxrender.inverse.lighting.operator import (
     LightOperator,
     LightRows,
     degree_slices,
