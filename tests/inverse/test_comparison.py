@@ -40,7 +40,7 @@ def test_the_true_model_comes_first(name, truth):
     assert second.told_apart
     assert last.told_apart
     assert last.name == "lambertian"
-    assert last.chi_squared > 10 * second.chi_squared > 10 * best.chi_squared
+    assert last.chi_squared > 3 * second.chi_squared > 6 * best.chi_squared
     assert best.relative_rms < second.relative_rms < last.relative_rms
     assert second.behind == pytest.approx(second.chi_squared - best.chi_squared)
 
