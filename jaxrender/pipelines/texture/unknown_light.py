@@ -47,6 +47,8 @@ from jaxrender.shapes import Float
 _GLOSSY_BAND_LIMIT, _MATTE_BAND_LIMIT = 8, 2
 # The noise that is assumed until it has been estimated.
 _FIRST_NOISE = NoiseModel(0.01, 0.0)
+# An answer that leaves more than this unexplained is none.
+_MUCH_LEFT = 0.2
 _MATTE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
 _GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
 _SCALE_ALONE = (
@@ -239,11 +241,21 @@ def _judged(
     misfit = np.where(texture.seen > 0, np.sqrt(total / freedom), np.nan)
     energy = float(np.sum(radiance[site >= 0] ** 2))
     error = texture.relative_error
+    left = float(np.sqrt(np.sum(off**2) / energy)) if energy > 0 else 0.0
+    if left > _MUCH_LEFT:
+        assert surface.light is not None
+        limit = int(np.sqrt(len(surface.light.coefficients))) - 1
+        much = (
+            f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} is "
+            "too soft for what lit the object, such as lamps, or the surface is not as supposed; "
+            "give the light, or another solve.band_limit"
+        )
+        surface = surface._replace(outcome=Outcome.NOT_CONVERGED, reasons=(much, *surface.reasons))
     return surface._replace(
         texture=texture._replace(
             misfit=misfit,
             kd_marked=~(error <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT),
             ks_marked=~(NORMAL_90 * texture.ks_error <= IDENTIFIABLE_WITHIN * texture.ks),
-            relative_rms=float(np.sqrt(np.sum(off**2) / energy)) if energy > 0 else 0.0,
+            relative_rms=left,
         )
     )
