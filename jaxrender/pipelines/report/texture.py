@@ -102,7 +102,7 @@ def _coloured(image: Picture) -> str:
 
 
 def _graded(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
-    known = np.isfinite(np.asarray(image))
+    known: np.ndarray = np.asarray(np.isfinite(image))
     top = float(np.percentile(image[known], _WITHIN_PERCENTILE)) if known.any() else 1.0
     top = top if top > 0 else 1.0
     small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)[..., 0]

@@ -246,9 +246,9 @@ def _judged(
         assert surface.light is not None
         limit = int(np.sqrt(len(surface.light.coefficients))) - 1
         much = (
-            f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} is "
-            "too soft for what lit the object, such as lamps, or the surface is not as supposed; "
-            "give the light, or another solve.band_limit"
+            f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} "
+            "is too soft for what lit the object, such as lamps, or the surface is not as "
+            "supposed; give the light, or another solve.band_limit"
         )
         surface = surface._replace(outcome=Outcome.NOT_CONVERGED, reasons=(much, *surface.reasons))
     return surface._replace(
