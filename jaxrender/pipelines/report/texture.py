@@ -94,7 +94,7 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
 
 
 def _coloured(image: Picture) -> str:
-    known = np.isfinite(np.asarray(image)).all(axis=-1)
+    known = np.asarray(np.isfinite(image).all(axis=-1))
     small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)
     codes = exposed(small, exposure_for(image))
     opacity = shrunk(known[..., None].astype(float), _LONGEST_SIDE)[..., 0]
@@ -102,11 +102,11 @@ def _coloured(image: Picture) -> str:
 
 
 def _graded(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
-    known: np.ndarray = np.asarray(np.isfinite(image))
-    top = float(np.percentile(image[known], _WITHIN_PERCENTILE)) if known.any() else 1.0
+    finite = image[np.isfinite(image)]
+    top = float(np.percentile(finite, _WITHIN_PERCENTILE)) if finite.size else 1.0
     top = top if top > 0 else 1.0
     small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)[..., 0]
-    opacity = shrunk(known.astype(float), _LONGEST_SIDE)[..., 0]
+    opacity = shrunk(np.where(np.isfinite(image), 1.0, 0.0), _LONGEST_SIDE)[..., 0]
     colours = colormaps[_COLOURS](np.clip(small / np.maximum(opacity, 1e-6) / top, 0, 1))
     codes = np.rint(255 * colours[..., :3]).astype(np.uint8)
     return data_uri(_enlarged(with_alpha(codes, opacity))), top
