@@ -43,7 +43,7 @@ SAMPLES, CHANNELS = 12_000, 3
 MATERIAL = Microfacet(np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.14, 1.62)
 START = (1.4 * 0.14, 1.2 * 1.62)
 NOISE = NoiseModel(0.01, 1e-4)
-# What issue 2 demands: times faster than Levenberg-Marquardt, and than the simplex.
+# What is demanded: times faster than Levenberg-Marquardt, and than the simplex.
 DEMANDED = {"float64": (4, 30), "float32": (10, 80)}
 # Answers agree to this: SciPy's own stopping tolerances allow the simplex no more than 1e-4.
 AGREEMENT = 1e-3

@@ -34,7 +34,7 @@ SAMPLES, ROWS = 2000, 64
 MATERIAL = Microfacet(np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.14, 1.62)
 START = (1.08 * 0.14, 1.04 * 1.62)
 NOISE = NoiseModel(0.01, 1e-4)
-# What issue 2 demands, in seconds.
+# What is demanded, in seconds.
 DEMANDED = 2.0
 # Samples that the NumPy twin works on at once: a few megabytes.
 AT_ONCE = 32

@@ -29,7 +29,7 @@ from jaxrender.lighting import Environment
 from jaxrender.pipelines.light import light_images
 
 OUT = Path(__file__).parent / "out"
-# What issue 4 demands of the medians: absolute, and per cent.
+# What is demanded of the medians: absolute, and per cent.
 SHARE, INDEX, ROUGHNESS, SECONDS = 0.005, 3.0, 1.5, 10.0
 LOWEST_COSINE, NOISE = 0.15, NoiseModel(0.01, 0.0)
 

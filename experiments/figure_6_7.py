@@ -27,7 +27,7 @@ from jaxrender.pipelines.result import read_result
 
 HERE = Path(__file__).parent
 RECIPES, OUT = HERE.parent / "data_synth", HERE / "out"
-# What issue 2 demands of a refined fit, per cent; or three standard errors where they are larger.
+# What is demanded of a refined fit, per cent; or three standard errors where they are larger.
 DEMANDED = {"kd": 0.3, "ks": 0.5, "sigma": 0.3, "mu": 0.7}
 # A difference of this part of the photograph's brightest pixel is drawn in full colour.
 DIFFERENCE_SHOWN = 0.05

@@ -36,7 +36,7 @@ from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.result import read_result
 from jaxrender.spectra import matched_gaussian_transfer
 
-# What issue 4 demands: absolute for kd and ks, per cent of mu - 1 and of sigma, degrees, per cent.
+# What is demanded: absolute for kd and ks, per cent of mu - 1 and of sigma, degrees, per cent.
 DEMANDED = {"kd": 0.01, "ks": 0.01, "mu": 5.0, "sigma": 1.0}
 LAMP_DEGREES, LAMP_ENERGY, NINE = 1.0, 2.0, 3.0
 SAMPLES = 4000

@@ -27,7 +27,7 @@ from jaxrender.lighting import DirectionalSources
 
 OUT = Path(__file__).parent / "out"
 NAMES = ("kd", "ks", "sigma", "mu")
-# What issue 2 demands, in per cent: the median before refinement (none over four times that) ...
+# What is demanded, in per cent: the median before refinement (none over four times that) ...
 FREQUENCY = {"kd": 0.5, "ks": 1.0, "sigma": 0.5, "mu": 1.0}
 # ... and every case after it, or three standard errors where they are larger.
 REFINED = {"kd": 0.3, "ks": 0.5, "sigma": 0.3, "mu": 0.7}

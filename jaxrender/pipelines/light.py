@@ -144,6 +144,7 @@ def factor_settings(config: RunConfig) -> FactorSettings:
         config.solve.most_sources,
         refine=config.solve.refine == "exact",
         noise=settings_of(config).noise,
+        loss="huber" if config.solve.loss == "auto" else config.solve.loss,
     )
 
 

@@ -126,7 +126,7 @@ def settings_of(config: RunConfig) -> FitSettings:
         refine=solve.refine == "exact",
         refine_samples=solve.refine_samples,
         method=solve.method,
-        loss=solve.loss,
+        loss="squares" if solve.loss == "auto" else solve.loss,
         noise=noise,
         starts=solve.starts,
         seed=config.samples.seed,

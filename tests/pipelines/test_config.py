@@ -178,7 +178,7 @@ def test_defaults():
         "refine": "exact",
         "refine_samples": 2000,
         "method": "variable-projection",
-        "loss": "squares",
+        "loss": "auto",
         "noise": "estimate",
         "starts": 8,
         "free_exposure": False,
@@ -485,7 +485,7 @@ VALUES = {
     ("solve.band_limit", "-1"): "found -1, accepted: 'auto' or a whole number of at least 0",
     ("solve.noise", "guess"): "found 'guess', accepted: 'estimate' or {relative, floor}",
     ("solve.loss", "hubber"): (
-        "found 'hubber', accepted: 'squares', 'huber' or 'cauchy', did you mean 'huber'?"
+        "found 'hubber', accepted: 'auto', 'squares', 'huber' or 'cauchy', did you mean 'huber'?"
     ),
     ("solve.refine", "0"): "found 0, accepted: 'exact' or 'off'",
     ("output", "3"): "found 3, accepted: a path",
@@ -552,7 +552,7 @@ def test_unknown_key_inside_an_alternative():
 
 def test_a_long_value_is_shortened():
     found = message(GOOD, "solve.loss=" + "x" * 100).rsplit("found ", 1)[1]
-    assert found == f"'{'x' * 55} ..., accepted: 'squares', 'huber' or 'cauchy'"
+    assert found == f"'{'x' * 55} ..., accepted: 'auto', 'squares', 'huber' or 'cauchy'"
 
 
 MATERIALS = {

@@ -140,7 +140,7 @@ MESSAGES = {
     ),
     "a wrong word": (
         "list:\n  - solve: {loss: square}\n",
-        "{s}:3:19: solve.loss: found 'square', accepted: 'squares', 'huber' or 'cauchy', "
+        "{s}:3:19: solve.loss: found 'square', accepted: 'auto', 'squares', 'huber' or 'cauchy', "
         "did you mean 'squares'?",
     ),
     "a key that is no key": (

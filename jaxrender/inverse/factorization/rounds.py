@@ -6,7 +6,8 @@
 2. *Refinement*: the exact integral says by how much the dual model is off where the fit ended; the
    fit is repeated on what that leaves, until nothing moves.
 3. Weights start as radiance^-.7, so that highlights do not drown the rest while the light is still
-   crude, and end as those of the noise found in the residuals.
+   crude, and end as those of the noise found in the residuals.  Outliers count less from the start
+   (Huber's loss): pixels that shadows' edges cross would otherwise buy lamps of their own.
 """
 
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from jaxrender.inverse.factorization.joint import Joint, Measured, descend_joint
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, Response, gloss_share
 from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.weights import robust_weights
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, reflect_slow_light
 from jaxrender.shapes import Array, Bool, Float
@@ -46,6 +48,8 @@ _CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
 _COMPRESSION, _DARK = -0.7, 1e-3
 # What slow light alone is expected to leave of the photographs.
 _FIRST_MISFIT = 0.1
+# Standard deviation over the median of magnitudes, of Gaussian noise.
+_NORMAL_DEVIATION = 1.4826
 # Coefficients of degree l are expected within this part of the mean light over sqrt(l (l + 1)).
 _LEAST_LIGHT = 0.2
 _NEIGHBOURS_PER_SIGMA = 1.0
@@ -62,6 +66,7 @@ class FactorSettings(NamedTuple):
     smoothness: float = 1.0
     refine: bool = True
     noise: NoiseModel | None = None
+    loss: str = "huber"
 
 
 class Known(NamedTuple):
@@ -206,20 +211,29 @@ def add_lamps(task: Task, state: State, count: int) -> State:
 
 
 def weigh_evenly(task: Task, state: State) -> State:
-    """Scale the weights so that chi-squared is one for each measurement."""
+    """Scale the first weights so that chi-squared is one for each measurement.
+
+    Under a robust loss outliers count less, and the scale is that of the rest.
+    """
     assert state.joint is not None
-    left = state.weights * (state.target - np.asarray(state.joint.solved.predicted))
-    return state._replace(weights=state.weights / np.sqrt(np.mean(left**2)))
+    weights, loss = begin(task).weights, task.settings.loss
+    left = weights * (state.target - np.asarray(state.joint.solved.predicted))
+    if loss == "squares":
+        return state._replace(weights=weights / np.sqrt(np.mean(left**2)))
+    deviation = _NORMAL_DEVIATION * np.median(np.abs(left))
+    return state._replace(weights=weights / deviation * robust_weights(left / deviation, loss))
 
 
 def weigh_by_noise(task: Task, state: State) -> tuple[State, NoiseModel]:
-    """Weigh by the noise given, or by that found in the residuals."""
+    """Weigh by the noise given, or by that found in the residuals, and by the loss."""
     assert state.joint is not None
     predicted = np.asarray(state.joint.solved.predicted)
-    noise = task.settings.noise or estimate_noise(state.target - predicted, predicted)
+    left = state.target - predicted
+    noise = task.settings.noise or estimate_noise(left, predicted)
     deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-    least = 1e-6 * np.sqrt(np.mean(task.radiance**2))
-    return state._replace(weights=1 / np.hypot(deviation, least)), noise
+    deviation = np.hypot(deviation, 1e-6 * np.sqrt(np.mean(task.radiance**2)))
+    weights = robust_weights(left / deviation, task.settings.loss) / deviation
+    return state._replace(weights=weights), noise
 
 
 def without_idle_lamps(task: Task, state: State) -> State:

@@ -125,7 +125,7 @@ def _refuse_for_texture(config: RunConfig) -> None:
         "brdf.ks_per_channel": (brdf.ks_per_channel, "has one ks for all channels"),
         "solve.free_exposure": (solve.free_exposure, "needs known exposures"),
         "lighting.free_scale": (lighting.free_scale, "takes the light as given"),
-        "solve.loss": (solve.loss != "squares", "counts squared residuals"),
+        "solve.loss": (solve.loss not in ("auto", "squares"), "counts squared residuals"),
     }
     for key, (found, why) in faults.items():
         if found:

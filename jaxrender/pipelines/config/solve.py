@@ -55,8 +55,8 @@ class SolveConfig(Section):
     """Pixels used by the refinement."""
     method: Literal["variable-projection", "simplex"] = "variable-projection"
     """The search: linear part eliminated, or the thesis's simplex."""
-    loss: Literal["squares", "huber", "cauchy"] = "squares"
-    """How residuals count."""
+    loss: Literal["auto", "squares", "huber", "cauchy"] = "auto"
+    """How residuals count: auto is squares, but huber where the light is found along."""
     noise: Noise = "estimate"
     """The noise of the photographs: estimate, or {relative, floor}."""
     starts: Count = 8
