@@ -29,7 +29,7 @@ class Mesh(Shape):
     vertices: Float[np.ndarray, "vertex 3"]
     faces: Int[np.ndarray, "face 3"]
     normals: Float[np.ndarray, "vertex 3"]
-    texture_coordinates: Float[np.ndarray, "vertex 2"] | None
+    texture_coordinates: Float[np.ndarray, "face 3 2"] | None
     dropped_faces: int
     _tracer: EmbreeTracer
 
@@ -38,12 +38,12 @@ class Mesh(Shape):
         vertices: Float[AnyArray, "vertex 3"],
         faces: Int[AnyArray, "face 3"],
         normals: Float[AnyArray, "vertex 3"] | None = None,
-        texture_coordinates: Float[AnyArray, "vertex 2"] | None = None,
+        texture_coordinates: Float[AnyArray, "face 3 2"] | None = None,
     ):
         """Texture coordinates are u to the right and v upwards in the unit square.
 
-        A vertex has one pair of them: along a seam of the texture, vertices are split.  Raises
-        ValueError for non-finite values, missing faces, indices out of range.
+        Every corner of a face has its own pair: along a seam of the texture one vertex has several.
+        Raises ValueError for non-finite values, missing faces, indices out of range.
         """
         self.vertices = np.array(vertices, np.float64)
         _check_finite("vertex", self.vertices)
@@ -51,7 +51,9 @@ class Mesh(Shape):
         flat = _is_flat(self.vertices[faces])
         if flat.all():
             raise ValueError(f"all {len(faces)} faces have zero area: the mesh has no surface")
-        self.faces = _without_repetitions(faces[~flat])
+        kept = np.flatnonzero(~flat)
+        kept = kept[_first_of_each(faces[kept])]
+        self.faces = faces[kept]
         self.dropped_faces = len(faces) - len(self.faces)
         if normals is None:
             self.normals = angle_weighted_normals(self.vertices, self.faces)
@@ -60,8 +62,8 @@ class Mesh(Shape):
             self.normals = _unit_or_zero(np.array(normals, np.float64))
         self.texture_coordinates = None
         if texture_coordinates is not None:
-            self.texture_coordinates = np.array(texture_coordinates, np.float64)
-            _check_finite("texture coordinate", self.texture_coordinates)
+            self.texture_coordinates = np.array(texture_coordinates, np.float64)[kept]
+            _check_finite("texture coordinate", self.texture_coordinates.reshape(-1, 2))
         self._tracer = EmbreeTracer(self.vertices, self.faces)
 
     @classmethod
@@ -199,14 +201,14 @@ def _is_flat(triangles: np.ndarray) -> np.ndarray:
     return np.linalg.norm(_doubled_area(triangles), axis=1) <= _FLAT * longest
 
 
-def _without_repetitions(faces: np.ndarray) -> np.ndarray:
-    """The faces, each set of three vertices once, at its first place."""
+def _first_of_each(faces: np.ndarray) -> np.ndarray:
+    """Where each set of three vertices comes first."""
     ordered = np.sort(faces, axis=1)
     by_vertices = np.lexsort(ordered.T)  # stable: repetitions stay in their order
     repeats = (np.diff(ordered[by_vertices], axis=0) == 0).all(axis=1)
     keep = np.ones(len(faces), bool)
     keep[by_vertices[1:][repeats]] = False
-    return faces[keep]
+    return keep
 
 
 def _unit_or_zero(vectors: np.ndarray) -> np.ndarray:

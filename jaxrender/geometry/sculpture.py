@@ -75,7 +75,7 @@ def sculpture(
     points = radius * features.radius(directions)[:, None] * directions
     if center is not None:
         points = points + center
-    return Mesh(points, faces, features.normals(directions), texture_coordinates)
+    return Mesh(points, faces, features.normals(directions), texture_coordinates[faces])
 
 
 def unwrapped(

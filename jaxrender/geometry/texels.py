@@ -34,7 +34,7 @@ class Sites(NamedTuple):
     def sentence(self) -> str:
         """What a site is."""
         if self.image is None:
-            return f"{self.count} vertices: the mesh has no texture coordinates"
+            return f"{self.count} vertices: the mesh has no texture coordinates, or not everywhere"
         return f"{self.image[1]} x {self.image[0]} texels"
 
 
@@ -74,7 +74,7 @@ def mesh_coordinates(
     """Interpolate a mesh's texture coordinates; ``ValueError`` where it has none."""
     if mesh.texture_coordinates is None:
         raise ValueError("the mesh has no texture coordinates: use its vertices (vertex_sites)")
-    corners = mesh.texture_coordinates[mesh.faces[_checked(face)]]
+    corners = mesh.texture_coordinates[_checked(face)]
     return np.einsum("sk,ski->si", barycentric, corners)
 
 

@@ -3,19 +3,23 @@
 A file's parts become one mesh in the file's own coordinates, times ``scale``.  Texture seams
 and STL's loose triangles are closed by merging vertices at exactly the same place, so that smooth
 normals (angle-weighted, by ``geometry.Mesh``) see all the faces that meet there.  Where every part
-of the file brings vertex normals, those are kept, and its vertices stay as they are.
+of the file brings vertex normals, those are kept, and its vertices stay as they are.  Texture
+coordinates belong to the corners of faces, so merging leaves them alone; they too are kept where
+every part has them.  Those of a .glb are read where the part has a material.
 """
 
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from trimesh.visual import TextureVisuals
 
 from jaxrender.errors import InputError
 from jaxrender.geometry.mesh import Mesh
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Bool, Float, Int
 
 MESH_SUFFIXES = (".obj", ".ply", ".glb", ".stl")
 
@@ -34,14 +38,15 @@ def read_mesh(path: str | Path, scale: float | int = 1.0) -> Mesh:
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets)])
     normals = [part.vertex_normals for part in parts if _has_normals(part)]
+    coordinates = _texture_coordinates(path, parts)
     _check_finite(path, "vertex", vertices)
     if len(normals) == len(parts):
         given = np.concatenate(normals)
         _check_finite(path, "vertex normal", given)
-        return _mesh(path, scale * vertices, faces, given)
+        return _mesh(path, scale * vertices, faces, given, coordinates)
     # Exactly equal: a tolerance would be in units that nobody knows.
     merged, index = np.unique(vertices, axis=0, return_inverse=True)
-    return _mesh(path, scale * merged, index.reshape(-1)[faces], None)
+    return _mesh(path, scale * merged, index.reshape(-1)[faces], None, coordinates)
 
 
 def write_mesh(
@@ -49,24 +54,42 @@ def write_mesh(
     mesh: Mesh,
     columns: Mapping[str, Float[np.ndarray, "vertex"] | Bool[np.ndarray, "vertex"]] | None = None,
 ) -> None:
-    """Write a mesh with its normals, in the format that the path's ending names.
+    """Write a mesh with its normals and texture coordinates, in the format of the path's ending.
 
-    ``columns`` are further numbers of every vertex, by name, which only PLY has room for.
+    ``columns`` are further numbers of every vertex, by name, which only PLY has room for.  Vertices
+    with several texture coordinates are split; STL has neither those nor normals.
     """
     path = Path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise InputError(f"{path}: unknown mesh format; use {', '.join(MESH_SUFFIXES)}")
-    solid = trimesh.Trimesh(
-        mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False, validate=False
-    )
     if columns and path.suffix.lower() != ".ply":
         raise InputError(f"{path}: only .ply has room for {', '.join(columns)}")
+    vertex, faces, coordinates = _split(mesh)
+    solid = trimesh.Trimesh(
+        mesh.vertices[vertex],
+        faces,
+        vertex_normals=mesh.normals[vertex],
+        visual=None if coordinates is None else TextureVisuals(uv=coordinates),
+        process=False,
+        validate=False,
+    )
     for name, values in (columns or {}).items():
-        solid.vertex_attributes[name] = np.asarray(values, np.float32)
-    if path.suffix.lower() == ".ply":
-        solid.export(path, vertex_normal=True)
-    else:
-        solid.export(path)
+        solid.vertex_attributes[name] = np.asarray(values, np.float32)[vertex]
+    options: dict[str, Any] = {".ply": {"vertex_normal": True}, ".obj": {"write_texture": False}}
+    solid.export(path, **options.get(path.suffix.lower(), {}))
+
+
+def _split(
+    mesh: Mesh,
+) -> tuple[
+    Int[np.ndarray, "written"], Int[np.ndarray, "face 3"], Float[np.ndarray, "written 2"] | None
+]:
+    """Give every written vertex one pair of coordinates: which vertex it is, faces, coordinates."""
+    if mesh.texture_coordinates is None:
+        return np.arange(len(mesh.vertices)), mesh.faces, None
+    corners = np.column_stack([mesh.faces.ravel(), mesh.texture_coordinates.reshape(-1, 2)])
+    written, index = np.unique(corners, axis=0, return_inverse=True)
+    return written[:, 0].astype(int), index.reshape(-1, 3), written[:, 1:]
 
 
 def _parts(path: Path) -> list[trimesh.Trimesh]:
@@ -75,16 +98,48 @@ def _parts(path: Path) -> list[trimesh.Trimesh]:
         raise InputError(f"{path}: unknown mesh format; use {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; mend the path")
-    try:
-        # Unprocessed: trimesh would drop broken vertices without a word.
-        scene = trimesh.load_scene(path, process=False, skip_materials=True)
-    except Exception as error:  # a malformed file can fail anywhere in its reader
-        raise InputError(f"{path}: not a readable mesh ({error})") from error
-    parts = [_placed(scene, node) for node in sorted(scene.graph.nodes_geometry)]
-    parts = [part for part in parts if part is not None and len(part.faces)]
+    # Of a .ply with texture coordinates trimesh reorders the vertices but not their normals.
+    parts = _loaded(path, fix_texture=False)
     if not parts:
         raise InputError(f"{path}: the file has no faces; export triangles")
     return parts
+
+
+def _loaded(path: Path, fix_texture: bool) -> list[trimesh.Trimesh]:
+    glb = path.suffix.lower() == ".glb"
+    options: dict[str, Any] = {"fix_texture": fix_texture} if path.suffix.lower() == ".ply" else {}
+    try:
+        # Unprocessed: trimesh would drop broken vertices without a word.  Without its material a
+        # part of a .glb loses its texture coordinates.
+        scene = trimesh.load_scene(path, process=False, skip_materials=not glb, **options)
+    except Exception as error:  # a malformed file can fail anywhere in its reader
+        raise InputError(f"{path}: not a readable mesh ({error})") from error
+    parts = [_placed(scene, node) for node in sorted(scene.graph.nodes_geometry)]
+    return [part for part in parts if part is not None and len(part.faces)]
+
+
+def _texture_coordinates(
+    path: Path, parts: list[trimesh.Trimesh]
+) -> Float[np.ndarray, "face 3 2"] | None:
+    """The texture coordinates of every corner; None where a part has none."""
+    if not all(_has_coordinates(part) for part in parts):
+        return None
+    if path.suffix.lower() == ".ply":
+        parts = _loaded(path, fix_texture=True)
+    given = [np.asarray(_uv(part), np.float64)[part.faces, :2] for part in parts]
+    coordinates = np.concatenate(given)
+    _check_finite(path, "texture coordinate of corner", coordinates.reshape(-1, 2))
+    return coordinates
+
+
+def _has_coordinates(part: trimesh.Trimesh) -> bool:
+    uv = _uv(part)
+    return uv is not None and len(uv) == len(part.vertices)
+
+
+def _uv(part: trimesh.Trimesh) -> np.ndarray | None:
+    """Texture coordinates of a part's vertices, as trimesh has them."""
+    return getattr(part.visual, "uv", None)
 
 
 def _placed(scene: trimesh.Scene, node: str) -> trimesh.Trimesh | None:
@@ -100,6 +155,7 @@ def _placed(scene: trimesh.Scene, node: str) -> trimesh.Trimesh | None:
         vertices=part.vertices @ matrix.T + transform[:3, 3],
         faces=part.faces[:, ::-1] if mirrored else part.faces,
         vertex_normals=normals,
+        visual=part.visual if _has_coordinates(part) else None,
         process=False,
     )
 
@@ -118,8 +174,14 @@ def _check_finite(path: Path, kind: str, values: np.ndarray) -> None:
         )
 
 
-def _mesh(path: Path, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None) -> Mesh:
+def _mesh(
+    path: Path,
+    vertices: Float[np.ndarray, "vertex 3"],
+    faces: Int[np.ndarray, "face 3"],
+    normals: Float[np.ndarray, "vertex 3"] | None,
+    texture_coordinates: Float[np.ndarray, "face 3 2"] | None,
+) -> Mesh:
     try:
-        return Mesh(vertices, faces, normals)
+        return Mesh(vertices, faces, normals, texture_coordinates)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None

@@ -89,7 +89,7 @@ def test_the_sites_of_a_moved_sphere_follow_its_own_directions():
 def square(textured=True):
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    return Mesh(vertices, faces, None, vertices[:, :2] if textured else None)
+    return Mesh(vertices, faces, None, vertices[faces][..., :2] if textured else None)
 
 
 def test_coordinates_of_a_mesh_are_interpolated():

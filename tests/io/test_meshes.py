@@ -1,11 +1,13 @@
 """Mesh files: the surface that the file describes, whole, and nothing lost in silence.
 
-Pinned down: seams closed for smooth normals; file normals kept; parts placed where the file says,
-mirrored ones too; scale; and a message for every broken file.  The oracle for areas and volumes is
+Pinned down: seams closed for smooth normals; file normals kept; texture coordinates of every corner
+kept, also where vertices merge; parts placed where the file says, mirrored ones too; scale; and a
+message for every broken file.  The oracle for areas and volumes is
 trimesh; a sphere's normals are its directions.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ import trimesh
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh
-from jaxrender.io.meshes import read_mesh
+from jaxrender.geometry.sculpture import sculpture
+from jaxrender.io.meshes import read_mesh, write_mesh
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "meshes"
 real = pytest.mark.skipif(not DATA.exists(), reason="the real meshes are not on this machine")
@@ -43,7 +46,8 @@ def volume(mesh: Mesh) -> float:
 def test_a_sphere_is_closed_and_smooth(tmp_path, suffix):
     """STL has no shared vertices; only merged ones give the sphere's normals."""
     path = tmp_path / f"sphere.{suffix}"
-    sphere(radius=2).export(path, **({"include_normals": False} if suffix == "glb" else {}))
+    options: dict[str, Any] = {"include_normals": False} if suffix == "glb" else {}
+    sphere(radius=2).export(path, **options)
     mesh = read_mesh(path)
     assert len(mesh.vertices) == 642
     assert mesh.is_closed()
@@ -61,6 +65,47 @@ def test_texture_seams_are_merged(tmp_path):
     assert len(mesh.vertices) == 4
     assert mesh.is_closed()
     assert volume(mesh) == pytest.approx(1 / 6)
+    # Every corner keeps its own pair, whichever vertex it now shares.
+    assert mesh.texture_coordinates is not None
+    expected = np.stack([np.arange(12) / 12, np.full(12, 0.5)], axis=-1).reshape(4, 3, 2)
+    np.testing.assert_allclose(mesh.texture_coordinates, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "glb"])
+def test_texture_coordinates_and_normals_round_trip(tmp_path, suffix):
+    mesh = sculpture(2, 0)
+    assert mesh.texture_coordinates is not None
+    write_mesh(tmp_path / f"m.{suffix}", mesh)
+    again = read_mesh(tmp_path / f"m.{suffix}")
+    assert again.texture_coordinates is not None
+    np.testing.assert_allclose(again.texture_coordinates, mesh.texture_coordinates, atol=SINGLE)
+    for name in ("vertices", "normals"):
+        written, read = (getattr(one, name)[one.faces] for one in (mesh, again))
+        np.testing.assert_allclose(read, written, atol=SINGLE)
+    assert [path.name for path in tmp_path.iterdir()] == [f"m.{suffix}"]
+
+
+def test_texture_coordinates_of_the_corners_of_a_ply(tmp_path):
+    """A .ply may hold them by face; the normals of vertices stay with their vertices."""
+    header = ["ply", "format ascii 1.0", "element vertex 4"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += ["element face 2", "property list uchar int vertex_indices"]
+    header += ["property list uchar float texcoord", "end_header"]
+    corners = [[1, 1], [1, 0], [0, 1], [0, 0]]
+    body = [f"{x} {y} 0 {x} {y} 1" for x, y in corners]
+    body += ["3 3 1 0 6 0 0 0.5 0 0.5 0.5", "3 3 0 2 6 0.5 0 1 0 1 1"]
+    mesh = read_mesh(write(tmp_path, "\n".join(header + body) + "\n", "m.ply"))
+    expected = [[[0, 0], [0.5, 0], [0.5, 0.5]], [[0.5, 0], [1, 0], [1, 1]]]
+    assert mesh.texture_coordinates is not None
+    np.testing.assert_allclose(mesh.texture_coordinates, expected)
+    np.testing.assert_allclose(mesh.normals[:, :2] / mesh.normals[:, 2:], corners)
+
+
+def test_dropped_faces_take_their_texture_coordinates_along(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 1/1 2/2\nf 1/3 2/2 3/1\n"
+    mesh = read_mesh(write(tmp_path, text))
+    assert mesh.texture_coordinates is not None
+    np.testing.assert_allclose(mesh.texture_coordinates, [[[0, 1], [1, 0], [0, 0]]])
 
 
 def test_zeros_of_either_sign_are_one_place(tmp_path):
@@ -84,7 +129,9 @@ def test_normals_of_the_file_are_kept(tmp_path, suffix):
     flat = trimesh.Trimesh(
         vertices, faces, vertex_normals=np.repeat(box.face_normals, 3, axis=0), process=False
     )
-    options = {"ply": {"vertex_normal": True}}.get(suffix, {"include_normals": True})
+    options: dict[str, Any] = {"ply": {"vertex_normal": True}}.get(
+        suffix, {"include_normals": True}
+    )
     flat.export(tmp_path / f"cube.{suffix}", **options)
     mesh = read_mesh(tmp_path / f"cube.{suffix}")
     face_normals = np.cross(*np.moveaxis(np.diff(mesh.vertices[mesh.faces], axis=1), 1, 0))
@@ -124,6 +171,10 @@ def test_parts_lie_where_the_file_puts_them(tmp_path, mirrored, normals):
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 nan\nf 1//1 2//1 3//1\n", r"vertex normal 0 .* nan"),
         ("# nothing\n", r"the file has no faces"),
         (CORNERS, r"the file has no faces"),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 nan\nf 1/1 2/1 3/1\n",
+            r"texture coordinate of corner 0 .* nan",
+        ),
         ("v 0 0 0\nv 1 0 0\nf 1 2 9\n", r"not a readable mesh"),
         ("v a b c\nf 1 2 3\n", r"not a readable mesh"),
         ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", r"all 1 faces have zero area"),

@@ -4,8 +4,9 @@
   maps, marks, arrays, predictions and the page are written, and agree with each other.
 - Unseen texels are counted and marked; the maps go on beyond the seam and are 0 further off.
 - The result renders again, to the noise; colours of a mask are regions with a lobe each.
-- Matte paint: a mesh without coordinates gets its vertices, and says so; under unknown light the
-  texture is right up to what cannot be told, which is said; gloss that is not there is not told.
+- Matte paint: a mesh file with texture coordinates gets texels, one without gets its vertices, and
+  says so; under unknown light the texture is right up to what cannot be told, which is said; gloss
+  that is not there is not told.
 - Bad input is refused in words.
 """
 
@@ -26,6 +27,7 @@ from small_captures import MU, SIGMA, jaxrender, read_result
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh
+from jaxrender.geometry.texels import texel_coordinates
 from jaxrender.io import read_image, read_mesh, write_image, write_mesh
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.render import render_config
@@ -141,7 +143,9 @@ def test_a_mesh_without_coordinates_has_vertices(tmp_path):
     write_mesh(folder / "ball.ply", mesh)
     out, result = run(folder, MATTE_TASK, shape="mesh: ball.ply")
     said = result["texture"]
-    assert said["sentence"] == "162 vertices: the mesh has no texture coordinates"
+    assert said["sentence"] == (
+        "162 vertices: the mesh has no texture coordinates, or not everywhere"
+    )
     assert said["files"] == {"vertices": "textures/vertices.ply"}
     texture = arrays(out)
     told = texture["kd_marked"] == 0
@@ -150,6 +154,34 @@ def test_a_mesh_without_coordinates_has_vertices(tmp_path):
     assert 0.8 < np.sqrt(np.mean(off[told] ** 2)) < 1.2
     assert len(read_mesh(out / "textures/vertices.ply").vertices) == 162
     assert "vertices.ply" in (out / "report.html").read_text()
+
+
+class Folded(Paint):
+    """Checks of x and y, alike on both sides of the ball: texels that are flat on a flat face."""
+
+    def of(self, points):
+        which = (np.floor(2 * points[:, 0]) + np.floor(2 * points[:, 1])).astype(int) % 2
+        return self.kd[which], self.ks[which]
+
+
+def test_a_mesh_file_with_coordinates_has_texels(tmp_path):
+    """An .obj whose texture is its upper side beside its lower one: vertices between have both."""
+    ball, paint = Mesh.icosphere(3), Folded(ks=np.zeros(2))
+    corners = ball.vertices[ball.faces]
+    lower = corners[..., 2].mean(axis=1, keepdims=True) < 0
+    u, v = (corners[..., 0] + 1) / 4 + lower / 2, (corners[..., 1] + 1) / 2
+    mesh = Mesh(ball.vertices, ball.faces, ball.normals, np.stack([u, v], axis=-1))
+    folder = write_painted(tmp_path / "capture", paint, 3, mesh)
+    write_mesh(folder / "ball.obj", mesh)
+    out, result = run(folder, MATTE_TASK, shape="mesh: ball.obj")
+    assert result["texture"]["sentence"] == "16 x 16 texels of the mesh's texture coordinates"
+    texture = arrays(out)
+    u, v = texel_coordinates((16, 16)).T
+    kd, _ = paint.of(np.stack([4 * u % 2 - 1, 2 * v - 1], axis=-1))
+    told = texture["kd_marked"].ravel() == 0
+    off = (texture["kd"].reshape(-1, 3) - kd) / texture["kd_error"].reshape(-1, 3)
+    assert told.sum() > 60
+    assert 0.8 < np.sqrt(np.mean(off[told] ** 2)) < 1.2
 
 
 def test_matte_paint_under_unknown_light(matte):

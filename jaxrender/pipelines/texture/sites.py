@@ -46,7 +46,7 @@ class SurfaceSites(NamedTuple):
     def sentence(self) -> str:
         """Say what a site is, and why."""
         if self.image is None:
-            return f"{self.count} vertices: the mesh has no texture coordinates"
+            return f"{self.count} vertices: the mesh has no texture coordinates, or not everywhere"
         what = f"{self.image[1]} x {self.image[0]} texels"
         if isinstance(self.shape, Sphere):
             return f"{what} by latitude and longitude of the sphere"
