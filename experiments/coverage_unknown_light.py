@@ -47,8 +47,8 @@ BAND_LIMIT, SOURCES = 4, 2
 LOWEST_COSINE = 0.15
 LEVEL, BAND, NORMAL_90 = 0.9, 0.999, 1.6448536269514722
 WITHIN = 15.0
-# Nine of ten points lie in a circle of this radius, in units of the rms distance, if no direction is
-# preferred.
+# Nine of ten points lie in a circle of this radius, in units of their rms distance, if they scatter
+# alike in all directions.
 CIRCLE_90 = 1.5174271293851465
 MATERIAL_ALONE = Known((1 / 3,) * 3, MATERIAL.sigma, MATERIAL.mu)
 

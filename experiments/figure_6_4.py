@@ -46,7 +46,7 @@ COMPARED_DEGREE = 20
 
 
 class Shot(NamedTuple):
-    """A photograph of the ball, which pixels are good, and the share of each that the ball covers."""
+    """A photograph of the ball, which pixels are good, and how much of each the ball covers."""
 
     name: str
     picture: np.ndarray
