@@ -61,6 +61,7 @@ class Error(NamedTuple):
     rms: float
     smooth: float
     nine: float
+    nine_seen: float
 
 
 def main():
@@ -144,14 +145,15 @@ def error_of(found: BallLight, truth: Environment, light: Environment) -> Error:
     recovered = np.asarray(found.environment.radiance)
     pair = (recovered, np.asarray(truth.radiance))
     soft = [np.asarray(synthesise(grid, analyse(grid, image, COMPARED_DEGREE))) for image in pair]
-    nine, true_nine = (
-        np.asarray(analyse(one.grid, one.radiance, 2)) for one in (found.environment, light)
-    )
+    true_nine = np.asarray(analyse(light.grid, light.radiance, 2))
+    mended = np.where((found.confidence > SEEN)[..., None], *pair)
+    nine = [np.asarray(analyse(grid, image, 2)) - true_nine for image in (recovered, mended)]
+    size = np.linalg.norm(true_nine)
     return Error(
         100 * float(weights.sum() / (4 * np.pi)),
         _relative(*pair, weights),
         _relative(soft[0], soft[1], weights),
-        100 * float(np.linalg.norm(nine - true_nine) / np.linalg.norm(true_nine)),
+        *(100 * float(np.linalg.norm(off) / size) for off in nine),
     )
 
 
@@ -165,7 +167,8 @@ def print_table(rows: list, ball: Circle):
     print(f"ball of radius {ball.radius:.1f} pixels, panorama of {ROWS} x {2 * ROWS} texels")
     print(
         "photograph      circle off, pixels (row, column, radius)   its s.e.   "
-        "unusable, %   seen, %   rms, %   to degree 20, %   nine coefficients, %"
+        "unusable, %   seen, %   rms, %   to degree 20, %   nine coefficients, %   "
+        "blind spot known, %"
     )
     for shot, circle, _, error in rows:
         off = [getattr(circle, n) - getattr(ball, n) for n in ("row", "column", "radius")]
@@ -174,12 +177,12 @@ def print_table(rows: list, ball: Circle):
         print(
             f"{shot.name:15s} {off[0]:+10.4f} {off[1]:+10.4f} {off[2]:+10.4f} "
             f"{circle.standard_error:18.4f} {bad:12.2f} {error.seen:9.1f} {error.rms:8.2f} "
-            f"{error.smooth:14.2f} {error.nine:18.2f}"
+            f"{error.smooth:14.2f} {error.nine:18.2f} {error.nine_seen:20.2f}"
         )
 
 
 def draw(rows: list, truth: Environment, out: Path):
-    """Draw photographs, the panoramas of them, and the true one."""
+    """Draw photographs, the panoramas of them (paler where not seen), and the true one."""
     figure, axes = plt.subplots(
         3, len(rows), figsize=(3.6 * len(rows), 6.6), height_ratios=[2, 1, 1], layout="constrained"
     )
@@ -196,7 +199,7 @@ def draw(rows: list, truth: Environment, out: Path):
         column[0].set_title(f"{shot.name}: {error.rms:.1f} % rms, nine {error.nine:.2f} %")
         for axis in column:
             axis.set(xticks=[], yticks=[])
-    for axis, name in zip(axes[:, 0], ("photograph", "recovered (pale: not seen)", "true")):
+    for axis, name in zip(axes[:, 0], ("photograph", "recovered", "true")):
         axis.set_ylabel(name)
     out.parent.mkdir(exist_ok=True)
     figure.savefig(out, dpi=110)
