@@ -1,6 +1,6 @@
 """Do 90 % intervals hold the truth in 90 % of repetitions, when the light is unknown?
 
-    python experiments/coverage_unknown_light.py [--seeds 200] [--samples 480] [--smoothness 1]
+    python experiments/coverage_unknown_light.py [--seeds 200] [--samples 320] [--smoothness 1]
 
 Area light of degree 2 and one lamp; photographs by the polar quadrature (continuous light, no grid,
 the lamp's lobe as it is), noise of 1 %, known, drawn anew for each seed.  ``lighting`` is given the
@@ -39,7 +39,8 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
 from jaxrender.lighting import DirectionalSources
 
-MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.16, 1.5)
+SIGMA, MU = 0.16, 1.5
+MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), SIGMA, MU)
 TOTAL = np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks)
 LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
 NOISE = NoiseModel(0.01, 0.0)
@@ -50,7 +51,7 @@ WITHIN = 15.0
 # Nine of ten points lie in a circle of this radius, in units of their rms distance, if they scatter
 # alike in all directions.
 CIRCLE_90 = 1.5174271293851465
-MATERIAL_ALONE = Known((1 / 3,) * 3, MATERIAL.sigma, MATERIAL.mu)
+MATERIAL_ALONE = Known((1 / 3,) * 3, SIGMA, MU)
 
 
 class Counted(NamedTuple):
@@ -62,13 +63,15 @@ class Counted(NamedTuple):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=200)
-    parser.add_argument("--samples", type=int, default=480)
+    parser.add_argument("--samples", type=int, default=320)
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--smoothness", type=float, default=1.0)
     parser.add_argument("--only", choices=("lighting", "factorize"))
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
     samples, view = ring_samples(arguments.samples, LOWEST_COSINE, 3)
     exact = photograph_function(
         lambda towards: evaluate(jnp.asarray(AREA), towards), MATERIAL, samples, view, LAMP
@@ -76,23 +79,23 @@ def main():
     for task, known in (("lighting", MATERIAL_ALONE), ("factorize", Known())):
         if arguments.only in (None, task):
             settings = FactorSettings(BAND_LIMIT, SOURCES, arguments.smoothness, noise=NOISE)
-            report(task, *repeat(task, exact, (known, settings), arguments.seeds))
+            report(task, *repeat(task, exact, (known, settings), seeds))
 
 
 def repeat(
-    task: str, exact: Observations, how: tuple[Known, FactorSettings], seeds: int
+    task: str, exact: Observations, how: tuple[Known, FactorSettings], seeds: range
 ) -> tuple[list[dict[str, Counted]], int]:
     """Fit each seed's photographs; returns the numbers of each, and how many found a lamp more."""
     known, settings = how
     start, found, more = time.perf_counter(), [], 0
-    for seed in range(seeds):
+    for seed in seeds:
         rng = np.random.default_rng(7000 + seed)
         noisy = exact._replace(radiance=NOISE.add(np.asarray(exact.radiance), rng))
         fit = factorize(noisy, MATERIAL, settings, known)
         more += len(fit.scene.sources.directions) != 1
         found.append(numbers_of(fit, task == "factorize"))
-        if seed % 50 == 49:
-            print(f"  {task}: {seed + 1} seeds, {time.perf_counter() - start:.0f} s", flush=True)
+        if len(found) % 50 == 0:
+            print(f"  {task}: {len(found)} seeds, {time.perf_counter() - start:.0f} s", flush=True)
     return found, more
 
 
@@ -104,9 +107,10 @@ def numbers_of(fit: Factorization, with_material: bool) -> dict[str, Counted]:
         for k, channel in enumerate(("red", "green", "blue")):
             truth = float(np.asarray(MATERIAL.ks)[k] / TOTAL[k])
             inside = bool(low.ks[k] <= truth <= high.ks[k])
-            numbers[f"ks {channel}"] = Counted(value.ks[k] - truth, error.ks[k], inside)
-        for name in ("sigma", "mu"):
-            truth = float(getattr(MATERIAL, name))
+            numbers[f"ks {channel}"] = Counted(
+                float(value.ks[k]) - truth, float(error.ks[k]), inside
+            )
+        for name, truth in (("sigma", SIGMA), ("mu", MU)):
             inside = bool(getattr(low, name) <= truth <= getattr(high, name))
             off = float(getattr(value, name)) - truth
             numbers[name] = Counted(off, float(getattr(error, name)), inside)

@@ -65,7 +65,7 @@ class Error(NamedTuple):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--probe", type=Path)
     parser.add_argument("--convention", default="cross")
     parser.add_argument("--radius", type=float, default=100.0, help="of the ball, in pixels")

@@ -338,7 +338,7 @@ def _glossy_cell(count: int, unknowns: MicrofacetUnknowns) -> Cell:
         "K_d": _rms(ratio[often, :3] / scale - 1),
         "K_s": _rms(ratio[often, 3] / scale - 1),
     }
-    truth = np.asarray(light_coefficients(area_alone().environment, 2))
+    truth = np.asarray(light_coefficients(AREA.to_environment(LIGHT_ROWS), 2))
     nine = found.light.coefficients[:9] * scale
     errors["nine coefficients"] = _norm_off(nine, truth)
     lobe = {}
@@ -364,7 +364,7 @@ def _glossy_cell(count: int, unknowns: MicrofacetUnknowns) -> Cell:
 def _light_errors(fit: Factorization) -> tuple[dict[str, float], float]:
     """The lamp's angle and energy, the nine coefficients in per cent; and their stated error."""
     total = np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks)
-    slow = np.asarray(light_coefficients(area_alone().environment, 2))
+    slow = np.asarray(light_coefficients(AREA.to_environment(LIGHT_ROWS), 2))
     whole = np.asarray(light_coefficients(LAMP, 2)) + slow
     scene = fit.scene
     errors = {"nine coefficients": _norm_off(scene.total[:9], whole * total)}
@@ -430,7 +430,7 @@ def attempt(trial: Callable[[int], Cell], count: int) -> Cell:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", nargs="*", choices=list(CLASSES), default=list(CLASSES))
     parser.add_argument("--out", default="experiments/out/taxonomy.png")
     arguments = parser.parse_args()
