@@ -301,3 +301,9 @@ def test_bundled_examples(calls, monkeypatch, tmp_path):
     Path("configs/teflon.yaml").write_text(CONFIG)
     assert cli._bundled(Path("configs/teflon.yaml")) == Path("configs/teflon.yaml")
     assert cli._bundled(Path("other/teflon.yaml")) == Path("other/teflon.yaml")
+
+
+def test_the_pipelines_leave_without_a_word():
+    """A class that JAX keeps for ever, defined above the image files, would keep their library."""
+    left = run_process("-c", "import jaxrender.pipelines.run")
+    assert (left.returncode, left.stdout, left.stderr) == (0, "", "")

@@ -97,6 +97,21 @@ class ExactModel(eqx.Module):
         return jnp.sum(jnp.stack(parts), axis=0)
 
 
+class MatteModel(eqx.Module):
+    """A model whose lobe is dark: paint without gloss."""
+
+    model: Model
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate the diffuse column alone."""
+        diffuse = self.model.columns(sigma, mu).diffuse
+        return Columns(diffuse, jnp.zeros_like(diffuse))
+
+    def thinned(self, step: int) -> "MatteModel":
+        """Keep one in ``step`` samples."""
+        return MatteModel(self.model.thinned(step))
+
+
 class LinearisedModel(eqx.Module):
     """Any model to first order about one roughness and index: what error bars are made of."""
 

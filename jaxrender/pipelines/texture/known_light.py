@@ -1,13 +1,11 @@
 """A texture under known light: each region's sigma and mu, then every site (T 6.13)."""
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, MicrofacetUnknowns, Observations
-from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.models import MatteModel
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.texture import (
     Forward,
@@ -23,26 +21,11 @@ from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.scene import settings_of, unknowns_of
 from jaxrender.pipelines.texture.sites import SurfaceSites
 from jaxrender.pipelines.texture.surface import Region, Surface, facets_of, worst_outcome
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import Int
 
 # A lobe that nothing asks about: matte paint has none.
 _NO_LOBE = 0.1
 _METHODS = {"variable-projection": "joint", "simplex": "thesis"}
-
-
-class MatteModel(eqx.Module):
-    """A model whose lobe is dark: paint without gloss."""
-
-    model: Model
-
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate the diffuse column alone."""
-        diffuse = self.model.columns(sigma, mu).diffuse
-        return Columns(diffuse, jnp.zeros_like(diffuse))
-
-    def thinned(self, step: int) -> "MatteModel":
-        """Keep one in ``step`` samples."""
-        return MatteModel(self.model.thinned(step))
 
 
 def texture_settings(config: RunConfig) -> TextureSettings:
