@@ -39,7 +39,7 @@ from jaxrender.pipelines.result import provenance_of, read_result, summary_of, w
 from jaxrender.pipelines.scene import fault_of, input_files, known_light, shape_of, unknowns_of
 from jaxrender.pipelines.synth import synthesise
 from jaxrender.pipelines.texture import recover_surface
-from jaxrender.pipelines.texture.sites import sites_of
+from jaxrender.pipelines.texture.sites import regions_of, sites_of
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -269,7 +269,9 @@ def _would_fit(config: RunConfig, loaded: Loaded) -> str:
             f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
         )
     if config.task == "texture":
-        sites = sites_of(loaded.shape, loaded.photographs, config.texture or TextureConfig())
+        texture = config.texture or TextureConfig()
+        sites = sites_of(loaded.shape, loaded.photographs, texture)
+        regions_of(texture.regions, sites)  # refuses a picture that the fit would refuse
         return (
             f"dry run: would recover the material of {sites.sentence}, from "
             f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"

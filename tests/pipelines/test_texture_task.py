@@ -255,6 +255,8 @@ def test_schema_and_dry_run_know_the_task(ball, capsys):
     path = write_config(ball, TASK)
     assert jaxrender("fit", path, "--dry-run", "texture.size=auto") == 0
     assert "would recover the material of 32 x 16 texels" in capsys.readouterr().out
+    assert jaxrender("fit", path, "--dry-run", "texture.regions=gone.png") != 0
+    assert "no such image file" in capsys.readouterr().err
 
 
 def test_regions_are_put_together(matte, tmp_path):
