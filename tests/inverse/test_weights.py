@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxrender.inverse.weights import LOSSES, robust_weights
+from jaxrender.inverse.weights import LOSSES, robust_weights, variance_factor
 
 RESIDUALS = np.linspace(-30, 30, 601)
 
@@ -41,3 +41,22 @@ def test_an_unknown_loss_lists_the_known():
     with pytest.raises(ValueError, match="choose one of squares, huber, cauchy"):
         robust_weights(RESIDUALS, "tukey")
     assert set(LOSSES) == {"squares", "huber", "cauchy"}
+
+
+@pytest.mark.parametrize(
+    ("loss", "efficiency"), [("squares", 1), ("huber", 0.95), ("cauchy", 0.95)]
+)
+def test_the_stated_variance_of_a_mean_is_what_it_scatters_by(loss, efficiency):
+    """2,000 robust means of 300 Gaussian numbers: weighted squares times the factor."""
+    values = np.random.default_rng(3).normal(size=(2000, 300))
+    means = np.zeros(2000)
+    for _ in range(30):
+        squared = robust_weights(values - means[:, None], loss) ** 2
+        means = np.sum(squared * values, axis=1) / np.sum(squared, axis=1)
+    left = values - means[:, None]
+    squared = robust_weights(left, loss) ** 2
+    stated = np.mean(squared * left**2, axis=1) / np.sum(squared, axis=1)
+    factor = variance_factor(left, loss)
+    # A variance from 2,000 draws is known within 3.2 %; a missing factor is 23 % and 33 %.
+    np.testing.assert_allclose(np.var(means), factor * stated.mean(), rtol=0.1)
+    np.testing.assert_allclose(1 / 300 / np.var(means), efficiency, rtol=0.1)

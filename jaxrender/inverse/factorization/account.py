@@ -10,7 +10,8 @@ Photographs alone fix the product of light and reflectance in each channel.  The
     the light's mean radiance is the same in all channels; mean kd + ks = 1
 
 The covariance is that of least squares over all unknowns together, (J' W J + Lambda)^-1 times the
-mean squared weighted residual, carried to the parameters in their own units.
+mean squared weighted residual and the loss's ``variance_factor``, carried to the parameters in
+their own units.
 """
 
 from typing import NamedTuple
@@ -26,10 +27,12 @@ from jaxrender.inverse.factorization.rounds import (
     State,
     Task,
     free_unknowns,
+    in_deviations,
     measured,
     response_of,
 )
 from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals
+from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import Array, Float
 
@@ -67,6 +70,7 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
         response.slow_count + int(np.count_nonzero(state.active))
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
+    variance *= variance_factor(in_deviations(task, state)[0], task.settings.loss)
     covariance = variance * _inverse(system, free)
     light = np.asarray(solved.light)
     factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)

@@ -53,7 +53,8 @@ _NORMAL_DEVIATION = 1.4826
 # Coefficients of degree l are expected within this part of the mean light over sqrt(l (l + 1)).
 _LEAST_LIGHT = 0.2
 _NEIGHBOURS_PER_SIGMA = 1.0
-_REFINEMENTS, _SETTLED = 6, 2e-3
+# The last steps end when no logarithm moves by more, nor what they aim at by more of its noise.
+_REFINEMENTS, _SETTLED, _SAME_TARGET = 6, 2e-3, 0.02
 # The directions by which what a concave object hides from itself is integrated.
 _HIDDEN_GRID = LatLongGrid(48, 96)
 
@@ -226,14 +227,22 @@ def weigh_evenly(task: Task, state: State) -> State:
 
 def weigh_by_noise(task: Task, state: State) -> tuple[State, NoiseModel]:
     """Weigh by the noise given, or by that found in the residuals, and by the loss."""
+    left, deviation, noise = in_deviations(task, state)
+    weights = robust_weights(left, task.settings.loss) / deviation
+    return state._replace(weights=weights), noise
+
+
+def in_deviations(
+    task: Task, state: State
+) -> tuple[Float[np.ndarray, "sample channel"], Float[np.ndarray, "sample channel"], NoiseModel]:
+    """Express residuals in standard deviations of the noise; return these and the noise too."""
     assert state.joint is not None
     predicted = np.asarray(state.joint.solved.predicted)
     left = state.target - predicted
     noise = task.settings.noise or estimate_noise(left, predicted)
     deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
     deviation = np.hypot(deviation, 1e-6 * np.sqrt(np.mean(task.radiance**2)))
-    weights = robust_weights(left / deviation, task.settings.loss) / deviation
-    return state._replace(weights=weights), noise
+    return left / deviation, deviation, noise
 
 
 def without_idle_lamps(task: Task, state: State) -> State:
@@ -339,14 +348,16 @@ def taken_up(task: Task, state: State) -> State:
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
     """Take the last steps: with the noise's weights, and with the exact integral's corrections."""
     for turn in range(_REFINEMENTS):
-        before = _material(state)
+        before, target = _material(state), state.target
         state, _ = weigh_by_noise(task, state)
         if task.settings.refine:
             state = corrected(task, state)
         state = descend(task, state, _LAST_STEPS, 1e-6)
         if turn == 0:
             state = with_neighbours_merged(task, without_idle_lamps(task, state))
-        if np.max(np.abs(_material(state) - before)) < _SETTLED:
+        # With a known material only the light moves, and with it what the dual model leaves out.
+        shift = np.sqrt(np.mean((state.weights * (state.target - target)) ** 2))
+        if np.max(np.abs(_material(state) - before)) < _SETTLED and shift < _SAME_TARGET:
             break
     state = state._replace(rounds=(*state.rounds, round_of(task, state)))
     watch(state.rounds[-1])

@@ -246,6 +246,12 @@ def _account(texture: Texture, lobe: Lobe, searched: _Searched, noise: NoiseMode
     bounded = lobe.unknowns.at_bound(jnp.asarray(lobe.point))
     reasons = [f"{name} ended at its bound" for name, at in zip(lobe.unknowns.names, bounded) if at]
     outcome = Outcome.CONVERGED
+    if _kd_is_lost(texture):
+        outcome = Outcome.NOT_IDENTIFIABLE
+        reasons.append(
+            "kd is not told at most sites: each is seen too seldom to tell gloss from matt; give "
+            "more photographs"
+        )
     for name, value, error in (("sigma", sigma, sigma_error), ("mu", mu - 1, mu_error)):
         if _NORMAL_90 * error > _IDENTIFIABLE_WITHIN * value:
             outcome = Outcome.NOT_IDENTIFIABLE
@@ -267,6 +273,15 @@ def _account(texture: Texture, lobe: Lobe, searched: _Searched, noise: NoiseMode
         lobe,
         tuple(reasons),
     )
+
+
+def _kd_is_lost(texture: Texture) -> bool:
+    """Tell whether at most of the sites seen the error of K_d is too large to speak of a value."""
+    error, kd = (
+        np.asarray(part)[np.asarray(texture.seen) > 0] for part in (texture.kd_error, texture.kd)
+    )
+    lost = _NORMAL_90 * error > _IDENTIFIABLE_WITHIN * np.maximum(kd.mean(axis=0), kd)
+    return bool(lost.any(axis=1).mean() > 0.5)
 
 
 def _close(before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "s c"]) -> bool:

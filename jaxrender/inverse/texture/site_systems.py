@@ -110,14 +110,17 @@ def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     """Compute the standard errors of K_d and K_s: the roots of the inverse system's diagonal.
 
     They know nothing of the bounds: what is held at zero may still be anything up to about its
-    error.  Infinite where nothing was measured.
+    error.  Infinite where nothing was measured.  A K_s that neither data nor prior tell may be
+    anything from 0 to 1, or to where it alone explains what was measured, and K_d follows it.
     """
     every = jnp.ones(sums.dd.shape, bool)
     slope, _ = _piece(sums, prior, every, False)
     ks_variance = jnp.where(slope > 0, 1 / jnp.where(slope > 0, slope, 1), jnp.inf)
     ratio = _quotient(sums.ds, sums.dd)
-    # Without a prior a K_s that nothing tells is taken for zero, and K_d for all there is.
-    through = jnp.where(slope > 0, ks_variance, 0)[:, None]
+    most = jnp.min(jnp.where(sums.ds > 0, _quotient(sums.db, sums.ds), 1), axis=1)
+    # The mean square of what is uniform from 0, where it is taken to be.
+    untold = jnp.clip(most, 0, 1) ** 2 / 3
+    through = jnp.where(slope > 0, ks_variance, untold)[:, None]
     kd_variance = 1 / jnp.where(sums.dd > 0, sums.dd, 1) + ratio**2 * through
     kd_variance = jnp.where(sums.dd > 0, kd_variance, jnp.inf)
     return SiteMaterial(jnp.sqrt(kd_variance), jnp.sqrt(ks_variance))

@@ -102,7 +102,8 @@ def _glossy(
     light = Light(found.light.coefficients, found.light.standard_error)
     mu = float("nan") if found.light.mu is None else found.light.mu
     seen = int(np.count_nonzero(texture.seen))
-    outcome, reasons = _told(found)
+    free = config.brdf.sigma.free or (config.brdf.mu != "none" and config.brdf.mu.free)
+    outcome, reasons = _told(found, free)
     region = Region("", seen, found.light.sigma, mu, None, None, outcome)
     everywhere = np.zeros(sites.count, int)
     surface = Surface(
@@ -121,18 +122,27 @@ def _in_gauge(found: GlossyTexture) -> GlossyTexture:
     return GlossyTexture(light, *(part / scale for part in found[1:]))
 
 
-def _told(found: GlossyTexture) -> tuple[Outcome, tuple[str, ...]]:
-    """Say which degrees of the light are not told; degree 0 sets kd against ks."""
+def _told(found: GlossyTexture, free: bool) -> tuple[Outcome, tuple[str, ...]]:
+    """Say which degrees of the light are not told; degree 0 sets kd against ks.
+
+    ``free``: whether sigma or mu was searched for.  The errors of the light are those at the sigma
+    and mu found, which nothing vouches for.
+    """
     errors = NORMAL_90 * found.light.relative_error_by_degree
     lost = np.flatnonzero(errors > IDENTIFIABLE_WITHIN)
-    reasons = ["no standard errors of sigma and mu are stated under unknown light"]
+    reasons = []
+    if free:
+        reasons.append(
+            "sigma and mu have no standard errors under unknown light and texture, and light and "
+            "ks rest on them; fix sigma and mu if they are known"
+        )
     if lost.size:
         numbers = ", ".join(map(str, lost))
         reasons.append(f"the light of degree {numbers} is not told by what moves with the view")
     if lost.size and lost[0] == 0:
         reasons.append("so the ratio of kd to ks is not told: it rests on the light of degree 0")
         return Outcome.NOT_IDENTIFIABLE, tuple(reasons)
-    return Outcome.CONVERGED, tuple(reasons)
+    return (Outcome.NOT_IDENTIFIABLE if free else Outcome.CONVERGED), tuple(reasons)
 
 
 def _matte(
