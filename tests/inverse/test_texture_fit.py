@@ -14,7 +14,7 @@ from inverse_problems import ToyModel
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import MicrofacetUnknowns, Observations, Unknown
+from jaxrender.inverse import MicrofacetUnknowns, Observations, Outcome, Unknown
 from jaxrender.inverse.texture import (
     TextureSettings,
     by_site,
@@ -113,6 +113,21 @@ def test_cutting_into_chunks_changes_nothing(monkeypatch):
     cut = fit_texture(toy.measured, toy.forward, fixed, settings).texture
     for one, other in zip(whole, cut):
         np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def test_one_photograph_does_not_tell_gloss_from_matt():
+    """Lobe and light known, each site seen once: K_d's error must hold what is not known of K_s."""
+    toy = Toy(noise=0.01)
+    once = toy.measured.take(np.arange(0, len(toy.site), 8))
+    fixed = MicrofacetUnknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
+    fit = fit_texture(once, toy.forward, fixed, TextureSettings(noise=NoiseModel(0.01, 0.0)))
+    assert fit.outcome is Outcome.NOT_IDENTIFIABLE
+    assert "kd is not told at most sites" in " ".join(fit.reasons)
+    assert np.isinf(fit.texture.ks_error).all()
+    # Many times off what noise alone would allow, and within what is stated.
+    off = np.abs(fit.texture.kd - toy.kd)
+    assert np.median(off / toy.kd) > 0.05
+    assert np.mean(off < 2 * fit.texture.kd_error) > 0.9
 
 
 def test_what_cannot_be_told_is_refused():
