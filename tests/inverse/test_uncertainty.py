@@ -90,7 +90,7 @@ def test_given_noise_widens_and_never_narrows():
 
 def test_intervals_are_ninety_per_cent():
     found, _, _ = account(1)
-    value, low, high, error = (parameter_vector(part) for part in found)
+    value, low, high, error = (parameter_vector(part) for part in found[:4])
     np.testing.assert_allclose(high[:4] - value[:4], 1.6448536 * error[:4], rtol=1e-6)
     np.testing.assert_allclose(value[:4] - low[:4], 1.6448536 * error[:4], rtol=1e-6)
     origin = np.array([0.0, 1.0])

@@ -126,7 +126,7 @@ def test_null_stands_for_what_json_has_no_number_for(result):
 
 def test_arrays_have_named_dimensions(finished, result):
     with h5netcdf.File(finished / "out/result.nc") as file:
-        assert set(file.groups) == {"frequency", "exact", "light"}
+        assert set(file.groups) == {"frequency", "exact", "light", "covariance"}
         for name, samples in (("frequency", 600), ("exact", 300)):
             group = file[name]
             assert group["radiance"].dimensions == ("sample", "channel")

@@ -96,7 +96,8 @@ def _parameters(parameters: Uncertain, identifiable: dict[str, bool]) -> list[st
         f"  {'':10s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
     ]
     for name, told in identifiable.items():
-        rows = zip(*(np.ravel(np.asarray(getattr(part, name))) for part in parameters))
+        # Value, bounds and error; the covariance is for machines.
+        rows = zip(*(np.ravel(np.asarray(getattr(part, name))) for part in parameters[:4]))
         shown = list(rows)
         same = name in ("sigma", "mu") or (len({f"{r}" for r in shown}) == 1)
         for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
