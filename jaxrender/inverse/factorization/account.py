@@ -70,7 +70,7 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
         response.slow_count + int(np.count_nonzero(state.active))
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
-    variance *= variance_factor(in_deviations(task, state)[0], task.settings.loss)
+    variance *= variance_factor(in_deviations(task, state, solved)[0], task.settings.loss)
     covariance = variance * _inverse(system, free)
     light = np.asarray(solved.light)
     factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)

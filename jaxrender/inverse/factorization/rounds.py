@@ -21,7 +21,13 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, synthesise
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.factorization.joint import Joint, Measured, descend_jointly, solve_light
+from jaxrender.inverse.factorization.joint import (
+    Joint,
+    Measured,
+    Solved,
+    descend_jointly,
+    solve_light,
+)
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, Response, gloss_share
 from jaxrender.inverse.factorization.sight import Sight
@@ -227,17 +233,17 @@ def weigh_evenly(task: Task, state: State) -> State:
 
 def weigh_by_noise(task: Task, state: State) -> tuple[State, NoiseModel]:
     """Weigh by the noise given, or by that found in the residuals, and by the loss."""
-    left, deviation, noise = in_deviations(task, state)
+    assert state.joint is not None
+    left, deviation, noise = in_deviations(task, state, state.joint.solved)
     weights = robust_weights(left, task.settings.loss) / deviation
     return state._replace(weights=weights), noise
 
 
 def in_deviations(
-    task: Task, state: State
+    task: Task, state: State, solved: Solved
 ) -> tuple[Float[np.ndarray, "sample channel"], Float[np.ndarray, "sample channel"], NoiseModel]:
     """Express residuals in standard deviations of the noise; return these and the noise too."""
-    assert state.joint is not None
-    predicted = np.asarray(state.joint.solved.predicted)
+    predicted = np.asarray(solved.predicted)
     left = state.target - predicted
     noise = task.settings.noise or estimate_noise(left, predicted)
     deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
