@@ -37,6 +37,8 @@ def robust_weights(
     return LOSSES[loss](residuals)
 
 
+# Where nearly all residuals are outliers the noise is misjudged, and the slope says nothing.
+_LEAST_SLOPE = 0.05
 # Derivatives of psi(r) = r times the squared factor.
 _SLOPES = {
     "squares": np.ones_like,
@@ -56,6 +58,6 @@ def variance_factor(residuals: Float[np.ndarray, "*batch"], loss: str) -> float:
     psi = squared * residuals
     slope = float(np.mean(_SLOPES[loss](residuals)))
     stated = float(np.mean(psi * residuals)) / float(np.mean(squared))
-    if not (slope > 0 and stated > 0):
+    if stated == 0:  # exact data: nothing to correct
         return 1.0
-    return float(np.mean(psi**2)) / slope**2 / stated
+    return float(np.mean(psi**2)) / max(slope, _LEAST_SLOPE) ** 2 / stated

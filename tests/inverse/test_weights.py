@@ -37,6 +37,10 @@ def test_outliers_count_less_and_small_residuals_fully(name):
     np.testing.assert_allclose(weights, weights[::-1])
 
 
+def test_exact_data_need_no_factor():
+    assert variance_factor(np.zeros(9), "huber") == 1
+
+
 def test_an_unknown_loss_lists_the_known():
     with pytest.raises(ValueError, match="choose one of squares, huber, cauchy"):
         robust_weights(RESIDUALS, "tukey")
