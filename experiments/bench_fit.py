@@ -6,7 +6,8 @@ Everybody minimises the same sum of squares: the tabulated dual model (diffuse c
 over log sigma, Fresnel ratio), noisy photographs by the exact integral, one start with sigma 1.4
 and mu 1.2 times too large.  Ours is one call of ``search``; cold includes compilation.  SciPy, in
 float64, has the model in NumPy with the weights folded into the table beforehand, and every
-help: linear unknowns at their best for the start, one thread of BLAS.  All take
+help: linear unknowns at their best for the start.  All share one core: vectors of this length
+are too short for a second, and waiting for it costs either side more than it does.  All take
 turns, so that a busy machine is busy for all.  The ratio of medians is held against what is
 demanded for all six unknowns, the quicker of two Jacobians counting.  With the linear unknowns
 eliminated by hand SciPy gets our own idea; its two unknowns are shown beside that.
@@ -19,9 +20,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-# Read when NumPy is imported.  SciPy's vectors are too short for a second thread to help, and where
-# other programs run, waiting for it makes SciPy several times slower.
+# Both are read when NumPy and JAX are imported.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 import jax
 import jax.numpy as jnp

@@ -9,6 +9,8 @@ Exit codes: 0 done; 1 ran, but not converged or not identifiable (with ``--stric
 
 from __future__ import annotations
 
+import atexit
+import gc
 import logging
 import os
 import sys
@@ -29,6 +31,9 @@ _BUNDLED = ("configs", "data_synth")
 # Compile seconds from which a program is worth keeping: all of them, since a run needs a hundred
 # small ones.  JAX's own 1 s would keep almost none.
 _CACHE_FROM_SECONDS = 0.0
+
+# New objects before a collection of each generation; Python's own are 700, 10 and 10.
+_COLLECT_AFTER = (100_000, 50, 100)
 
 # Order and degree of the nine coefficients, as T table 4.1 lists them.
 _HARMONICS = ("00", "1-1", "10", "11", "2-2", "2-1", "20", "21", "22")
@@ -344,6 +349,8 @@ def schema(*, recipe: bool = False, sweep: bool = False) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; arguments are the process's by default."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    if arguments is None:
+        _collect_seldom()
     try:
         return app(sys.argv[1:] if arguments is None else list(arguments)) or DONE
     except CycloptsError:
@@ -355,6 +362,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         return INTERRUPTED
+
+
+def _collect_seldom() -> None:
+    """Let the garbage collector look through all objects seldom, and not at all at the end.
+
+    JAX's traces are millions of small objects that reference counting frees; looking for cycles
+    among them takes a sixth of a short run, and once more a second when the process ends.
+    """
+    gc.set_threshold(*_COLLECT_AFTER)
+    atexit.register(gc.freeze)
 
 
 def _say(text: str) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, ShapeParameter
 from jaxrender.geometry import Shape
-from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
+from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
 from jaxrender.inverse.known_light import PreparedLight
-from jaxrender.inverse.models import LinearisedModel, TabulatedModel
+from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop
 from jaxrender.inverse.shadowing import shadows_of
@@ -18,7 +18,6 @@ from jaxrender.inverse.uncertainty import (
     uncertain_parameters,
     within_reach,
 )
-from jaxrender.reflection import roughness_table
 
 _SIGMA = ShapeParameter("sigma")
 
@@ -44,27 +43,11 @@ def account_for(
     if not isinstance(near, LinearisedModel):
         near = LinearisedModel.about(stop.model, physical.sigma, physical.mu)
     uncertain = uncertain_parameters(stop.problem, near, stop.data, fit, settings.noise is not None)
-    at = (fit.solution.point, fit.linear.eliminated)
-    steep = np.asarray(stop.observations.samples.exit_cosines) >= GRAZING_COSINE
-    without_grazing = stop.data._replace(weights=stop.data.weights * steep[:, None])
-    sigma = float(physical.sigma)
+    samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)
-    spectral = TabulatedModel(
-        roughness_table(
-            variant,
-            stop.observations.samples,
-            light,
-            (sigma, 1.01 * sigma),
-            transfer="gaussian",
-            shadows=shadows_of(shape, stop.observations, light),
-        )
-    )
-    spectrum = LinearisedModel.about(spectral, physical.sigma, physical.mu)
-    evidence = SigmaEvidence(
-        sigma_standard_error(stop.problem, near, stop.data, at),
-        sigma_standard_error(stop.problem, near, without_grazing, at),
-        sigma_standard_error(stop.problem, spectrum, stop.data, at),
-    )
+    darkened = shadows_of(shape, stop.observations, light)
+    spectral = DualModel(variant, samples, light, darkened, transfer="gaussian")
+    evidence = sigma_evidence(stop.problem, near, spectral, stop.data, fit)
     return Account(uncertain, evidence)
 
 

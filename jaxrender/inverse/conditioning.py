@@ -13,8 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.inverse.elimination import Data, Problem
-from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.elimination import Data, Fit, Problem
+from jaxrender.inverse.models import DualModel, LinearisedModel
+from jaxrender.reflection import filled_up
 from jaxrender.shapes import Array, Float
 
 # Samples whose exit cosine is below this count as grazing (45 degrees).
@@ -55,6 +56,30 @@ class SigmaEvidence(NamedTuple):
         if self.rests_on_grazing:
             return f"sigma rests on grazing angles: {figures}"
         return f"sigma rests on the light's detail: {figures}"
+
+
+def sigma_evidence(
+    problem: Problem, model: LinearisedModel, spectral: DualModel, data: Data, fit: Fit
+) -> SigmaEvidence:
+    """Weigh up where sigma comes from at the end of a fit.
+
+    ``model`` is the fitted one near there; ``spectral`` is the dual model of the same samples with
+    the Gaussian transfer.
+    """
+    if "sigma" not in problem.unknowns.names:
+        return SigmaEvidence(0.0, 0.0, 0.0)
+    at = (fit.solution.point, fit.linear.eliminated)
+    steep = np.asarray(spectral.samples.exit_cosines) >= GRAZING_COSINE
+    without_grazing = data._replace(weights=np.asarray(data.weights) * steep[:, None])
+    physical = problem.unknowns.unpack(fit.solution.point)
+    light, shadows = filled_up(spectral.light, spectral.shadows)
+    spectral = DualModel(spectral.variant, spectral.samples, light, shadows, spectral.transfer)
+    spectrum = LinearisedModel.about(spectral, physical.sigma, physical.mu)
+    return SigmaEvidence(
+        sigma_standard_error(problem, model, data, at),
+        sigma_standard_error(problem, model, without_grazing, at),
+        sigma_standard_error(problem, spectrum, data, at),
+    )
 
 
 def sigma_standard_error(

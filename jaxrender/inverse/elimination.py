@@ -19,6 +19,10 @@ from jaxrender.inverse.solvers import Solution, least_squares, simplex, solve_in
 from jaxrender.inverse.unknowns import MicrofacetUnknowns, Physical, Unknown
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
+# XLA's newer emitters of loops do not vectorise rows of three channels: products of columns take up
+# to ten times as long by them, and longer to compile.
+_COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
+
 METHODS = {"variable-projection": least_squares, "simplex": simplex}
 
 # From so many samples on, a search begins with one in so many of them.  The others then move the
@@ -28,6 +32,8 @@ _MANY, _THINNING = 4000, 12
 # next would do is of the order of its square), and to a cost not above what was promised by more
 # than this part.
 _LAST_STEPS, _SETTLED, _BROKEN_PROMISE = 4, 0.01, 0.01
+# By the method of the house, among all samples.
+_AS_IT_IS = ("variable-projection", 1)
 
 
 class Data(NamedTuple):
@@ -247,7 +253,7 @@ def _settle(
     """
     for _ in range(_LAST_STEPS):
         few, few_data = _condense_about(problem, model, data, point)
-        fit = _search(problem, few, few_data, point)
+        fit = _search(problem, few, few_data, point, how=_AS_IT_IS)
         moved = np.abs(np.asarray(fit.solution.point) - np.asarray(point))
         point = fit.solution.point
         if not np.all(moved < _SETTLED):
@@ -258,7 +264,7 @@ def _settle(
     return None
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=_COMPILER_OPTIONS)
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
@@ -267,38 +273,41 @@ def _condense_about(
         return condense(LinearisedModel.about(model, physical.sigma, physical.mu), data)
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=_COMPILER_OPTIONS)
 def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
     predicted = problem.predict(model, data, fit.solution.point, fit.linear)
     left = jnp.asarray(data.weights) * (data.radiance - predicted)
-    return Fit(fit.solution._replace(cost=jnp.sum(left**2) / 2), fit.linear, predicted)
+    cost = _sum_of_squares(left) / 2
+    return Fit(fit.solution._replace(cost=cost), fit.linear, predicted)
 
 
 # Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
 # tenth of filter_jit's, of which a warm search would else be half.
-@partial(jax.jit, static_argnames="how")
+@partial(jax.jit, static_argnames="how", compiler_options=_COMPILER_OPTIONS)
 def _search(
     problem: Problem,
     model: Model,
     data: Data,
     start: Float[Array, "unknown"],
-    how: tuple[str, int] = ("variable-projection", 1),
+    how: tuple[str, int],
 ) -> Fit:
     method, thinning = how
     if thinning > 1:
         model, data = model.thinned(thinning), Data(*(jnp.asarray(a)[::thinning] for a in data))
     args = (problem, model, _in_its_own_units(data))
     with jax.default_matmul_precision("highest"):
-        # Gains differ between photographs, so then no few samples can stand for all.
+        # Gains differ between photographs, so then no few samples can stand for all.  A linearised
+        # model comes condensed.
         condensable = method == "variable-projection" and not problem.unknowns.free_gains
+        condensable = condensable and not isinstance(model, LinearisedModel)
         solution = METHODS[method](condensed_residuals if condensable else residuals, start, args)
         physical = problem.unknowns.unpack(solution.point)
         diffuse, specular = problem.columns(model, data, physical)
         linear = problem.eliminate(diffuse, specular, data)
         predicted = linear.kd[None, :] * diffuse + linear.ks[None, :] * specular
         left = jnp.asarray(data.weights) * (data.radiance - predicted)
-        cost = jnp.sum(left**2) / 2
+        cost = _sum_of_squares(left) / 2
         converged = solution.converged & jnp.isfinite(cost)
         solution = solution._replace(cost=cost, converged=converged)
     return Fit(solution, linear, predicted)
@@ -306,8 +315,13 @@ def _search(
 
 def _in_its_own_units(data: Data) -> Data:
     """Scale the weights so that the squares of the weighted radiance add up to one."""
-    size = jnp.sqrt(jnp.sum((jnp.asarray(data.weights) * data.radiance) ** 2))
+    size = jnp.sqrt(_sum_of_squares(jnp.asarray(data.weights) * data.radiance))
     return data._replace(weights=data.weights / jnp.maximum(size, jnp.finfo(size.dtype).tiny))
+
+
+def _sum_of_squares(x: Float[Array, "sample channel"]) -> Float[Array, ""]:
+    """Add up, over the channels by a product of matrices: XLA's sums go number by number."""
+    return jnp.sum(jnp.square(x) @ jnp.ones(x.shape[1], x.dtype))
 
 
 def _per_channel(unknown: Unknown, channels: int) -> Float[np.ndarray, "channel"]:

@@ -5,17 +5,21 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import (
+    DualLight,
     FrameNodes,
     RoughnessTable,
+    Shadows,
+    dual_columns,
     integral_columns,
     integral_columns_by_frame,
 )
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 
 class Columns(NamedTuple):
@@ -50,6 +54,36 @@ class TabulatedModel(eqx.Module):
     def thinned(self, step: int) -> "TabulatedModel":
         """Keep one in ``step`` samples."""
         return TabulatedModel(self.table.thinned(step))
+
+
+class DualModel(eqx.Module):
+    """The dual model itself, shadows included: no table to make, slower to evaluate again."""
+
+    variant: Glossy
+    samples: SurfaceSamples
+    light: DualLight
+    shadows: Shadows | None = None
+    transfer: str = eqx.field(static=True, default="exit-cosine")
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate T 6.9, or T 6.12."""
+        brdf = self.variant.with_roughness(sigma, None if self.variant.mu is None else mu)
+        columns = dual_columns(brdf, self.samples, self.light, self.transfer, self.shadows)
+        return Columns(columns[:, 0], columns[:, 1])
+
+    def take(self, index: Int[np.ndarray, "kept"]) -> "DualModel":
+        """Keep the samples of the given indices."""
+        light, shadows = self.light, self.shadows
+        if light.frames is not None:
+            light = light.for_frames(np.asarray(light.frames.frame_of_sample)[index])
+        if shadows is not None:
+            shadows = Shadows(*jax.tree.map(lambda part: np.asarray(part)[index], shadows))
+        samples = SurfaceSamples(*(np.asarray(part)[index] for part in self.samples))
+        return DualModel(self.variant, samples, light, shadows, self.transfer)
+
+    def thinned(self, step: int) -> "DualModel":
+        """Keep one in ``step`` samples."""
+        return self.take(np.arange(0, self.samples.normals.shape[0], step))
 
 
 class ExactModel(eqx.Module):

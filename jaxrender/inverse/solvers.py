@@ -82,6 +82,7 @@ def simplex(
     return _solution(residuals, found, args)
 
 
+@jax.jit
 def solve_in_box(
     matrix: Float[Array, "unknown unknown"],
     vector: Float[Array, "unknown"],
@@ -95,16 +96,20 @@ def solve_in_box(
     """
     free = _solve(matrix, vector)
     inside = jnp.all((free >= lower) & (free <= upper))
-    held = jax.lax.cond(
+    return jax.lax.cond(
         jax.lax.stop_gradient(inside),
-        lambda *_: jnp.full_like(free, jnp.nan),
-        _values_held_at_bounds,
-        *jax.lax.stop_gradient((matrix, vector, lower, upper)),
+        lambda free, *_: free,
+        _solve_at_bounds,
+        *(free, matrix, vector, lower, upper),
     )
+
+
+def _solve_at_bounds(free, matrix, vector, lower, upper) -> Float[Array, "unknown"]:
+    held = _values_held_at_bounds(*jax.lax.stop_gradient((matrix, vector, lower, upper)))
     active = ~jnp.isnan(held)
     pinned = jnp.where(active, held, 0)
-    kept = jnp.where(active[:, None] | active[None, :], jnp.eye(len(vector), dtype=vector.dtype), 0)
-    kept = jnp.where((active[:, None] | active[None, :]), kept, matrix)
+    identity = jnp.eye(len(vector), dtype=vector.dtype)
+    kept = jnp.where(active[:, None] | active[None, :], identity, matrix)
     right = jnp.where(active, pinned, vector - matrix @ pinned)
     # Exactly at the bound, so that whoever asks can see it; the ridge would leave a rounding.
     return jnp.clip(jnp.where(active, pinned, _solve(kept, right)), lower, upper)
@@ -127,8 +132,9 @@ def _solve(matrix, vector) -> Float[Array, "unknown"]:
     """Solve a small symmetric positive system, scaled so that its units do not matter."""
     scale = jax.lax.rsqrt(jnp.maximum(jnp.diag(matrix), jnp.finfo(matrix.dtype).tiny))
     scaled = matrix * scale[:, None] * scale[None, :]
-    ridge = 4 * jnp.finfo(matrix.dtype).eps * jnp.eye(len(vector), dtype=matrix.dtype)
-    return jnp.linalg.solve(scaled + ridge, vector * scale) * scale
+    # Collinear columns leave pivots of some roundings; Cholesky wants them positive.
+    ridge = 8 * jnp.finfo(matrix.dtype).eps * jnp.eye(len(vector), dtype=matrix.dtype)
+    return jax.scipy.linalg.solve(scaled + ridge, vector * scale, assume_a="pos") * scale
 
 
 def _half_sum_of_squares(residuals, point, args) -> Float[Array, ""]:

@@ -48,6 +48,7 @@ from jaxrender.reflection.dual import (
     cast_shadows,
     dual_columns,
     dual_light,
+    filled_up,
     sources_needed,
 )
 from jaxrender.reflection.integral import (
@@ -142,6 +143,7 @@ __all__ = [
     "cast_shadows",
     "dual_columns",
     "dual_light",
+    "filled_up",
     "integral_columns",
     "integral_columns_by_frame",
     "interpolated",

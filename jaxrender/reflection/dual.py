@@ -41,6 +41,9 @@ from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 from jaxrender.spectra import light_coefficients, transfer_of_samples
 
+# Sources are summed in blocks of so many, the last one filled up with dark ones.
+SOURCES_AT_ONCE = 128
+
 
 class DualGoal(NamedTuple):
     """What a split is to reach: the dual model's relative error, and at what cost."""
@@ -131,6 +134,21 @@ def cast_shadows(
     frames = light.frames
     by_frame = None if frames is None else visible_nodes(shape, places, frames)
     return Shadows(transfer, reflected, sources, by_frame)
+
+
+def filled_up(light: DualLight, shadows: Shadows | None = None) -> tuple[DualLight, Shadows | None]:
+    """Fill up the last block of sources with dark ones, so that few shapes are ever compiled."""
+    sources = light.sources
+    missing = -sources.directions.shape[0] % SOURCES_AT_ONCE
+    up = np.tile([[0.0, 0.0, 1.0]], (missing, 1))
+    dark = np.zeros((missing, sources.irradiance.shape[1]))
+    filled = DirectionalSources(
+        np.concatenate([sources.directions, up]), np.concatenate([sources.irradiance, dark])
+    )
+    if shadows is not None:
+        seen = np.pad(np.asarray(shadows.sources).astype(bool), ((0, 0), (0, missing)))
+        shadows = shadows._replace(sources=seen)
+    return DualLight(light.slow, filled, light.frames), shadows
 
 
 def dual_columns(

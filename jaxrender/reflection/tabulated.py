@@ -7,6 +7,8 @@ derivative cost four rows of the table whatever the number of sources or degrees
 :func:`jaxrender.reflection.dual.dual_columns` is the slow twin.  With ``Shadows`` it is T 6.12.
 """
 
+from collections.abc import Iterator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,12 +17,16 @@ import numpy as np
 from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import degree_table
-from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection.dual import DualLight, Shadows
-from jaxrender.reflection.integral import integral_columns, integral_columns_by_frame
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection.dual import SOURCES_AT_ONCE, DualLight, Shadows, filled_up
+from jaxrender.reflection.integral import (
+    FrameNodes,
+    integral_columns,
+    integral_columns_by_frame,
+)
 from jaxrender.reflection.irradiance import irradiance
 from jaxrender.reflection.transfer import shadowed_irradiance
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float
 from jaxrender.spectra import transfer_of_samples
 
 # Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
@@ -28,7 +34,6 @@ from jaxrender.spectra import transfer_of_samples
 _SIGMA_KNOTS = 16
 # The ratio of half-angle to exit-angle Fresnel is far smoother in log(mu - 1).
 _MU_KNOTS = 14
-_FEWEST_SOURCES = 64
 # Knots beyond the range, so that the spline's end conditions do not reach into it.
 _EXTRA_KNOTS = 3
 
@@ -97,7 +102,11 @@ class RoughnessTable(eqx.Module):
         size = (mu_weights.shape[0], 4, *self.spline.shape[2:])
         zero = jnp.zeros((), int)
         rows = jax.lax.dynamic_slice(self.spline, (mu_first, first, zero, zero), size)
-        column = jnp.einsum("m,k,mksc->sc", mu_weights, weights, rows, precision="highest")
+        # Written out, so that it is one pass over the rows together with what follows.
+        both = mu_weights[:, None] * weights[None, :]
+        column = sum(
+            both[m, k] * rows[m, k] for m in range(mu_weights.shape[0]) for k in range(weights.shape[0])
+        )
         return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
 
     def thinned(self, step: int) -> "RoughnessTable":
@@ -127,9 +136,9 @@ def roughness_table(
     log_sigma = KnotRange.over(np.log(sigma_range[0]), np.log(sigma_range[1]), _SIGMA_KNOTS)
     dtype = jnp.asarray(samples.normals).dtype
     samples = SurfaceSamples(jnp.asarray(samples.normals), jnp.asarray(samples.outgoing))
-    light = jax.tree.map(lambda x: _cast(x, dtype), _padded(light))
-    if shadows is not None:
-        shadows = _ready(shadows, light.sources.directions.shape[0], dtype)
+    light, shadows = filled_up(light, shadows)
+    light = jax.tree.map(lambda x: _cast(x, dtype), light)
+    shadows = None if shadows is None else _ready(shadows, dtype)
     half = not brdf.fresnel_is_factor
     low, high = np.log(np.asarray(mu_range) - 1).tolist()
     log_mu = KnotRange.over(low, high, _MU_KNOTS) if half else _ONE_KNOT
@@ -137,8 +146,12 @@ def roughness_table(
     variant = brdf if half else brdf.as_metal()
     sigmas = jnp.exp(jnp.asarray(log_sigma.values(), dtype))
     mus = 1 + jnp.exp(jnp.asarray(log_mu.values(), dtype))
+    knots = (mus, sigmas)
     with jax.default_matmul_precision("highest"):
-        diffuse, values = _tabulate(variant, samples, light, (mus, sigmas), (transfer, shadows))
+        diffuse, values = _tabulate_slow(variant, samples, light.slow, knots, (transfer, shadows))
+        for nodes, seen in _blocks(light, shadows):
+            fast = _tabulate_fast(variant, samples, nodes, knots, seen)
+            diffuse, values = diffuse + fast[0], values + fast[1]
         spline = jnp.einsum(
             "am,bk,mksc->absc",
             jnp.asarray(log_mu.spline_from_values(), dtype),
@@ -148,72 +161,94 @@ def roughness_table(
     return RoughnessTable(diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
 
 
+_Knots = tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]]
+_Table = tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]
+
+
 @eqx.filter_jit
-def _tabulate(
+def _tabulate_slow(
     variant: Glossy,
     samples: SurfaceSamples,
-    light: DualLight,
-    knots: tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]],
+    slow: Float[AnyArray, "coefficient channel"],
+    knots: _Knots,
     how: tuple[str, Shadows | None],
-) -> tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]:
-    """Evaluate the diffuse column, and the specular one over exit-angle Fresnel at every knot."""
+) -> _Table:
+    """Evaluate slow light: the diffuse column, and the specular one over exit-angle Fresnel."""
     (mus, sigmas), (transfer, shadows) = knots, how
-    metal = variant.mu is None
-
-    def fast(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
-        brdf = variant.with_roughness(sigma, None if metal else mu)
-        seen = None if shadows is None else shadows.sources
-        columns = integral_columns(brdf, samples, light.sources.nodes(), seen)
-        if light.frames is not None:
-            seen = None if shadows is None else shadows.frame_sources
-            columns = columns + integral_columns_by_frame(brdf, samples, light.frames, seen)
-        return columns
-
-    def relative_fresnel(mu: Float[Array, ""]) -> Float[Array, "sample 1"]:
-        return normalised_fresnel(None if metal else mu, samples.exit_cosines)[:, None]
-
-    def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
-        def slow_part(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
-            brdf = variant.with_roughness(sigma, None if metal else mu)
-            passed = transfer_of_samples(brdf, samples.exit_cosines, light.band_limit, transfer)
-            return jnp.einsum("sl,slc->sc", passed, by_degree, precision="highest")
-
-        column = jax.vmap(lambda sigma: fast(sigma, mu)[:, 1])(sigmas) + jax.lax.map(
-            slow_part, sigmas
-        )
-        return column / relative_fresnel(mu)[None]
-
-    slow = jnp.asarray(light.slow)
-    by_degree = degree_table(slow, samples.reflected)
+    by_degree = degree_table(jnp.asarray(slow), samples.reflected)
     if shadows is None:
-        diffuse = irradiance(slow, samples.normals)
+        diffuse = irradiance(jnp.asarray(slow), samples.normals)
     else:
         by_degree = jnp.where(shadows.reflected[:, None, None], by_degree, 0)
-        diffuse = shadowed_irradiance(slow, shadows.transfer)
-    return fast(sigmas[0], mus[0])[:, 0] + diffuse, jax.lax.map(row, mus)
+        diffuse = shadowed_irradiance(jnp.asarray(slow), shadows.transfer)
+
+    def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
+        def at(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
+            brdf = _at_knot(variant, sigma, mu)
+            passed = transfer_of_samples(
+                brdf, samples.exit_cosines, by_degree.shape[1] - 1, transfer
+            )
+            return jnp.einsum("sl,slc->sc", passed, by_degree, precision="highest")
+
+        return jax.lax.map(at, sigmas) / _relative_fresnel(variant, samples, mu)[None]
+
+    return diffuse, jax.lax.map(row, mus)
 
 
-def _padded(light: DualLight) -> DualLight:
-    """Fill up with dark sources to a power of two, so that few shapes are ever compiled."""
-    count = light.sources.directions.shape[0]
-    missing = max(_FEWEST_SOURCES, 1 << max(count - 1, 0).bit_length()) - count
-    dark = np.tile([[0.0, 0.0, 1.0]], (missing, 1))
-    channels = light.sources.irradiance.shape[1]
-    sources = DirectionalSources(
-        np.concatenate([light.sources.directions, dark]),
-        np.concatenate([light.sources.irradiance, np.zeros((missing, channels))]),
-    )
-    return DualLight(light.slow, sources, light.frames)
+@eqx.filter_jit
+def _tabulate_fast(
+    variant: Glossy,
+    samples: SurfaceSamples,
+    nodes: LightNodes | FrameNodes,
+    knots: _Knots,
+    seen: Bool[AnyArray, "sample node"] | None,
+) -> _Table:
+    """Evaluate directional sources: the same two."""
+    mus, sigmas = knots
+
+    def columns(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
+        brdf = _at_knot(variant, sigma, mu)
+        if isinstance(nodes, FrameNodes):
+            return integral_columns_by_frame(brdf, samples, nodes, seen)
+        return integral_columns(brdf, samples, nodes, seen)
+
+    def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
+        column = jax.vmap(lambda sigma: columns(sigma, mu)[:, 1])(sigmas)
+        return column / _relative_fresnel(variant, samples, mu)[None]
+
+    return columns(sigmas[0], mus[0])[:, 0], jax.lax.map(row, mus)
 
 
-def _ready(shadows: Shadows, sources: int, dtype) -> Shadows:
-    """Cast what is to be multiplied, and let nobody see the sources that fill up."""
-    seen = np.asarray(shadows.sources).astype(bool)
+def _at_knot(variant: Glossy, sigma: Float[Array, ""], mu: Float[Array, ""]) -> Glossy:
+    return variant.with_roughness(sigma, None if variant.mu is None else mu)
+
+
+def _relative_fresnel(
+    variant: Glossy, samples: SurfaceSamples, mu: Float[Array, ""]
+) -> Float[Array, "sample 1"]:
+    return normalised_fresnel(None if variant.mu is None else mu, samples.exit_cosines)[:, None]
+
+
+def _blocks(
+    light: DualLight, shadows: Shadows | None
+) -> Iterator[tuple[LightNodes | FrameNodes, Bool[AnyArray, "sample node"] | None]]:
+    """Go through all sources, so many at once that one shape is compiled for any number of them."""
+    nodes = light.sources.nodes()
+    for first in range(0, nodes.directions.shape[0], SOURCES_AT_ONCE):
+        some = slice(first, first + SOURCES_AT_ONCE)
+        block = LightNodes(nodes.directions[some], nodes.irradiance[some])
+        yield block, None if shadows is None else shadows.sources[:, some]
+    if light.frames is not None:
+        yield light.frames, None if shadows is None else shadows.frame_sources
+
+
+def _ready(shadows: Shadows, dtype) -> Shadows:
+    """Cast what is to be multiplied."""
     by_frame = shadows.frame_sources
     return Shadows(
         jnp.asarray(shadows.transfer, dtype),
         jnp.asarray(shadows.reflected).astype(bool),
-        jnp.asarray(np.pad(seen, ((0, 0), (0, sources - seen.shape[1])))),
+        jnp.asarray(shadows.sources).astype(bool),
         None if by_frame is None else jnp.asarray(by_frame).astype(bool),
     )
 

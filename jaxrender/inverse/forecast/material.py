@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.inverse.brdf import BRDFFit
-from jaxrender.inverse.conditioning import GRAZING_COSINE, SigmaEvidence, sigma_standard_error
+from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
 from jaxrender.inverse.elimination import Fit, Problem
 from jaxrender.inverse.forecast.causes import causes_of
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
@@ -26,12 +26,11 @@ from jaxrender.inverse.forecast.situation import (
 )
 from jaxrender.inverse.forecast.spectrum import highest_degree_told
 from jaxrender.inverse.known_light import KnownLight, prepare_light
-from jaxrender.inverse.models import LinearisedModel, TabulatedModel
+from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.solvers import Solution
 from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
-from jaxrender.reflection import roughness_table
 from jaxrender.shapes import Float
 
 ALL_FREE = MicrofacetUnknowns()
@@ -132,27 +131,12 @@ def _fit_at(problem: Problem, foreseen: Foreseen) -> Fit:
 
 def _evidence(problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float) -> SigmaEvidence:
     """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
-    if "sigma" not in problem.unknowns.names:
-        return SigmaEvidence(0.0, 0.0, 0.0)
-    data, brdf = foreseen.data, foreseen.supposed.brdf
-    samples, frame, light = foreseen.situation
-    at = (fit.solution.point, fit.linear.eliminated)
-    steep = np.asarray(samples.exit_cosines) >= GRAZING_COSINE
-    without_grazing = data._replace(weights=np.asarray(data.weights) * steep[:, None])
-    sigma = float(brdf.sigma)
-    observations = Observations(samples, data.radiance, frame)
-    lobe = brdf.with_roughness(sigma, None)
-    dual = prepare_light(light, observations, lobe.as_metal(), split, None).dual.for_frames(frame)
-    table = roughness_table(
-        kind_of(brdf), samples, dual, (sigma, 1.01 * sigma), transfer="gaussian"
-    )
-    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
-    spectral = LinearisedModel.about(TabulatedModel(table), jnp.asarray(sigma), mu)
-    return SigmaEvidence(
-        sigma_standard_error(problem, foreseen.model, data, at),
-        sigma_standard_error(problem, foreseen.model, without_grazing, at),
-        sigma_standard_error(problem, spectral, data, at),
-    )
+    brdf, (samples, frame, light) = foreseen.supposed.brdf, foreseen.situation
+    observations = Observations(samples, foreseen.data.radiance, frame)
+    lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
+    dual = prepare_light(light, observations, lobe, split, None).dual.for_frames(frame)
+    spectral = DualModel(kind_of(brdf), samples, dual, transfer="gaussian")
+    return sigma_evidence(problem, foreseen.model, spectral, foreseen.data, fit)
 
 
 def _spectrum(

@@ -38,7 +38,6 @@ from jaxrender.inverse.texture.fit import (
     fit_texture_by_region,
 )
 from jaxrender.inverse.texture.forward import (
-    DualModel,
     Forward,
     ModelOf,
     dual_forward,
@@ -77,7 +76,6 @@ __all__ = [
     "Confidence",
     "DiffuseFactors",
     "DiffuseProblem",
-    "DualModel",
     "Forward",
     "GlossyLight",
     "GlossyProblem",

@@ -7,22 +7,20 @@ need to be expanded at once, and shadows (which belong to single observations) s
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.inverse.models import Columns, ExactModel, Model, TabulatedModel
+from jaxrender.inverse.models import DualModel, ExactModel, Model, TabulatedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import (
     DualLight,
     FrameNodes,
     Shadows,
-    dual_columns,
     roughness_table,
 )
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import Int
 
 ModelOf = Callable[[Int[np.ndarray, "kept"]], Model]
 
@@ -39,28 +37,6 @@ class Forward(NamedTuple):
     exact: ModelOf | None = None
 
 
-class DualModel(eqx.Module):
-    """The dual model itself, shadows included: no table to make, slower to evaluate again."""
-
-    variant: Microfacet
-    samples: SurfaceSamples
-    light: DualLight
-    shadows: Shadows | None = None
-
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate T 6.9, or T 6.12."""
-        brdf = self.variant.with_roughness(sigma, None if self.variant.mu is None else mu)
-        columns = dual_columns(brdf, self.samples, self.light, shadows=self.shadows)
-        return Columns(columns[:, 0], columns[:, 1])
-
-    def thinned(self, step: int) -> "DualModel":
-        """Keep one in ``step`` samples."""
-        count = self.samples.normals.shape[0]
-        return _dual_model(
-            self.variant, self.samples, self.light, (self.shadows, np.arange(0, count, step))
-        )
-
-
 def dual_forward(
     variant: Microfacet,
     observations: Observations,
@@ -69,15 +45,11 @@ def dual_forward(
     shadows: Shadows | None = None,
 ) -> Forward:
     """Model observations by the dual model: a table for the search, unless there are shadows."""
-    samples = observations.samples
-
-    def final(index: Int[np.ndarray, "kept"]) -> Model:
-        return _dual_model(variant, samples, light, (shadows, index))
+    final = DualModel(variant, observations.samples, light, shadows).take
 
     def search(index: Int[np.ndarray, "kept"]) -> Model:
-        own = _light_of(light, index)
-        table = roughness_table(variant, _taken(samples, index), own, sigma_range)
-        return TabulatedModel(table)
+        own = final(index)
+        return TabulatedModel(roughness_table(variant, own.samples, own.light, sigma_range))
 
     return Forward(search if shadows is None else final, final)
 
@@ -99,27 +71,6 @@ def exact_forward(
         return ExactModel(variant, _taken(observations.samples, index), own)
 
     return model_of
-
-
-def _dual_model(
-    variant: Microfacet,
-    samples: SurfaceSamples,
-    light: DualLight,
-    chosen: tuple[Shadows | None, Int[np.ndarray, "kept"]],
-) -> DualModel:
-    shadows, index = chosen
-    if shadows is not None:
-        transfer, reflected, sources = (np.asarray(part)[index] for part in shadows[:3])
-        by_frame = shadows.frame_sources
-        by_frame = None if by_frame is None else np.asarray(by_frame)[index]
-        shadows = Shadows(transfer, reflected, sources, by_frame)
-    return DualModel(variant, _taken(samples, index), _light_of(light, index), shadows)
-
-
-def _light_of(light: DualLight, index: AnyArray) -> DualLight:
-    if light.frames is None:
-        return light
-    return light.for_frames(np.asarray(light.frames.frame_of_sample)[index])
 
 
 def _taken(samples: SurfaceSamples, index: Int[np.ndarray, "kept"]) -> SurfaceSamples:
