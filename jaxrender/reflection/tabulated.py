@@ -102,11 +102,10 @@ class RoughnessTable(eqx.Module):
         size = (mu_weights.shape[0], 4, *self.spline.shape[2:])
         zero = jnp.zeros((), int)
         rows = jax.lax.dynamic_slice(self.spline, (mu_first, first, zero, zero), size)
+        both = (mu_weights[:, None] * weights[None, :]).ravel()
+        rows = rows.reshape(-1, *rows.shape[2:])
         # Written out, so that it is one pass over the rows together with what follows.
-        both = mu_weights[:, None] * weights[None, :]
-        column = sum(
-            both[m, k] * rows[m, k] for m in range(mu_weights.shape[0]) for k in range(weights.shape[0])
-        )
+        column = sum(both[k] * rows[k] for k in range(both.shape[0]))
         return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
 
     def thinned(self, step: int) -> "RoughnessTable":
