@@ -5,6 +5,8 @@ float32, the derivative at x = 1 is l (l + 1) / 2, and the recurrence's factors 
 of the textbook three-term form.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,3 +77,14 @@ def test_recurrence_factors_are_those_of_the_three_term_form():
 def test_negative_band_limit_is_refused():
     with pytest.raises(ValueError, match="band_limit"):
         legendre(np.zeros(2), -1)
+
+
+@pytest.mark.parametrize("angle", [0.4, 1.1])
+def test_high_degrees_oscillate_with_a_falling_amplitude(angle):
+    """ERRATA 26: T 3.46 and 3.50 have lost the factor sqrt(2 / (pi l sin t))."""
+    degree = 200
+    computed = float(legendre(np.array(math.cos(angle)), degree)[degree])
+    wave = math.cos((degree + 0.5) * angle - math.pi / 4)
+    amplitude = math.sqrt(2 / (math.pi * degree * math.sin(angle)))
+    assert computed == pytest.approx(amplitude * wave, abs=0.02 * amplitude)
+    assert abs(computed - wave) > 0.5 * abs(wave)

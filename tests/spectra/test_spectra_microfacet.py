@@ -18,6 +18,7 @@ from scipy.special import eval_legendre
 
 from jaxrender import spectra
 from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.geometry import Components
 from jaxrender.spectra import TRANSFERS
 
 # What the module promises, relative to the largest of the degrees.
@@ -223,3 +224,19 @@ def test_an_unknown_transfer_is_refused():
         ValueError, match="transfer='phong': choose one of exit-cosine, normal-exitance, gaussian"
     ):
         transfer_of_samples(microfacet(0.2), np.ones(1), 4, "phong")
+
+
+@pytest.mark.parametrize("exit_cosine", [0.9, 0.1, 0.001])
+def test_the_lobe_is_that_of_t342(exit_cosine):
+    """ERRATA 24: T 3.42 and 6.2 divide by cos t_o, T 5.34 under the same name does not.
+
+    So the lobe's peak over all exits is not square integrable, and only 5.34's has a table.
+    """
+    exit_sine = math.sqrt(1 - exit_cosine**2)
+    outgoing, mirrored = (
+        Components(*(jnp.asarray(part) for part in (x, 0.0, exit_cosine)))
+        for x in (exit_sine, -exit_sine)
+    )
+    # Towards the mirrored direction the half vector is the normal, whatever the exit angle.
+    lobe = microfacet(0.2).transfer(mirrored, outgoing)[1]
+    np.testing.assert_allclose(lobe * exit_cosine, 1 / (4 * np.pi * 0.2**2), rtol=1e-9)
