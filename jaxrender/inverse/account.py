@@ -10,7 +10,7 @@ from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.passes import FitSettings, Stop
+from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
@@ -18,6 +18,7 @@ from jaxrender.inverse.uncertainty import (
     uncertain_parameters,
     within_reach,
 )
+from jaxrender.inverse.weights import variance_factor
 
 _SIGMA = ShapeParameter("sigma")
 
@@ -42,7 +43,14 @@ def account_for(
     near = stop.model
     if not isinstance(near, LinearisedModel):
         near = LinearisedModel.about(stop.model, physical.sigma, physical.mu)
-    uncertain = uncertain_parameters(stop.problem, near, stop.data, fit, settings.noise is not None)
+    uncertain = uncertain_parameters(
+        stop.problem,
+        near,
+        stop.data,
+        fit,
+        settings.noise is not None,
+        variance_factor=variance_factor(in_deviations(stop), settings.loss),
+    )
     samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)
     darkened = shadows_of(shape, stop.observations, light)

@@ -143,6 +143,13 @@ def descend(
     return _not_converged(stop)
 
 
+def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:
+    """What a pass has left unexplained, in standard deviations of its noise."""
+    radiance, predicted = np.asarray(stop.data.radiance), np.asarray(stop.fit.predicted)
+    scale = float(np.sqrt(np.mean(radiance**2)))
+    return (radiance - predicted) * _weights(stop.noise, predicted, scale)
+
+
 def values_of(stop: Stop) -> Parameters:
     """Put the end of a pass into the material's own units."""
     return to_parameters(stop.problem, stop.fit.solution.point, stop.fit.linear.eliminated)

@@ -3,8 +3,8 @@
 The covariance is that of least squares, s^2 (J' W J)^-1 over search and linear unknowns together,
 carried over to the parameters in their own units.  s^2 is the mean squared weighted residual where
 the noise was estimated; where it was given, intervals are widened when the data scatter more than
-they should, and never narrowed.  sigma and mu - 1 are positive, so their intervals are symmetric in
-the logarithm.
+they should, and never narrowed.  A robust loss widens them by what it costs.  sigma and mu - 1 are
+positive, so their intervals are symmetric in the logarithm.
 """
 
 from typing import NamedTuple
@@ -51,12 +51,21 @@ class Uncertain(NamedTuple):
 
 
 def uncertain_parameters(
-    problem: Problem, model: LinearisedModel, data: Data, fit: Fit, noise_given: bool
+    problem: Problem,
+    model: LinearisedModel,
+    data: Data,
+    fit: Fit,
+    noise_given: bool,
+    *,
+    variance_factor: float = 1.0,
 ) -> Uncertain:
-    """Compute the parameters at the end of a fit, with their intervals."""
-    held = _held(problem, fit)
+    """Compute the parameters at the end of a fit, with their intervals.
+
+    ``variance_factor`` is that of a robust loss (:mod:`jaxrender.inverse.weights`).
+    """
+    settings = (_held(problem, fit), noise_given, np.asarray(variance_factor))
     value, covariance = _propagate(
-        problem, model, data, (fit.solution.point, fit.linear.eliminated), (held, noise_given)
+        problem, model, data, (fit.solution.point, fit.linear.eliminated), settings
     )
     structure = jax.tree.structure(value)
     sizes = [leaf.size for leaf in jax.tree.leaves(value)]
@@ -127,7 +136,7 @@ def to_parameters(
 def _propagate(
     problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple, settings: tuple
 ) -> tuple[Parameters, Float[Array, "parameter parameter"]]:
-    held, noise_given = settings
+    held, noise_given, factor = settings
     vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
 
     def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
@@ -144,7 +153,7 @@ def _propagate(
         left = residual(vector)
         freedom = left.size - jnp.sum((~held).astype(left.dtype))
         variance = jnp.sum(left**2) / freedom
-        variance = jnp.maximum(variance, 1) if noise_given else variance
+        variance = factor * (jnp.maximum(variance, 1) if noise_given else variance)
         information = jacobian.T @ jacobian / variance + jnp.diag(_prior(problem, vector))
         covariance = _inverse(information)
         spread = jnp.where(held[None, :], 0, jax.jacfwd(parameters)(vector))

@@ -72,6 +72,15 @@ def test_the_refined_fit_is_within_its_stated_errors(fit):
     assert np.all(errors < 0.02 * TRUTH)
 
 
+def test_a_robust_loss_states_what_it_costs(fit, light, exact):
+    """On Gaussian noise a twentieth of the efficiency; its weights alone would state less error."""
+    noisy = with_noise(exact, 0.01, 0.002)
+    robust = SETTINGS._replace(loss="huber")
+    found = fit_brdf(noisy, light, MicrofacetUnknowns(), material(), robust)
+    stated, plain = (parameter_vector(one.parameters.standard_error) for one in (found, fit))
+    np.testing.assert_allclose(stated / plain, 1 / np.sqrt(0.95), atol=0.04)
+
+
 def test_the_residual_is_the_noise(fit, exact):
     measured = np.asarray(fit.final.data.radiance)
     noise = np.sqrt(np.sum((measured - exact.radiance) ** 2) / np.sum(measured**2))
