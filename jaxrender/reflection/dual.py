@@ -151,6 +151,7 @@ def filled_up(light: DualLight, shadows: Shadows | None = None) -> tuple[DualLig
     return DualLight(light.slow, filled, light.frames), shadows
 
 
+@eqx.filter_jit
 def dual_columns(
     brdf: BRDF,
     samples: SurfaceSamples,

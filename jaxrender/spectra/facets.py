@@ -61,6 +61,7 @@ class FacetLobe(eqx.Module):
         return Microfacet(black, white, self.sigma, self.mu, *choices)
 
 
+@eqx.filter_jit
 def facet_transfer(
     lobe: FacetLobe, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -68,6 +69,7 @@ def facet_transfer(
     return mean_transfer(lobe, exit_cosines, band_limit, *lobe.extent)
 
 
+@eqx.filter_jit
 def facet_azimuthal_transfer(
     lobe: FacetLobe,
     exit_cosines: Float[AnyArray, "bin"],

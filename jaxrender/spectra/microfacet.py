@@ -15,6 +15,7 @@ distribution 4 to 23 % off for sigma of .1 to .5 (ERRATA 27).
 from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 
@@ -47,6 +48,7 @@ def extent_of(brdf: Glossy, dtype: DTypeLike) -> Extent:
     return Extent(jnp.asarray(reach, dtype), None)
 
 
+@eqx.filter_jit
 def exit_cosine_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -56,6 +58,7 @@ def exit_cosine_transfer(
     return mean_transfer(brdf.specular_transfer, cosines, band_limit, *extent)
 
 
+@eqx.filter_jit
 def normal_exitance_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -82,6 +85,7 @@ TRANSFERS = {
 }
 
 
+@eqx.filter_jit
 def transfer_of_samples(
     brdf: Glossy,
     exit_cosines: Float[AnyArray, "sample"],
@@ -99,6 +103,7 @@ def transfer_of_samples(
     )
 
 
+@eqx.filter_jit
 def azimuthal_transfer_of_samples(
     brdf: Glossy, exit_cosines: Float[AnyArray, "sample"], band_limit: int
 ) -> Float[Array, "sample degree order"]:

@@ -8,6 +8,7 @@ normal exitance, the azimuthal mean elsewhere.
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from jaxrender.brdf import BRDF, Lambertian, Microfacet, Phong
@@ -78,7 +79,12 @@ _FORMULAS: dict[type, Callable[..., Array]] = {
 
 def _numeric(brdf: BRDF, band_limit: int, exit_cosine: float) -> Array:
     dtype = jnp.asarray(brdf.amplitudes).dtype
-    exit_cosines = jnp.full((1,), exit_cosine, dtype)
+    return _azimuthal_mean(brdf, jnp.asarray(exit_cosine, dtype), band_limit)
+
+
+@eqx.filter_jit
+def _azimuthal_mean(brdf: BRDF, exit_cosine: Float[Array, ""], band_limit: int) -> Array:
+    dtype = exit_cosine.dtype
     reach, tail = jnp.asarray(jnp.pi, dtype), jnp.asarray(_NARROWEST, dtype)
 
     def lobe_number(k: int) -> Array:
@@ -86,6 +92,6 @@ def _numeric(brdf: BRDF, band_limit: int, exit_cosine: float) -> Array:
             everywhere = Components(*(jnp.broadcast_to(c, incoming.z.shape) for c in outgoing))
             return brdf.transfer(incoming, everywhere)[k]
 
-        return mean_transfer(lobe, exit_cosines, band_limit, reach, tail)[0]
+        return mean_transfer(lobe, exit_cosine[None], band_limit, reach, tail)[0]
 
     return jnp.stack([lobe_number(k) for k in range(brdf.amplitudes.shape[0])])
