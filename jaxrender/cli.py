@@ -9,7 +9,6 @@ Exit codes: 0 done; 1 ran, but not converged or not identifiable (with ``--stric
 
 from __future__ import annotations
 
-import atexit
 import gc
 import logging
 import os
@@ -365,13 +364,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _collect_seldom() -> None:
-    """Let the garbage collector look through all objects seldom, and not at all at the end.
+    """Let the garbage collector look through all objects seldom.
 
     JAX's traces are millions of small objects that reference counting frees; looking for cycles
-    among them takes a sixth of a short run, and once more a second when the process ends.
+    among them takes a sixth of a short run.
     """
     gc.set_threshold(*_COLLECT_AFTER)
-    atexit.register(gc.freeze)
 
 
 def _say(text: str) -> None:
