@@ -148,7 +148,7 @@ def roughness_table(
     mus = 1 + jnp.exp(jnp.asarray(log_mu.values(), dtype))
     knots = (mus, sigmas)
     with jax.default_matmul_precision("highest"):
-        diffuse, values = _tabulate_slow(variant, samples, light.slow, knots, (transfer, shadows))
+        diffuse, values = _tabulate_slow(variant, samples, light.slow, knots, shadows, transfer)
         for nodes, seen in _blocks(light, shadows):
             fast = _tabulate_fast(variant, samples, nodes, knots, seen)
             diffuse, values = diffuse + fast[0], values + fast[1]
@@ -168,16 +168,17 @@ _Knots = tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]]
 _Table = tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]
 
 
-@partial(eqx.filter_jit, compiler_options=_COMPILER_OPTIONS)
+@partial(jax.jit, static_argnames="transfer", compiler_options=_COMPILER_OPTIONS)
 def _tabulate_slow(
     variant: Glossy,
     samples: SurfaceSamples,
     slow: Float[AnyArray, "coefficient channel"],
     knots: _Knots,
-    how: tuple[str, Shadows | None],
+    shadows: Shadows | None,
+    transfer: str,
 ) -> _Table:
     """Evaluate slow light: the diffuse column, and the specular one over exit-angle Fresnel."""
-    (mus, sigmas), (transfer, shadows) = knots, how
+    mus, sigmas = knots
     by_degree = degree_table(jnp.asarray(slow), samples.reflected)
     if shadows is None:
         diffuse = irradiance(jnp.asarray(slow), samples.normals)
