@@ -389,6 +389,8 @@ def _set_up_jax() -> None:
     """Float64, and compiled programs kept from one process to the next."""
     import jax
 
+    # What is imported stays: collections, that at the end above all, need not look at it again.
+    gc.freeze()
     jax.config.update("jax_enable_x64", True)
     folder = _cache_folder()
     if folder is None:

@@ -187,6 +187,14 @@ def _linearise(
     model: Model, sigma: Float[Array, ""], mu: Float[Array, ""] | None
 ) -> LinearisedModel:
     one = jnp.ones_like(sigma)
+    if mu is not None and isinstance(model, ExactModel):
+        # Both derivatives in one pass over the nodes, which each alone would make again.
+        def specular_at(at: Float[Array, "2"]) -> tuple[Float[Array, "sample channel"], Columns]:
+            columns = model.columns(at[0], at[1])
+            return columns.specular, columns
+
+        slopes, (diffuse, specular) = jax.jacfwd(specular_at, has_aux=True)(jnp.stack([sigma, mu]))
+        return LinearisedModel(diffuse, specular, slopes[..., 0], slopes[..., 1], sigma, mu)
     (diffuse, specular), (_, by_sigma) = jax.jvp(lambda s: model.columns(s, mu), (sigma,), (one,))
     if mu is None:
         return LinearisedModel(diffuse, specular, by_sigma, jnp.zeros_like(specular), sigma, one)
