@@ -88,8 +88,8 @@ def test_the_transfer_is_chosen_by_name():
     assert np.abs(found - expected).max() < TABLE * expected.max()
 
 
-@pytest.mark.parametrize("count", [0, 65])
-def test_padding_with_dark_sources_does_not_show(count):
+@pytest.mark.parametrize("count", [0, 65, 300])
+def test_blocks_of_sources_filled_up_with_dark_ones_do_not_show(count):
     sources = DirectionalSources(unit_vectors(count, 7), np.ones((count, 1)))
     light = DualLight(np.ones((4, 1)), sources)
     table = roughness_table(microfacet(0.2, channels=1), SAMPLES, light, RANGE)
