@@ -1,8 +1,6 @@
 """``python -m jaxrender``: the command line."""
 
-import sys
-
-from jaxrender.cli import main
+from jaxrender.cli import console
 
 if __name__ == "__main__":
-    sys.exit(main())
+    console()

@@ -16,14 +16,14 @@ import sys
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 from cyclopts import App, CycloptsError, Parameter
 
 from jaxrender import __version__
 from jaxrender.errors import InputError
 
-DONE, NOT_CONVERGED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, NOT_CONVERGED, BAD_INPUT, INTERRUPTED, UNREAD = 0, 1, 2, 130, 141
 
 # Folders of examples that travel with the package, by the names that the README gives them.
 _BUNDLED = ("configs", "data_synth")
@@ -345,13 +345,22 @@ def schema(*, recipe: bool = False, sweep: bool = False) -> int:
     return DONE
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; arguments are the process's by default."""
+def console() -> NoReturn:
+    """Run the process's own command line, and end the process."""
+    _collect_seldom()
+    code = main(sys.argv[1:])
+    # All results are on disk.  To take every trace apart before ending takes half a second more.
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a command line and return its exit code."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    if arguments is None:
-        _collect_seldom()
     try:
-        return app(sys.argv[1:] if arguments is None else list(arguments)) or DONE
+        return app(list(arguments)) or DONE
     except CycloptsError:
         # cyclopts has said what is wrong with the arguments.
         return BAD_INPUT
@@ -361,6 +370,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output, as ``head`` does, has read enough; what is left has no reader.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
 
 
 def _collect_seldom() -> None:
@@ -389,8 +402,6 @@ def _set_up_jax() -> None:
     """Float64, and compiled programs kept from one process to the next."""
     import jax
 
-    # What is imported stays: collections, that at the end above all, need not look at it again.
-    gc.freeze()
     jax.config.update("jax_enable_x64", True)
     folder = _cache_folder()
     if folder is None:

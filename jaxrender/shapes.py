@@ -16,6 +16,12 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 AnyArray = jax.Array | np.ndarray
 
+
+def as_jax(values: np.ndarray, dtype: np.dtype | None = None) -> Array:
+    """Copy a host array to JAX, where ``jnp.asarray`` would compile a program for every shape."""
+    return jax.device_put(np.array(values, dtype))
+
+
 Directions = Float[AnyArray, "*batch 3"]
 Coefficients = Float[AnyArray, "coefficient channel"]
 ImageArray = Float[AnyArray, "row column channel"]
@@ -30,4 +36,5 @@ __all__ = [
     "Float",
     "ImageArray",
     "Int",
+    "as_jax",
 ]

@@ -1,7 +1,8 @@
 """The command line: what reaches the pipelines, what is printed where, and the exit codes.
 
 - Commands hand over config, paths and flags; summaries go to stdout, trouble to stderr.
-- 0 done, 1 not converged with --strict, 2 bad input and bad usage (no traceback), 130 interrupted.
+- 0 done, 1 not converged with --strict, 2 bad input and bad usage (no traceback), 130 interrupted,
+  141 when nobody reads on.
 - ``--help`` imports neither JAX nor NumPy nor pydantic.
 - Float64 and the compilation cache are set before the numerics start; the cache is the user's own.
 - ``configs/...`` and ``data_synth/...`` are found in the package if the working directory has none.
@@ -225,6 +226,16 @@ def test_a_process_shows_no_traceback(tmp_path):
     found = run_process("-m", "jaxrender", "fit", str(tmp_path / "nope.yaml"))
     assert (found.returncode, found.stdout) == (2, "")
     assert found.stderr == f"{tmp_path / 'nope.yaml'}: no such file\n"
+
+
+def test_a_reader_that_has_read_enough_is_no_trouble():
+    # ``jaxrender schema | head -1``
+    command = [sys.executable, "-m", "jaxrender", "schema"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert (process.stderr.read(), process.wait()) == (b"", 141)
 
 
 # ---------------------------------------------------------------- start

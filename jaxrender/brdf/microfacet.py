@@ -24,7 +24,7 @@ from jaxrender.brdf.facets import facet_transfer
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
 from jaxrender.brdf.glossy import Glossy, ShapeParameter
 from jaxrender.brdf.half_vector import lifted
-from jaxrender.brdf.masking import MASKINGS
+from jaxrender.brdf.masking import FACET_MASKINGS, MASKINGS
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -69,14 +69,14 @@ class Microfacet(Glossy):
         refuse_unlisted("fresnel", self.fresnel, FRESNEL_ANGLES)
         refuse_unlisted("masking", self.masking, tuple(MASKINGS))
         refuse_unlisted("distribution", self.distribution, tuple(DISTRIBUTIONS))
-        if is_known(self.sigma) and not self.sigma > 0:
+        if is_known(self.sigma) and not np.asarray(self.sigma) > 0:
             raise ValueError(
                 f"sigma={self.sigma}: the roughness must be above 0 (mirror: use a small one)"
             )
         if self.distribution != "gaussian":
             remedy = f"for a rougher surface than {self.distribution} has use gaussian"
             refuse_outside("sigma", self.sigma, "(0, 1]", remedy)
-        if self.mu is not None and is_known(self.mu) and not self.mu > 1:
+        if self.mu is not None and is_known(self.mu) and not np.asarray(self.mu) > 1:
             raise ValueError(
                 f"mu={self.mu}: the refractive index must be above 1, or None for a metal"
             )
@@ -138,18 +138,43 @@ class Microfacet(Glossy):
         if self.distribution == "gaussian":
             lobe, cos_half, cos_o = self._gaussian_lobe(incoming, outgoing)
         else:
+            incoming, outgoing = lifted(incoming), lifted(outgoing)
             facets = DISTRIBUTIONS[self.distribution](self.sigma)
-            outgoing = lifted(outgoing)
-            lobe, cos_half = facet_transfer(facets, self.masking, lifted(incoming), outgoing)
+            lobe, cos_half = facet_transfer(facets, "none", incoming, outgoing)
             cos_o = jnp.asarray(outgoing.z)
+        return self.attenuated(lobe, (incoming, outgoing), (cos_half, cos_o))
+
+    def attenuated(
+        self,
+        lobe: Float[Array, "*batch"],
+        directions: tuple[Components, Components],
+        cosines: tuple[Float[Array, "*batch"], Float[Array, "*#batch"]],
+    ) -> Float[Array, "*batch"]:
+        """Multiply a lobe of incoming and outgoing directions by masking and Fresnel ratio.
+
+        ``cosines`` are those to the half vector and of exit.
+        """
+        if self.masking != "none":
+            lobe = lobe * self.masked(self.masking, *directions)
         if self.mu is None:
             return lobe
+        cos_half, cos_o = cosines
         return lobe * normalised_fresnel(self.mu, cos_o if self.fresnel == "exit" else cos_half)
+
+    def masked(
+        self, masking: str, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate the masking G of that name for this model's distribution."""
+        if self.distribution != "gaussian":
+            facets = DISTRIBUTIONS[self.distribution](self.sigma)
+            return FACET_MASKINGS[masking](facets, incoming, outgoing)
+        cos_o = jnp.maximum(outgoing.z, _SMALLEST_COSINE)
+        return MASKINGS[masking](self.sigma, incoming.z, cos_o)
 
     def _gaussian_lobe(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*exit"]]:
-        """Evaluate S G / (4 cos t_o), the cosine to the half vector, and the exit cosine.
+        """Evaluate S / (4 cos t_o), the cosine to the half vector, and the exit cosine.
 
         By cosines alone, not by the half vector's components, and normalised as T 6.2 has it.
         """
@@ -159,8 +184,6 @@ class Microfacet(Glossy):
         cos_normal = (incoming.z + outgoing.z) / half_length
         squared_half_angle = squared_acute_angle(jnp.clip(cos_normal, 0, 1))
         lobe = microfacet_distribution(squared_half_angle, self.sigma) / (4 * cos_o)
-        if self.masking != "none":
-            lobe = lobe * MASKINGS[self.masking](self.sigma, incoming.z, cos_o)
         return lobe, half_length / 2, cos_o
 
 

@@ -6,6 +6,7 @@ there is no number to look at.
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -20,7 +21,7 @@ _ROUNDING = 1e-6
 
 def as_scalar(value: Scalar | int) -> Scalar:
     """Make a number an array, still weak in type: as a plain float each would be compiled anew."""
-    return jnp.asarray(float(value)) if isinstance(value, float | int) else value
+    return jax.device_put(float(value)) if isinstance(value, float | int) else value
 
 
 def as_scalar_or_none(value: Scalar | int | None) -> Scalar | None:

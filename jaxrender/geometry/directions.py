@@ -6,6 +6,8 @@ ones too.  Functions here are jit-able, keep the dtype of their input, act on th
 broadcast over the others.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +25,11 @@ _ANGLE_DEGREE_DOUBLE = 18
 _ANGLE_DEGREE_SINGLE = 8
 
 
+# Called eagerly each is one small program; within another it leaves no trace.
+_as_one = partial(jax.jit, inline=True)
+
+
+@_as_one
 def dot(
     a: Float[AnyArray, "*#batch axis"], b: Float[AnyArray, "*#batch axis"]
 ) -> Float[Array, "*batch"]:
@@ -31,6 +38,7 @@ def dot(
     return jnp.sum(jnp.asarray(a) * jnp.asarray(b), axis=-1)
 
 
+@_as_one
 def normalise(vectors: Directions) -> Float[Array, "*batch 3"]:
     """Vectors scaled to unit length; a zero vector gives NaN, so refuse it before."""
     vectors = jnp.asarray(vectors)
@@ -61,6 +69,7 @@ def angles_from_direction(
     return polar, jnp.where(outside, 0, azimuth)
 
 
+@_as_one
 def reflect(outgoing: Broadcast, normals: Broadcast) -> Float[Array, "*batch 3"]:
     """Mirror direction R = 2 (N.V) N - V of a unit direction about a unit normal."""
     outgoing, normals = jnp.asarray(outgoing), jnp.asarray(normals)

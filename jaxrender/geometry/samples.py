@@ -21,12 +21,12 @@ class SurfaceSamples(NamedTuple):
     @property
     def exit_cosines(self) -> Float[Array, "sample"]:
         """The cosines of the angles between the normals and the outgoing directions."""
-        return dot(jnp.asarray(self.normals), jnp.asarray(self.outgoing))
+        return dot(self.normals, self.outgoing)
 
     @property
     def reflected(self) -> Float[Array, "sample 3"]:
         """The reflected viewing directions R, where a mirror would look."""
-        return reflect(jnp.asarray(self.outgoing), jnp.asarray(self.normals))
+        return reflect(self.outgoing, self.normals)
 
     @property
     def world_from_mirror(self) -> Float[Array, "sample 3 3"]:

@@ -85,7 +85,7 @@ class BRDFFit(NamedTuple):
             return {}
         before, after = values_of(self.frequency), values_of(self.exact)
         return {
-            name: np.asarray(getattr(before, name) / getattr(after, name) - 1)
+            name: np.asarray(getattr(before, name)) / np.asarray(getattr(after, name)) - 1
             for name in ("kd", "ks", "sigma", "mu")
         }
 

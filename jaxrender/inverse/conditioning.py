@@ -98,9 +98,16 @@ def sigma_standard_error(
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     variance = np.sum(vectors[0] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[0] ** 2
     # d log sigma / d x at the search variable x: the chain rule through the bounds' sigmoid.
-    slope = jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).sigma))(unknowns[0])[0]
-    error = float(np.sqrt(variance)) * abs(float(slope))
+    slope = float(_slope_of_log_sigma(problem, unknowns[0])[0])
+    error = float(np.sqrt(variance)) * abs(slope)
     return error if error < _HOPELESS else float("inf")
+
+
+@eqx.filter_jit
+def _slope_of_log_sigma(
+    problem: Problem, point: Float[Array, "unknown"]
+) -> Float[Array, "unknown"]:
+    return jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).sigma))(point)
 
 
 @eqx.filter_jit

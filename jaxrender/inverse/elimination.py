@@ -124,6 +124,7 @@ class Problem(eqx.Module):
         )
         return self.linear(eliminated)
 
+    @partial(jax.jit, inline=True)
     def linear(self, eliminated: Float[Array, "linear"]) -> Linear:
         """Spread the eliminated unknowns over kd and ks of all channels."""
         both = jnp.asarray(self.mix) @ eliminated + jnp.asarray(self.offset)
@@ -236,7 +237,7 @@ def _best(
 ) -> Fit:
     """Search from every start."""
     # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
-    found = [_search(problem, model, data, jnp.asarray(s), how=(method, thinning)) for s in starts]
+    found = [_search(problem, model, data, s, how=(method, thinning)) for s in starts]
     if len(found) == 1:
         return found[0]
     costs = np.array([float(fit.solution.cost) for fit in found])

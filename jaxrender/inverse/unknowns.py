@@ -5,6 +5,8 @@ variables: an S-shaped curve maps them to where log sigma, or log(mu - 1), lies 
 Gains of single photographs join the search as logarithms, relative to the first photograph.
 """
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -117,7 +119,7 @@ class MicrofacetUnknowns(eqx.Module):
 
     def at_bound(self, point: Float[Array, "unknown"]) -> Bool[np.ndarray, "unknown"]:
         """Say which searched parameters ended at a bound."""
-        fraction = np.asarray(_fraction(jnp.asarray(point)))
+        fraction = np.asarray(_fraction(point))
         bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
 
@@ -142,6 +144,7 @@ def _outside(unknown: Unknown, value: float, origin: float) -> float:
     return float(_search_variable((np.log(value - origin) - low) / (high - low)))
 
 
+@partial(jax.jit, inline=True)
 def _fraction(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
     """Map a search variable to (0, 1), flattening out as 1 / x^3.
 

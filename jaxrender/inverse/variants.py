@@ -7,12 +7,14 @@ moves by more than 25 % under a variant that the data do not reject is *model se
 bar is right only if the model is.
 """
 
+import dataclasses
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet
-from jaxrender.geometry import Shape
+from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet, normalised_fresnel
+from jaxrender.geometry import Components, Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel
@@ -20,6 +22,7 @@ from jaxrender.inverse.observations import stratified_subset
 from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Parameters, to_parameters
+from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
 _REJECTED_ABOVE = 10.0
@@ -43,6 +46,32 @@ class Variant(NamedTuple):
         return self.chi_squared > _REJECTED_ABOVE
 
 
+class _Switched(Microfacet):
+    """A microfacet whose choices are values of switches: one compiled program serves them all."""
+
+    half_angle: Bool[AnyArray, ""] = dataclasses.field(default_factory=lambda: np.array(False))
+    smith: Bool[AnyArray, ""] = dataclasses.field(default_factory=lambda: np.array(False))
+
+    @classmethod
+    def to(cls, brdf: Microfacet) -> "_Switched":
+        """Set the switches to the choices of a model."""
+        numbers = (brdf.kd, brdf.ks, brdf.sigma, brdf.mu)
+        half_angle, smith = np.array(brdf.fresnel == "half"), np.array(brdf.masking == "smith")
+        return cls(*numbers, "half", "smith", brdf.distribution, half_angle, smith)
+
+    def attenuated(
+        self,
+        lobe: Float[Array, "*batch"],
+        directions: tuple[Components, Components],
+        cosines: tuple[Float[Array, "*batch"], Float[Array, "*#batch"]],
+    ) -> Float[Array, "*batch"]:
+        """Multiply by those factors that are switched on."""
+        lobe = lobe * jnp.where(self.smith, self.masked("smith", *directions), 1)
+        if self.mu is None:
+            return lobe
+        return lobe * normalised_fresnel(self.mu, jnp.where(self.half_angle, *cosines))
+
+
 def fit_variants(
     fit: BRDFFit, light: KnownLight, settings: FitSettings, shape: Shape | None = None
 ) -> tuple[Variant, ...]:
@@ -64,14 +93,14 @@ def fit_variants(
     per_sample = final.observations.count / some.count
 
     def refit(variant: Microfacet) -> Stop:
-        model = ExactModel(variant, some.samples, nodes, seen)
+        model = ExactModel(_Switched.to(variant), some.samples, nodes, seen)
         return descend(final, model, some, predicted, settings, _TOLERANCE)
 
     base = refit(fitted)
     found = []
     for variant in _others(fitted):
         stop = refit(variant)
-        worse = 2 * float(stop.fit.solution.cost - base.fit.solution.cost) * per_sample
+        worse = 2 * (float(stop.fit.solution.cost) - float(base.fit.solution.cost)) * per_sample
         parameters = to_parameters(
             stop.problem, stop.fit.solution.point, stop.fit.linear.eliminated
         )

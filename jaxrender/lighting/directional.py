@@ -7,7 +7,7 @@ from jax.core import Tracer
 
 from jaxrender.geometry.directions import normalise
 from jaxrender.lighting.base import Light, LightNodes
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, as_jax
 
 
 class DirectionalSources(Light):
@@ -34,13 +34,15 @@ class DirectionalSources(Light):
             # On the host: every number of sources would be one more program to compile.
             vectors = np.asarray(directions, dtype)
             lengths = np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
-            self.directions = jnp.asarray(vectors / lengths)
+            self.directions = as_jax(vectors / lengths)
+        if isinstance(irradiance, np.ndarray):
+            irradiance = as_jax(irradiance, dtype)
         self.irradiance = jnp.asarray(irradiance, dtype)
 
     @classmethod
     def none(cls, channels: int = 3) -> "DirectionalSources":
         """No source at all."""
-        return cls(jnp.zeros((0, 3)), jnp.zeros((0, channels)))
+        return cls(np.zeros((0, 3)), np.zeros((0, channels)))
 
     def nodes(self) -> LightNodes:
         """Each source is a node."""

@@ -12,7 +12,7 @@ from jax.core import Tracer
 
 from jaxrender.harmonics.grids import LatLongGrid
 from jaxrender.lighting.base import Light, LightNodes
-from jaxrender.shapes import AnyArray, Array, Float, ImageArray
+from jaxrender.shapes import AnyArray, Array, Float, ImageArray, as_jax
 
 
 class Environment(Light):
@@ -25,7 +25,8 @@ class Environment(Light):
 
     def __init__(self, radiance: ImageArray):
         _check(radiance)
-        self.radiance = jnp.asarray(radiance)
+        held = as_jax(radiance) if isinstance(radiance, np.ndarray) else radiance
+        self.radiance = jnp.asarray(held)
 
     @property
     def grid(self) -> LatLongGrid:
@@ -35,13 +36,11 @@ class Environment(Light):
 
     def nodes(self) -> LightNodes:
         """Each texel is a node, row by row, of irradiance weight x radiance."""
-        dtype = self.radiance.dtype
-        weights = jnp.asarray(self.grid.weights(), dtype)
-        irradiance = weights[..., None] * self.radiance
-        directions = jnp.asarray(self.grid.directions(), dtype)
-        return LightNodes(
-            directions.reshape(-1, 3), irradiance.reshape(-1, self.radiance.shape[-1])
-        )
+        dtype, channels = self.radiance.dtype, self.radiance.shape[-1]
+        radiance = self.radiance if isinstance(self.radiance, Tracer) else np.asarray(self.radiance)
+        irradiance = self.grid.weights().astype(dtype)[..., None] * radiance
+        directions = self.grid.directions().astype(dtype)
+        return LightNodes(directions.reshape(-1, 3), irradiance.reshape(-1, channels))
 
     def scaled(self, factor: float | int | Float[AnyArray, ""]) -> "Environment":
         """The same light, ``factor`` times as bright."""

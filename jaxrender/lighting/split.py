@@ -16,17 +16,18 @@ How many of these sources are needed is decided by the error of the model that w
 Energy and colour are conserved exactly: slow + sources = light, texel by texel.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, synthesise
 from jaxrender.lighting.cells import Cells, gather, partition
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import Array, Float, Int
 
 # A source must be narrow beside the lobe, whose radius is 2 sigma.
 CELL_ANGLE_PER_SIGMA = 0.5
@@ -144,13 +145,20 @@ def _envelope(
     grid = LatLongGrid(*light.shape)
     band_limit = min(grid.band_limit, int(4 * degree) + 1)
     degrees = np.arange(band_limit + 1.0)
-    low_pass = jnp.asarray(np.exp(-degrees * (degrees + 1) / (degree * (degree + 1))))
+    transfer = np.exp(-degrees * (degrees + 1) / (degree * (degree + 1)))
     envelope = light
     for _ in range(_ENVELOPE_ROUNDS):
-        coefficients = analyse(grid, jnp.asarray(envelope[..., None]), band_limit)
-        slow = np.asarray(synthesise(grid, apply_transfer(coefficients, low_pass)))[..., 0]
+        slow = np.asarray(_low_pass(grid, envelope, transfer))
         clipped = np.minimum(envelope, _ENVELOPE_TOLERANCE * slow.clip(0))
         moved, envelope = np.max(envelope - clipped), clipped
         if moved <= 1e-4 * envelope.mean():
             break
     return envelope
+
+
+@partial(jax.jit, static_argnums=0)
+def _low_pass(
+    grid: LatLongGrid, light: Float[Array, "row column"], transfer: Float[Array, " degree"]
+) -> Float[Array, "row column"]:
+    coefficients = analyse(grid, light[..., None], transfer.shape[0] - 1)
+    return synthesise(grid, apply_transfer(coefficients, transfer))[..., 0]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import h5netcdf
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender import __version__
@@ -345,7 +344,7 @@ def _lighting(finding: Finding) -> dict[str, Any]:
         lighting |= {
             "band_limit": dual.band_limit,
             "coefficients": np.asarray(dual.slow).tolist(),
-            "coefficients_total": np.asarray(jnp.asarray(dual.slow) + sources).tolist(),
+            "coefficients_total": (np.asarray(dual.slow) + np.asarray(sources)).tolist(),
             "environment": "lighting.exr",
         }
     if split is not None:
@@ -360,8 +359,8 @@ def _lighting(finding: Finding) -> dict[str, Any]:
                 "error_without": fit.light.needed.error_without,
             }
     lighting["directional"] = [
-        {"direction": np.asarray(d).tolist(), "irradiance": np.asarray(e).tolist()}
-        for d, e in zip(dual.sources.directions, dual.sources.irradiance)
+        {"direction": d.tolist(), "irradiance": e.tolist()}
+        for d, e in zip(*(np.asarray(part) for part in dual.sources.nodes()))
     ]
     return lighting
 

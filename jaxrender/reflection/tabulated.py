@@ -144,14 +144,14 @@ def roughness_table(
     log_mu = KnotRange.over(low, high, _MU_KNOTS) if half else _ONE_KNOT
     # A Fresnel ratio at the exit angle is a factor of the column, so it stays out of the table.
     variant = brdf if half else brdf.as_metal()
-    sigmas = jnp.exp(jnp.asarray(log_sigma.values(), dtype))
-    mus = 1 + jnp.exp(jnp.asarray(log_mu.values(), dtype))
+    sigmas = np.exp(log_sigma.values()).astype(dtype)
+    mus = (1 + np.exp(log_mu.values())).astype(dtype)
     knots = (mus, sigmas)
     with jax.default_matmul_precision("highest"):
         diffuse, values = _tabulate_slow(variant, samples, light.slow, knots, shadows, transfer)
         for nodes, seen in _blocks(light, shadows):
-            fast = _tabulate_fast(variant, samples, nodes, knots, seen)
-            diffuse, values = diffuse + fast[0], values + fast[1]
+            sums = (diffuse, values)
+            diffuse, values = _tabulate_fast(variant, samples, nodes, knots, seen, sums)
         spline = jnp.einsum(
             "am,bk,mksc->absc",
             jnp.asarray(log_mu.spline_from_values(), dtype),
@@ -164,7 +164,7 @@ def roughness_table(
 # XLA's older emitters of loops compile this in half the time, and it runs as fast.
 _COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
-_Knots = tuple[Float[Array, "mu_knot"], Float[Array, "sigma_knot"]]
+_Knots = tuple[Float[AnyArray, "mu_knot"], Float[AnyArray, "sigma_knot"]]
 _Table = tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]
 
 
@@ -206,8 +206,9 @@ def _tabulate_fast(
     nodes: LightNodes | FrameNodes,
     knots: _Knots,
     seen: Bool[AnyArray, "sample node"] | None,
+    sums: _Table,
 ) -> _Table:
-    """Evaluate directional sources: the same two."""
+    """Evaluate directional sources: the same two, added to ``sums``."""
     mus, sigmas = knots
 
     def columns(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
@@ -220,7 +221,8 @@ def _tabulate_fast(
         column = jax.vmap(lambda sigma: columns(sigma, mu)[:, 1])(sigmas)
         return column / _relative_fresnel(variant, samples, mu)[None]
 
-    return columns(sigmas[0], mus[0])[:, 0], jax.lax.map(row, mus)
+    diffuse = columns(sigmas[0], mus[0])[:, 0]
+    return sums[0] + diffuse, sums[1] + jax.lax.map(row, mus)
 
 
 def _at_knot(variant: Glossy, sigma: Float[Array, ""], mu: Float[Array, ""]) -> Glossy:

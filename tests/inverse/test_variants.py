@@ -4,15 +4,24 @@
   other way about.
 - A parameter is sensitive when it moves by more than 25 % under a variant that stands.
 - Every other choice of angle and masking is tried; a metal has no angle to vary.
+- The one model that is compiled for all of them equals each of them.
 """
 
 import numpy as np
 import pytest
 from inverse_problems import ball_samples, known_light, material, photograph, with_noise
 
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Components
 from jaxrender.inverse import FitSettings, MicrofacetUnknowns, fit_brdf
 from jaxrender.inverse.uncertainty import Parameters
-from jaxrender.inverse.variants import Variant, _others, fit_variants, model_sensitive
+from jaxrender.inverse.variants import (
+    Variant,
+    _others,
+    _Switched,
+    fit_variants,
+    model_sensitive,
+)
 
 SETTINGS = FitSettings(starts=2)
 
@@ -72,3 +81,19 @@ def test_sensitive_is_a_quarter_under_a_variant_that_stands(variants_by_truth):
     # A quarter of mu - 1, not of mu.
     assert model_sensitive(fit, (moved(value, 0.0, mu=1.1),))["mu"]
     assert not model_sensitive(fit, (moved(value, 0.0, mu=1.05),))["mu"]
+
+
+@pytest.mark.parametrize("distribution", ["gaussian", "beckmann", "ggx"])
+@pytest.mark.parametrize("masking", ["none", "smith"])
+@pytest.mark.parametrize("angle", ["exit", "half"])
+def test_switches_make_every_variant(angle, masking, distribution):
+    directions = np.random.default_rng(1).normal(size=(2, 50, 3))
+    directions[..., 2] = np.abs(directions[..., 2])
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    incoming, outgoing = (Components.of(some) for some in directions)
+    numbers = (np.array([0.2]), np.array([0.1]), 0.2, 1.4)
+    brdf = Microfacet(*numbers, angle, masking, distribution)
+    switched = _Switched.to(brdf).with_roughness(brdf.sigma, brdf.mu)
+    np.testing.assert_allclose(
+        switched.transfer(incoming, outgoing)[1], brdf.transfer(incoming, outgoing)[1], rtol=1e-12
+    )

@@ -7,7 +7,7 @@ on what is measured only through where the fit ends.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from jaxrender.inverse.brdf import BRDFFit
@@ -124,9 +124,9 @@ def _forecast(
 
 def _fit_at(problem: Problem, foreseen: Foreseen) -> Fit:
     """The end of a fit that has found the supposed material."""
-    point, eliminated = (jnp.asarray(part) for part in unknowns_at(problem, foreseen.supposed.brdf))
-    done = Solution(point, jnp.zeros(()), jnp.ones((), bool), jnp.zeros((), int))
-    return Fit(done, problem.linear(eliminated), jnp.asarray(foreseen.data.radiance))
+    point, eliminated = unknowns_at(problem, foreseen.supposed.brdf)
+    done = Solution(*map(jax.device_put, (point, 0.0, True, 0)))
+    return Fit(done, problem.linear(eliminated), jax.device_put(foreseen.data.radiance))
 
 
 def _evidence(problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float) -> SigmaEvidence:

@@ -1,7 +1,6 @@
 """A known light by degree: its coefficients, how much it sends, which degrees of it show."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import analyse, band_limit_of, real_basis
@@ -22,7 +21,7 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     _, frame, light = foreseen.situation
     brdf, noise = foreseen.supposed.brdf, foreseen.supposed.noise
     coefficients = light_coefficients(light.of_frame(0), _HIGHEST_DEGREE)
-    head_on = jnp.ones(1)
+    head_on = np.ones(1)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     band_limit = band_limit_of(len(coefficients))
     transfer = np.asarray(_looked_up(lobe, head_on, band_limit))[0]
@@ -47,7 +46,7 @@ def light_coefficients(
     environment, sources = light.environment, light.directional
     if environment is not None:
         band_limit = min(band_limit, environment.grid.band_limit)
-    directions = jnp.asarray(np.asarray(sources.directions, float))
+    directions = np.asarray(sources.directions, float)
     found = np.asarray(real_basis(directions, band_limit)).T @ np.asarray(sources.irradiance)
     if environment is not None:
         radiance = np.asarray(environment.radiance, float)

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
@@ -67,7 +66,7 @@ def spheres(contents: ReportContents) -> Spheres:
 
 def with_arrays(brdf: Glossy, dtype=np.float32) -> Glossy:
     """Hold all numbers as arrays, so that a compiled function serves every material."""
-    return jax.tree.map(lambda number: jnp.asarray(number, dtype), brdf)
+    return jax.tree.map(lambda number: np.asarray(number, dtype), brdf)
 
 
 def _columns(
@@ -82,7 +81,7 @@ def _columns(
     directions[:count], directions[count] = given.directions, view.lamp
     irradiance[:count, :channels], irradiance[count, channels] = given.irradiance, np.pi
     samples, nodes = jax.tree.map(
-        lambda array: jnp.asarray(array, np.float32),
+        lambda array: np.asarray(array, np.float32),
         (view.samples, LightNodes(directions, irradiance)),
     )
     return np.asarray(_integrate(with_arrays(brdf), samples, nodes), float)

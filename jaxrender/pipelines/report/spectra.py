@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -121,10 +120,10 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
         curve = np.asarray(lambertian_transfer(band_limit)) / np.pi
         return _Transfer({"clamped cosine / π": curve}, None)
     brdf = with_arrays(contents.fit.brdf).as_metal()
-    cosines = jnp.asarray(_EXIT_COSINES, np.float32)
+    cosines = np.asarray(_EXIT_COSINES, np.float32)
     curves, twin = _both_transfers(brdf, cosines, band_limit)
     names = [f"exit angle {math.degrees(math.acos(c)):.0f}°" for c in _EXIT_COSINES]
-    return _Transfer(dict(zip(names, np.asarray(curves, float))), np.asarray(twin[0], float))
+    return _Transfer(dict(zip(names, np.asarray(curves, float))), np.asarray(twin, float)[0])
 
 
 @eqx.filter_jit
