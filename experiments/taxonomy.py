@@ -78,7 +78,7 @@ SITES = IMAGE[0] * IMAGE[1]
 # Photographs -> pixels of each where nothing is textured.
 PIXELS = {1: 1200, 12: 300, 60: 100}
 COUNTS = tuple(PIXELS)
-DIFFUSE_DEGREE, GLOSSY_DEGREE = 2, 7
+DIFFUSE_DEGREE, GLOSSY_DEGREE = 2, 9
 # A number is told when its 90 % interval is within this part of it.
 TOLD, NORMAL_90 = 0.25, 1.6448536269514722
 KINDS = {1: "one", 12: "ring", 60: "dense"}

@@ -31,6 +31,7 @@ from jaxrender.geometry import (
     visible,
     world_from_local,
 )
+from jaxrender.harmonics import real_basis, rotate
 from jaxrender.lighting import LightNodes
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
@@ -115,6 +116,42 @@ def polar_columns(
     narrow: phi = 2 arctan(tan(u / 2) / 4) about R for equal steps in u, a smooth periodic map, so
     that equal weights stay spectrally accurate.
     """
+    arrays = _as_arrays(samples)
+    local, solid_angle = _polar_rule(polar_nodes, arrays.normals.dtype)
+
+    def one(sample: SurfaceSamples) -> Float[Array, "lobe channel"]:
+        frame = _incidence_frame(sample)
+        world = jnp.matmul(local, frame.T, precision="highest")
+        light = radiance_of(world) * solid_angle[:, None]
+        outgoing = Components.of(sample.outgoing).in_frame(frame)
+        return _sum(brdf.transfer(Components.of(local), outgoing), light)
+
+    return _by_chunks(one, arrays, local.shape[0])
+
+
+def polar_coefficients(
+    brdf: BRDF, samples: SurfaceSamples, band_limit: int, polar_nodes: int = 48
+) -> Float[Array, "sample lobe coefficient"]:
+    """Integrate each lobe against every harmonic on the same nodes: its radiance under light Y_lm.
+
+    The harmonics at the nodes are the same for all samples in their own frames, so that this is one
+    matrix product and a rotation; ``polar_columns`` with the harmonics as light is the slow twin.
+    """
+    arrays = _as_arrays(samples)
+    local, solid_angle = _polar_rule(polar_nodes, arrays.normals.dtype)
+    harmonics = real_basis(local, band_limit) * solid_angle[:, None]
+
+    def one(sample: SurfaceSamples) -> Float[Array, "lobe coefficient"]:
+        frame = _incidence_frame(sample)
+        outgoing = Components.of(sample.outgoing).in_frame(frame)
+        own = _sum(brdf.transfer(Components.of(local), outgoing), harmonics)
+        return rotate(own.T, frame).T
+
+    return _by_chunks(one, arrays, local.shape[0])
+
+
+def _polar_rule(polar_nodes: int, dtype) -> tuple[Float[Array, "node 3"], Float[Array, "node"]]:
+    """Directions about the normal, R at azimuth 0, with their solid angles."""
     cosines, weights = np.polynomial.legendre.leggauss(polar_nodes)
     cosines, weights = (cosines + 1) / 2, weights / 2
     step = np.pi / polar_nodes
@@ -132,18 +169,7 @@ def polar_columns(
         axis=-1,
     ).reshape(-1, 3)
     solid_angle = np.outer(weights, density * step).ravel()
-    arrays = _as_arrays(samples)
-    dtype = arrays.normals.dtype
-    local, solid_angle = jnp.asarray(local, dtype), jnp.asarray(solid_angle, dtype)
-
-    def one(sample: SurfaceSamples) -> Float[Array, "lobe channel"]:
-        frame = _incidence_frame(sample)
-        world = jnp.matmul(local, frame.T, precision="highest")
-        light = radiance_of(world) * solid_angle[:, None]
-        outgoing = Components.of(sample.outgoing).in_frame(frame)
-        return _sum(brdf.transfer(Components.of(local), outgoing), light)
-
-    return _by_chunks(one, arrays, local.shape[0])
+    return jnp.asarray(local, dtype), jnp.asarray(solid_angle, dtype)
 
 
 def radiance(

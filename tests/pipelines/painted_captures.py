@@ -4,6 +4,7 @@ B = kd(x) D + ks(x) S with D and S of ``small_captures``: sums over lamps, nothi
 forward model.  Paint is a checkerboard of latitude and longitude whose cells hold whole texels.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
@@ -45,7 +46,13 @@ class Paint(NamedTuple):
 CHECKER, MATTE = Paint(), Paint(ks=np.zeros(2))
 
 
-def write_painted(folder: Path, paint: Paint = CHECKER, views: int = 9, shape: Shape | None = None):
+def write_painted(
+    folder: Path,
+    paint: Paint = CHECKER,
+    views: int = 9,
+    shape: Shape | None = None,
+    lamps: Sequence = LAMPS,
+):
     """Write pictures of the ball (or of another shape) and transforms.json."""
     ball = Ball(views=views, size=40)
     shape = ball.shape if shape is None else shape
@@ -55,7 +62,7 @@ def write_painted(folder: Path, paint: Paint = CHECKER, views: int = 9, shape: S
     for number, camera in enumerate(cameras(ball)):
         view = observe(camera, shape)
         kd, ks = paint.of(view.points[view.hit])
-        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit])
+        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], lamps)
         image = np.zeros((*view.hit.shape, 4))
         exact = kd * diffuse + ks[:, None] * specular
         image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))
@@ -66,6 +73,18 @@ def write_painted(folder: Path, paint: Paint = CHECKER, views: int = 9, shape: S
     intrinsics = {"w": ball.size, "h": ball.size, "fl_x": focal_length(ball.size)}
     write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
     return folder
+
+
+def soft_light(count: int = 900) -> list:
+    """Two wide lights of different colours and a dim surround, as many small lamps."""
+    height = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (1 + 5**0.5) * np.arange(count)
+    radius = np.sqrt(1 - height**2)
+    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    middles = np.array([[0.6, 0.5, 0.62], [-0.5, 0.7, -0.5]])
+    cosines = directions @ (middles / np.linalg.norm(middles, axis=1, keepdims=True)).T
+    radiance = 0.2 + np.exp(8 * (cosines - 1)) @ np.array([[3.0, 2.7, 2.2], [1.2, 1.6, 2.2]])
+    return list(zip(directions.tolist(), (radiance * 4 * np.pi / count).tolist()))
 
 
 def columns(normals, outgoing, lamps=LAMPS):

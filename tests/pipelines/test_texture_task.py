@@ -7,6 +7,7 @@
 - Matte paint: a mesh file with texture coordinates gets texels, one without gets its vertices, and
   says so; under unknown light the texture is right up to what cannot be told, which is said; gloss
   that is not there is not told.
+- Gloss under unknown light: sigma, mu and the texture within their errors, up to one scale.
 - Bad input is refused in words.
 """
 
@@ -19,6 +20,7 @@ from painted_captures import (
     MATTE,
     NOISE,
     Paint,
+    soft_light,
     texel_paint,
     write_config,
     write_painted,
@@ -34,6 +36,7 @@ from jaxrender.pipelines.render import render_config
 
 ROWS, WITHIN = 16, 3.5
 TASK = "task: texture\ntexture: {size: 16}\nsolve: {starts: 1, refine: off}\n"
+SOFT_TASK = "task: texture\ntexture: {size: 16}\nsolve: {noise: {relative: 0.01}}\n"
 MATTE_TASK = "task: texture\ntexture: {size: 16}\nbrdf: {model: lambertian}\n"
 
 
@@ -199,6 +202,26 @@ def test_matte_paint_under_unknown_light(matte):
     assert np.median(within) < 0.1
     assert (folder / "lighting.exr").is_file()
     assert "What cannot be told" in (folder / "report.html").read_text()
+
+
+def test_gloss_under_unknown_light(tmp_path):
+    """T 6.1.1, class 7: what moves with the view tells light, sigma and mu, and so the texture."""
+    capture = write_painted(tmp_path / "capture", views=10, lamps=soft_light())
+    folder, result = run(capture, SOFT_TASK, lighting="")
+    assert result["outcome"] == "converged"
+    for name, truth in (("sigma", SIGMA), ("mu", MU)):
+        assert abs(result["brdf"][name] - truth) < WITHIN * result["standard_error"][name]
+        assert result["standard_error"][name] < 0.05 * truth
+    texture = arrays(folder)
+    kd, ks = texel_paint(ROWS)
+    good = (texture["seen"].ravel() > 4) & (texture["kd_marked"].ravel() == 0)
+    assert good.sum() > 60
+    found = texture["kd"].reshape(-1, 3)[good]
+    scale = np.sum(kd[good]) / np.sum(found)
+    off = (scale * found - kd[good]) / (scale * texture["kd_error"].reshape(-1, 3)[good])
+    assert np.sqrt(np.mean(off**2)) < 1.4
+    found = scale * np.mean(texture["ks"].ravel()[good])
+    assert found == pytest.approx(np.mean(ks[good]), rel=0.1)
 
 
 def test_gloss_that_is_not_there_is_not_told(matte, found):

@@ -21,9 +21,9 @@ from reflection_problems import (
 from scipy.integrate import dblquad
 
 from jaxrender import reflection
-from jaxrender.brdf import Lambertian
+from jaxrender.brdf import Lambertian, Microfacet
 from jaxrender.geometry import SurfaceSamples, world_from_local
-from jaxrender.harmonics import LatLongGrid, evaluate, synthesise
+from jaxrender.harmonics import LatLongGrid, evaluate, real_basis, synthesise
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes
 from jaxrender.reflection import FrameNodes, integral, integral_columns_by_frame, radiance
 
@@ -208,3 +208,10 @@ def test_single_precision():
     assert relative(columns, integral_columns(microfacet(0.2), SAMPLES, NODES)).max() < 1e-4
     flat = polar_columns(brdf, single, lambda d: jnp.ones_like(d))
     assert flat.dtype == jnp.float32
+
+
+def test_polar_coefficients_are_the_columns_under_each_harmonic():
+    brdf = Microfacet(np.full(3, 0.2), np.full(3, 0.3), 0.2, 1.5)
+    columns = polar_columns(brdf, SAMPLES, lambda directions: real_basis(directions, 4), 24)
+    found = reflection.polar_coefficients(brdf, SAMPLES, 4, 24)
+    np.testing.assert_allclose(found, columns, atol=1e-12)

@@ -13,7 +13,8 @@
     with the light split on the way
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
-    matte object; light from what moves with the view
+    matte object; light from what moves with the view (``view_dependent`` with all else given,
+    ``view_search`` with gloss and roughness unknown too; ``harmonic_columns`` is their operator)
 ``maps``
     site values as images
 """
@@ -48,7 +49,6 @@ from jaxrender.inverse.texture.glossy_light import (
     GlossyProblem,
     GlossyTexture,
     recover_glossy,
-    solve_view_dependent,
 )
 from jaxrender.inverse.texture.known_light import forward_under, recover_texture
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
@@ -69,6 +69,7 @@ from jaxrender.inverse.texture.site_systems import (
     solve_sites,
 )
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.view_dependent import solve_view_dependent
 from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
 
 __all__ = [

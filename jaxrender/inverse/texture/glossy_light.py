@@ -4,9 +4,9 @@
 
 The first term of a site is the same in every photograph, whatever its texture.  Taking each site's
 weighted mean over the photographs off both sides therefore leaves only what moves with the view,
-which is linear in the light: least squares, with the sites' diffuse constants eliminated.  With the
-light known, E(n) is, and the texture is that of a known light.  K_s(x) may vary as well: it is
-found in turn with the light.
+which is linear in the light and in K_s(x).  These two and sigma and mu are found together
+(:mod:`jaxrender.inverse.texture.view_search`), from where one K_s for all sites and then light and
+K_s in turn have led.  With the light known, E(n) is, and the texture is that of a known light.
 
 Only the product of K_s and the light shows, so the mean K_s is a choice (``mean_ks``).  What moves
 little with the view is hardly told: degree 0 of the light through the Fresnel ratio and the horizon
@@ -23,10 +23,15 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import band_limit_of, coefficient_count, degrees, real_basis
+from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.solvers import least_squares
+from jaxrender.inverse.texture.harmonic_columns import (
+    diffuse_basis,
+    diffuse_under,
+    harmonic_columns,
+)
 from jaxrender.inverse.texture.measurements import (
     SiteData,
     SiteObservations,
@@ -44,18 +49,18 @@ from jaxrender.inverse.texture.site_systems import (
     solve_sites,
 )
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.view_dependent import off_site_mean, solve_view_dependent
+from jaxrender.inverse.texture.view_search import (
+    State,
+    ViewDependentFit,
+    search_view_dependent,
+)
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
-from jaxrender.reflection import polar_columns
-from jaxrender.shapes import Array, Bool, Float, Int
-from jaxrender.spectra import lambertian_transfer, transfer_of_samples
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 _CHUNK = 2**12
-# Diffuse light beyond this degree is under .4 % of the whole.
-_DIFFUSE_BAND_LIMIT = 8
-# Rounds of light and K_s(x) in turn, and of the light's expected size.
-_TURNS, _SIZES = 4, 3
-# Polar nodes of the exact integral; the lobe meets smooth harmonics.
-_POLAR_NODES = 24
+# Light and K_s(x) in turn, to begin with.
+_TURNS = 4
 
 
 class GlossyProblem(NamedTuple):
@@ -78,13 +83,22 @@ class GlossyProblem(NamedTuple):
 class GlossyLight(NamedTuple):
     """The light found from what moves with the view, in units where the mean K_s is ``mean_ks``.
 
-    ``standard_error`` is that of each coefficient, sigma and mu being right.
+    ``covariance`` is that of each channel's coefficients, ``sigma_error`` and ``mu_error`` the
+    standard errors of sigma and mu (0 where fixed); all others, K_s(x) included, being unknown.
     """
 
     coefficients: Float[np.ndarray, "coefficient channel"]
-    standard_error: Float[np.ndarray, "coefficient channel"]
+    covariance: Float[np.ndarray, "channel coefficient coefficient"]
     sigma: float
     mu: float | None
+    sigma_error: float
+    mu_error: float | None
+    converged: bool
+
+    @property
+    def standard_error(self) -> Float[np.ndarray, "coefficient channel"]:
+        """Those of the coefficients."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
 
     @property
     def relative_error_by_degree(self) -> Float[np.ndarray, "degree"]:
@@ -96,13 +110,33 @@ class GlossyLight(NamedTuple):
 
 
 class GlossyTexture(NamedTuple):
-    """Light, texture and gloss; errors of the texture are those under the light that was found."""
+    """Light, texture and gloss.
+
+    ``kd_error`` knows that the light is uncertain, too; ``ks_error`` knows the noise alone.
+    """
 
     light: GlossyLight
     kd: Float[np.ndarray, "site channel"]
     ks: Float[np.ndarray, "site"]
     kd_error: Float[np.ndarray, "site channel"]
     ks_error: Float[np.ndarray, "site"]
+
+
+class _ColumnsAt(eqx.Module):
+    """Both lobes' columns as a function of the search point."""
+
+    diffuse: Float[Array, "sample coefficient"]
+    samples: SurfaceSamples
+    variant: Microfacet
+    unknowns: MicrofacetUnknowns
+    how: tuple[int, bool] = eqx.field(static=True)
+
+    def __call__(
+        self, point: Float[Array, "unknown"]
+    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
+        """Evaluate them."""
+        lobe = _lobe_at(self.variant, self.unknowns, point)
+        return self.diffuse, harmonic_columns(self.samples, lobe, self.how)
 
 
 def recover_glossy(
@@ -119,173 +153,109 @@ def recover_glossy(
         )
     point = unknowns.starts(1)[0]
     if unknowns.names:
-        point = _search(problem, unknowns, point)
-    physical = unknowns.unpack(jnp.asarray(point))
-    mu = None if physical.mu is None else float(physical.mu)
-    brdf = problem.variant.with_roughness(float(physical.sigma), mu)
+        point = _with_one_ks(problem, unknowns, point)
     some = whole_sites(problem.measured, problem.samples, 0)
     data, samples = _weighted(some, problem.noise), _samples(problem, some)
-    columns = harmonic_columns(samples, brdf, (problem.band_limit, problem.exact))
-    basis = _diffuse_basis(samples, problem.band_limit)
-    guess = SiteMaterial(np.zeros((some.count, some.radiance.shape[1])), np.ones(some.count))
-    for _ in range(_TURNS):
-        light, errors = solve_view_dependent((basis, columns), data, guess)
-        lit = _diffuse(basis, jnp.asarray(light)), columns @ jnp.asarray(light)
-        found, _, prior = _solved([site_sums(data, Columns(*lit))])
-        mean = _mean_of(prior)
-        ks = np.where(found.ks > 0, found.ks / mean, 1)
-        guess = SiteMaterial(found.kd / mean, ks)
+    basis = diffuse_basis(samples, problem.band_limit)
+    how = (problem.band_limit, problem.exact)
+    columns_at = _ColumnsAt(basis, samples, problem.variant, unknowns, how)
+    start, kd = _in_turn(data, columns_at(jnp.asarray(point)), point)
+    fit = search_view_dependent(columns_at, data, kd, start)
+    end, kd, mean = _site_guess(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
+    # K_d counts where the surface turns within a site: once more with what it is by now.
+    fit = search_view_dependent(columns_at, data, kd, end, fit)
+    _, _, mean = _site_guess(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
     # The light goes down as K_s and K_d go up.
-    light, errors = (np.asarray(part * (mean / mean_ks)) for part in (light, errors))
-    recovered = GlossyLight(light, errors, float(physical.sigma), mu)
-    material, error = _texture(problem, brdf, jnp.asarray(light))
+    recovered = _recovered(unknowns, fit, mean / mean_ks)
+    brdf = problem.variant.with_roughness(recovered.sigma, recovered.mu)
+    material, error = _texture(problem, brdf, recovered)
     parts = (np.asarray(part) for part in (*material, *error))
     return GlossyTexture(recovered, *parts)
 
 
-def solve_view_dependent(
-    columns: tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]],
-    data: SiteData,
-    guess: SiteMaterial,
-) -> tuple[Float[np.ndarray, "coefficient channel"], Float[np.ndarray, "coefficient channel"]]:
-    """Solve for K_s L_lm with every site's diffuse constant eliminated; with standard errors.
-
-    ``columns`` are those of the diffuse and the specular lobe under each harmonic; ``guess`` is the
-    texture in units of the mean K_s, as far as it is known.  Its K_d counts only where the surface
-    turns within a site, so that E(n) is no constant there; zeros do to begin with.
-    Coefficients of degree l are expected to be about s / l, where s is learned from the data;
-    degree 0 is left free.
-    """
-    sums = _normal_equations(columns, data, SiteMaterial(*map(jnp.asarray, guess)))
-    gram, moment, squares = (np.asarray(a) for a in sums)
-    count = gram.shape[1]
-    freedom = len(data.site) - len(np.unique(data.site)) - count
-    degree = degrees(band_limit_of(count))
-    found, errors = [], []
-    for channel in range(len(gram)):
-        penalty = np.zeros(count)
-        for _ in range(_SIZES):
-            system = gram[channel] + np.diag(penalty)
-            system += 1e-12 * np.trace(system) / count * np.eye(count)
-            light = np.linalg.solve(system, moment[channel])
-            size = np.mean(((degree * light)[1:]) ** 2)
-            penalty = np.where(degree > 0, degree**2 / max(size, 1e-300), 0)
-        left = squares[channel] - 2 * light @ moment[channel] + light @ gram[channel] @ light
-        scatter = max(left / max(freedom, 1), 1.0)
-        found.append(light)
-        errors.append(np.sqrt(scatter * np.diag(np.linalg.inv(system))))
-    return np.stack(found, axis=1), np.stack(errors, axis=1)
+def _in_turn(
+    data: SiteData, columns: tuple[Array, Array], point: Float[np.ndarray, "unknown"]
+) -> tuple[State, Float[np.ndarray, "site channel"]]:
+    """Find light and texture in turn at one sigma and mu: where to begin; and K_d."""
+    kd, ks = np.zeros((data.count, data.radiance.shape[1])), np.ones(data.count)
+    for _ in range(_TURNS):
+        light, _ = solve_view_dependent(columns, data, SiteMaterial(kd, ks))
+        state, kd, _ = _site_guess(data, columns, State(point, light, ks))
+        ks = state.ks
+    return state, kd
 
 
-@jax.jit
-def _normal_equations(
-    columns: tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]],
-    data: SiteData,
-    guess: SiteMaterial,
-) -> tuple[
-    Float[Array, "channel coefficient coefficient"],
-    Float[Array, "channel coefficient"],
-    Float[Array, "channel"],
-]:
-    """Add up each channel's equations with the sites' weighted means off."""
-    weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
-    site = jnp.asarray(data.site)
-    specular = jnp.asarray(guess.ks)[site][:, None] * columns[1]
-
-    def of_channel(inputs: tuple) -> tuple:
-        weight, values, kd = inputs
-        mixed = specular + kd[site][:, None] * columns[0]
-        matrix = weight[:, None] * _off_site_mean(mixed, weight, data)
-        right = weight * _off_site_mean(values[:, None], weight, data)[:, 0]
-        with jax.default_matmul_precision("highest"):
-            return matrix.T @ matrix, matrix.T @ right, jnp.sum(right**2)
-
-    return jax.lax.map(of_channel, (weights.T, radiance.T, jnp.asarray(guess.kd).T))
+def _site_guess(
+    data: SiteData, columns: tuple[Array, Array], state: State
+) -> tuple[State, Float[np.ndarray, "site channel"], float]:
+    """Solve the sites under a light: K_s and K_d in units of the mean K_s, and that mean."""
+    light = jnp.asarray(state.light)
+    lit = diffuse_under(columns[0], light), columns[1] @ light
+    found, _, prior = _solved([site_sums(data, Columns(*lit))])
+    mean = _mean_of(prior)
+    ks = np.where(found.ks > 0, found.ks / mean, 1)
+    return State(state.point, state.light * mean, ks), np.asarray(found.kd) / mean, mean
 
 
-def _off_site_mean(
-    values: Float[Array, "sample k"], weight: Float[Array, "sample"], data: SiteData
-) -> Float[Array, "sample k"]:
-    """Project the constants of every site out."""
-    square = weight[:, None] ** 2
-    total = over_sites(square, data)
-    mean = over_sites(square * values, data) / jnp.where(total > 0, total, 1)
-    return values - mean[jnp.asarray(data.site)]
+def _recovered(unknowns: MicrofacetUnknowns, fit: ViewDependentFit, scale: float) -> GlossyLight:
+    """Put the end of a search into its units, with standard errors."""
+    state, count = fit.state, len(fit.state.point)
+    size, channels = state.light.shape
+    blocks = fit.covariance[count:, count:].reshape(channels, size, channels, size)
+    physical = unknowns.unpack(jnp.asarray(state.point))
+    slopes = jax.jacfwd(unknowns.unpack)(jnp.asarray(state.point))
+
+    def error_of(slope: Float[Array, "unknown"]) -> float:
+        row = np.asarray(slope)
+        return float(np.sqrt(row @ fit.covariance[:count, :count] @ row))
+
+    mu = None if physical.mu is None else float(physical.mu)
+    return GlossyLight(
+        state.light * scale,
+        np.stack([blocks[c, :, c] for c in range(channels)]) * scale**2,
+        float(physical.sigma),
+        mu,
+        error_of(slopes.sigma),
+        None if mu is None else error_of(slopes.mu),
+        fit.converged,
+    )
 
 
-@eqx.filter_jit
-def harmonic_columns(
-    samples: SurfaceSamples, brdf: Microfacet, how: tuple[int, bool]
-) -> Float[Array, "sample coefficient"]:
-    """Evaluate the lobe's radiance under each harmonic to a band limit.
-
-    ``how`` is the band limit, and whether by the integral itself or as h_l(t_o) Y_lm(R).
-    """
-    band_limit, exact = how
-    if exact:
-        columns = polar_columns(brdf, samples, lambda d: real_basis(d, band_limit), _POLAR_NODES)
-        return columns[:, 1]
-    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, "exit-cosine")
-    return passed[:, degrees(band_limit)] * real_basis(samples.reflected, band_limit)
+def _lobe_at(
+    variant: Microfacet, unknowns: MicrofacetUnknowns, point: Float[Array, "unknown"]
+) -> Microfacet:
+    physical = unknowns.unpack(point)
+    return variant.with_roughness(physical.sigma, None if variant.mu is None else physical.mu)
 
 
-@eqx.filter_jit
-def _specular_under(
-    samples: SurfaceSamples, brdf: Microfacet, light: Float[Array, "coefficient channel"], exact
-) -> Float[Array, "sample channel"]:
-    """Evaluate the lobe's radiance under light of given coefficients."""
-    band_limit = band_limit_of(light.shape[0])
-    if not exact:
-        columns = harmonic_columns(samples, brdf, (band_limit, False))
-        return jnp.matmul(columns, light, precision="highest")
-
-    def radiance_of(directions: Float[Array, "node 3"]) -> Float[Array, "node channel"]:
-        return jnp.matmul(real_basis(directions, band_limit), light, precision="highest")
-
-    return polar_columns(brdf, samples, radiance_of, _POLAR_NODES)[:, 1]
-
-
-def _diffuse_basis(samples: SurfaceSamples, band_limit: int) -> Float[Array, "sample coefficient"]:
-    """Evaluate A_l Y_lm(n), zero above the degrees that make up diffuse light."""
-    kept = min(band_limit, _DIFFUSE_BAND_LIMIT)
-    normals = jnp.asarray(samples.normals)
-    each = jnp.asarray(lambertian_transfer(kept)[degrees(kept)], normals.dtype)
-    missing = coefficient_count(band_limit) - coefficient_count(kept)
-    return jnp.pad(real_basis(normals, kept) * each[None, :], ((0, 0), (0, missing)))
-
-
-def _diffuse(
-    basis: Float[Array, "sample coefficient"], light: Float[Array, "coefficient channel"]
-) -> Float[Array, "sample channel"]:
-    """Evaluate E(n), kept above zero where ringing would take it below on the dark side."""
-    found = jnp.matmul(basis, light, precision="highest")
-    return jnp.maximum(found, 1e-3 * jnp.mean(jnp.abs(found)))
-
-
-def _search(
+def _with_one_ks(
     problem: GlossyProblem, unknowns: MicrofacetUnknowns, start: Float[np.ndarray, "unknown"]
 ) -> Float[np.ndarray, "unknown"]:
-    """Search sigma and mu with light and diffuse constants eliminated (one K_s)."""
+    """Search sigma and mu with light and diffuse constants eliminated, one K_s for all sites.
+
+    K_s varies, so that this is but where to begin.
+    """
     some = whole_sites(problem.measured, problem.search_samples, 0)
-    data = _weighted(some, problem.noise)
+    data, samples = _weighted(some, problem.noise), _samples(problem, some)
     how = (problem.band_limit, problem.exact)
-    found = _descend(_samples(problem, some), problem.variant, how, data, unknowns)
-    return np.asarray(found(jnp.asarray(start)))
+    columns_at = _ColumnsAt(diffuse_basis(samples, how[0]), samples, problem.variant, unknowns, how)
+    return np.asarray(_descend_with_one_ks(columns_at, data, start))
 
 
-def _descend(samples, variant, how: tuple[int, bool], data: SiteData, unknowns: MicrofacetUnknowns):
-    degree = jnp.asarray(degrees(how[0]), jnp.asarray(data.radiance).dtype)
+@eqx.filter_jit
+def _descend_with_one_ks(
+    columns_at: _ColumnsAt, data: SiteData, start: Float[AnyArray, "unknown"]
+) -> Float[Array, "unknown"]:
+    degree = jnp.asarray(degrees(columns_at.how[0]), jnp.asarray(data.radiance).dtype)
 
-    def residuals(point, data: SiteData):
-        physical = unknowns.unpack(point)
-        mu = None if variant.mu is None else physical.mu
-        columns = harmonic_columns(samples, variant.with_roughness(physical.sigma, mu), how)
+    def residuals(point: Float[Array, "unknown"], data: SiteData) -> Float[Array, "residual"]:
+        columns = columns_at(point)[1]
         weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
 
-        def of_channel(inputs: tuple):
+        def of_channel(inputs: tuple) -> Float[Array, "sample"]:
             weight, values = inputs
-            matrix = weight[:, None] * _off_site_mean(columns, weight, data)
-            right = weight * _off_site_mean(values[:, None], weight, data)[:, 0]
+            matrix = weight[:, None] * off_site_mean(columns, weight, data)
+            right = weight * off_site_mean(values[:, None], weight, data)[:, 0]
             gram = matrix.T @ matrix
             ridge = 1e-7 * jnp.trace(gram) / gram.shape[0] * jnp.diag(degree**2 + 1e-3)
             light = jax.scipy.linalg.solve(gram + ridge, matrix.T @ right, assume_a="pos")
@@ -294,34 +264,61 @@ def _descend(samples, variant, how: tuple[int, bool], data: SiteData, unknowns: 
         left = jax.lax.map(of_channel, (weights.T, radiance.T)).ravel()
         return left / jnp.sqrt(jnp.sum((weights * radiance) ** 2))
 
-    @jax.jit
-    def descend(start):
-        with jax.default_matmul_precision("highest"):
-            return least_squares(residuals, start, data).point
-
-    return descend
+    with jax.default_matmul_precision("highest"):
+        return least_squares(residuals, jnp.asarray(start), data).point
 
 
 def _texture(
-    problem: GlossyProblem, brdf: Microfacet, light: Float[Array, "coefficient channel"]
+    problem: GlossyProblem, brdf: Microfacet, found: GlossyLight
 ) -> tuple[SiteMaterial, SiteMaterial]:
     """Solve every site under the light found, a chunk at a time."""
-    measured = problem.measured
-    sites, sums = [], []
+    measured, light = problem.measured, jnp.asarray(found.coefficients)
+    sites, sums, variances = [], [], []
+    how = (problem.band_limit, problem.exact)
     for chunk in in_chunks(measured, _CHUNK):
         data = _weighted(chunk.measured, problem.noise, chunk.filled)
         samples = _samples(problem, chunk.measured)
-        basis = _diffuse_basis(samples, problem.band_limit)
-        specular = _specular_under(samples, brdf, light, problem.exact)
-        part = site_sums(data, Columns(_diffuse(basis, light), specular))
+        columns = diffuse_basis(samples, problem.band_limit), harmonic_columns(samples, brdf, how)
+        lit = Columns(diffuse_under(columns[0], light), jnp.matmul(columns[1], light))
+        part = site_sums(data, lit)
         count = len(chunk.sites)
         sites.append(chunk.sites)
         sums.append(SiteSums(*(a[:count] for a in part)))
+        free, _ = solve_freely(part)
+        spread = _variance_by_light(data, (columns, lit.diffuse), free, found.covariance)
+        variances.append(spread[:count])
     material, errors, _ = _solved(sums)
     index = np.concatenate(sites)
+    errors = SiteMaterial(np.sqrt(errors.kd**2 + np.concatenate(variances)), errors.ks)
     return _spread_out(material, index, measured.count, np.nan), _spread_out(
         errors, index, measured.count, np.inf
     )
+
+
+@eqx.filter_jit
+def _variance_by_light(
+    data: SiteData,
+    lit: tuple[tuple[Array, Array], Float[Array, "sample channel"]],
+    material: SiteMaterial,
+    covariance: Float[AnyArray, "channel coefficient coefficient"],
+) -> Float[Array, "site channel"]:
+    """Compute the variance of K_d that is due to the light's: of K_d E + K_s S, over E."""
+    (basis, columns), diffuse = lit
+    site = jnp.asarray(data.site)
+    ks = jnp.maximum(jnp.asarray(material.ks), 0)[site][:, None]
+    squares = jnp.asarray(data.weights) ** 2
+
+    def of_channel(inputs: tuple) -> Float[Array, "site"]:
+        square, kd, irradiance, block = inputs
+        rows = jnp.maximum(kd, 0)[site][:, None] * basis + ks * columns
+        total = over_sites(square * irradiance, data)
+        mean = over_sites(square[:, None] * rows, data)
+        mean = mean / jnp.where(total > 0, total, jnp.inf)[:, None]
+        return jnp.sum((mean @ block) * mean, axis=1)
+
+    inputs = (squares.T, jnp.asarray(material.kd).T, diffuse.T, jnp.asarray(covariance))
+    with jax.default_matmul_precision("highest"):
+        return jax.lax.map(of_channel, inputs).T
 
 
 def _solved(parts: list[SiteSums]) -> tuple[SiteMaterial, SiteMaterial, SpecularPrior]:

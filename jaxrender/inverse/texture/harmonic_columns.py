@@ -1,0 +1,48 @@
+"""Radiance of both lobes under each harmonic: what light given by coefficients is multiplied by."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import coefficient_count, degrees, real_basis
+from jaxrender.reflection import polar_coefficients
+from jaxrender.shapes import Array, Float
+from jaxrender.spectra import lambertian_transfer, transfer_of_samples
+
+# Diffuse light beyond this degree is under .4 % of the whole.
+_DIFFUSE_BAND_LIMIT = 8
+# Polar nodes of the exact integral; the lobe meets smooth harmonics.
+_POLAR_NODES = 24
+
+
+@eqx.filter_jit
+def harmonic_columns(
+    samples: SurfaceSamples, brdf: Microfacet, how: tuple[int, bool]
+) -> Float[Array, "sample coefficient"]:
+    """Evaluate the lobe's radiance under each harmonic to a band limit.
+
+    ``how`` is the band limit, and whether by the integral itself or as h_l(t_o) Y_lm(R).
+    """
+    band_limit, exact = how
+    if exact:
+        return polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)[:, 1]
+    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, "exit-cosine")
+    return passed[:, degrees(band_limit)] * real_basis(samples.reflected, band_limit)
+
+
+def diffuse_basis(samples: SurfaceSamples, band_limit: int) -> Float[Array, "sample coefficient"]:
+    """Evaluate A_l Y_lm(n), zero above the degrees that make up diffuse light."""
+    kept = min(band_limit, _DIFFUSE_BAND_LIMIT)
+    normals = jnp.asarray(samples.normals)
+    each = jnp.asarray(lambertian_transfer(kept)[degrees(kept)], normals.dtype)
+    missing = coefficient_count(band_limit) - coefficient_count(kept)
+    return jnp.pad(real_basis(normals, kept) * each[None, :], ((0, 0), (0, missing)))
+
+
+def diffuse_under(
+    basis: Float[Array, "sample coefficient"], light: Float[Array, "coefficient channel"]
+) -> Float[Array, "sample channel"]:
+    """Evaluate E(n), kept above zero where ringing would take it below on the dark side."""
+    found = jnp.matmul(basis, light, precision="highest")
+    return jnp.maximum(found, 1e-3 * jnp.mean(jnp.abs(found)))
