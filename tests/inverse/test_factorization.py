@@ -8,6 +8,7 @@
 - Gauges: products of light and reflectance never change; one ks for all channels of a dielectric;
   light of one mean colour over a metal.
 - Shadows: on a concave object the shadowed model explains what the convex one cannot.
+- With a known material the last steps go on until the light has settled.
 - Too few samples and unknown gauges are refused.
 """
 
@@ -43,6 +44,7 @@ from jaxrender.inverse.factorization.rounds import (
     descend,
     measured,
     response_of,
+    settle,
     with_neighbours_merged,
     without_idle_lamps,
 )
@@ -239,6 +241,18 @@ def test_what_is_known_stays(photographs):
     assert float(found.brdf.sigma) == pytest.approx(0.15)
     assert found.parameters.standard_error.sigma == 0
     assert set(found.identifiable) == {"kd", "ks"}
+
+
+def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
+    """Material that cannot move says nothing of what is still to come."""
+    shares = tuple((PAINT.ks / (PAINT.kd + PAINT.ks)).tolist())
+    task = _task(photographs)._replace(known=Known(shares, 0.15, 1.38))
+    # Too dim by a third, as after a search on other samples.
+    start = _with_lamps(task._replace(radiance=0.7 * task.radiance), [LAMP])
+    end = settle(task, start._replace(target=task.radiance), lambda _: None)
+    once_more = corrected(task, end)
+    moved = (once_more.target - end.target) / NOISE.standard_deviation(task.radiance)
+    assert np.sqrt(np.mean(moved**2)) < 0.1
 
 
 def test_too_few_samples_are_refused(photographs):
