@@ -26,8 +26,8 @@ from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.solvers import least_squares
 from jaxrender.inverse.texture.harmonic_columns import (
+    HarmonicColumns,
     diffuse_basis,
     diffuse_under,
     harmonic_columns,
@@ -41,26 +41,24 @@ from jaxrender.inverse.texture.measurements import (
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
     SiteSums,
-    SpecularPrior,
     over_sites,
-    site_errors,
     site_sums,
     solve_freely,
-    solve_sites,
 )
-from jaxrender.inverse.texture.specular_prior import spread_of
-from jaxrender.inverse.texture.view_dependent import off_site_mean, solve_view_dependent
 from jaxrender.inverse.texture.view_search import (
-    State,
     ViewDependentFit,
     search_view_dependent,
+)
+from jaxrender.inverse.texture.view_start import (
+    guess_sites,
+    in_turn,
+    solve_with_spread,
+    with_one_ks,
 )
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 _CHUNK = 2**12
-# Light and K_s(x) in turn, to begin with.
-_TURNS = 4
 
 
 class GlossyProblem(NamedTuple):
@@ -122,23 +120,6 @@ class GlossyTexture(NamedTuple):
     ks_error: Float[np.ndarray, "site"]
 
 
-class _ColumnsAt(eqx.Module):
-    """Both lobes' columns as a function of the search point."""
-
-    diffuse: Float[Array, "sample coefficient"]
-    samples: SurfaceSamples
-    variant: Microfacet
-    unknowns: MicrofacetUnknowns
-    how: tuple[int, bool] = eqx.field(static=True)
-
-    def __call__(
-        self, point: Float[Array, "unknown"]
-    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
-        """Evaluate them."""
-        lobe = _lobe_at(self.variant, self.unknowns, point)
-        return self.diffuse, harmonic_columns(self.samples, lobe, self.how)
-
-
 def recover_glossy(
     problem: GlossyProblem, unknowns: MicrofacetUnknowns, mean_ks: float = 1.0
 ) -> GlossyTexture:
@@ -153,18 +134,17 @@ def recover_glossy(
         )
     point = unknowns.starts(1)[0]
     if unknowns.names:
-        point = _with_one_ks(problem, unknowns, point)
+        few = whole_sites(problem.measured, problem.search_samples, 0)
+        columns_at, data = _columns_at(problem, unknowns, few), _weighted(few, problem.noise)
+        point = np.asarray(with_one_ks(columns_at, data, point))
     some = whole_sites(problem.measured, problem.samples, 0)
-    data, samples = _weighted(some, problem.noise), _samples(problem, some)
-    basis = diffuse_basis(samples, problem.band_limit)
-    how = (problem.band_limit, problem.exact)
-    columns_at = _ColumnsAt(basis, samples, problem.variant, unknowns, how)
-    start, kd = _in_turn(data, columns_at(jnp.asarray(point)), point)
+    data, columns_at = _weighted(some, problem.noise), _columns_at(problem, unknowns, some)
+    start, kd = in_turn(data, columns_at(jnp.asarray(point)), point)
     fit = search_view_dependent(columns_at, data, kd, start)
-    end, kd, mean = _site_guess(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
+    end, kd, mean = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
     # K_d counts where the surface turns within a site: once more with what it is by now.
     fit = search_view_dependent(columns_at, data, kd, end, fit)
-    _, _, mean = _site_guess(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
+    _, _, mean = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
     # The light goes down as K_s and K_d go up.
     recovered = _recovered(unknowns, fit, mean / mean_ks)
     brdf = problem.variant.with_roughness(recovered.sigma, recovered.mu)
@@ -173,28 +153,13 @@ def recover_glossy(
     return GlossyTexture(recovered, *parts)
 
 
-def _in_turn(
-    data: SiteData, columns: tuple[Array, Array], point: Float[np.ndarray, "unknown"]
-) -> tuple[State, Float[np.ndarray, "site channel"]]:
-    """Find light and texture in turn at one sigma and mu: where to begin; and K_d."""
-    kd, ks = np.zeros((data.count, data.radiance.shape[1])), np.ones(data.count)
-    for _ in range(_TURNS):
-        light, _ = solve_view_dependent(columns, data, SiteMaterial(kd, ks))
-        state, kd, _ = _site_guess(data, columns, State(point, light, ks))
-        ks = state.ks
-    return state, kd
-
-
-def _site_guess(
-    data: SiteData, columns: tuple[Array, Array], state: State
-) -> tuple[State, Float[np.ndarray, "site channel"], float]:
-    """Solve the sites under a light: K_s and K_d in units of the mean K_s, and that mean."""
-    light = jnp.asarray(state.light)
-    lit = diffuse_under(columns[0], light), columns[1] @ light
-    found, _, prior = _solved([site_sums(data, Columns(*lit))])
-    mean = _mean_of(prior)
-    ks = np.where(found.ks > 0, found.ks / mean, 1)
-    return State(state.point, state.light * mean, ks), np.asarray(found.kd) / mean, mean
+def _columns_at(
+    problem: GlossyProblem, unknowns: MicrofacetUnknowns, part: SiteObservations
+) -> HarmonicColumns:
+    samples = _samples(problem, part)
+    basis = diffuse_basis(samples, problem.band_limit)
+    how = (problem.band_limit, problem.exact)
+    return HarmonicColumns(basis, samples, problem.variant, unknowns, how)
 
 
 def _recovered(unknowns: MicrofacetUnknowns, fit: ViewDependentFit, scale: float) -> GlossyLight:
@@ -221,53 +186,6 @@ def _recovered(unknowns: MicrofacetUnknowns, fit: ViewDependentFit, scale: float
     )
 
 
-def _lobe_at(
-    variant: Microfacet, unknowns: MicrofacetUnknowns, point: Float[Array, "unknown"]
-) -> Microfacet:
-    physical = unknowns.unpack(point)
-    return variant.with_roughness(physical.sigma, None if variant.mu is None else physical.mu)
-
-
-def _with_one_ks(
-    problem: GlossyProblem, unknowns: MicrofacetUnknowns, start: Float[np.ndarray, "unknown"]
-) -> Float[np.ndarray, "unknown"]:
-    """Search sigma and mu with light and diffuse constants eliminated, one K_s for all sites.
-
-    K_s varies, so that this is but where to begin.
-    """
-    some = whole_sites(problem.measured, problem.search_samples, 0)
-    data, samples = _weighted(some, problem.noise), _samples(problem, some)
-    how = (problem.band_limit, problem.exact)
-    columns_at = _ColumnsAt(diffuse_basis(samples, how[0]), samples, problem.variant, unknowns, how)
-    return np.asarray(_descend_with_one_ks(columns_at, data, start))
-
-
-@eqx.filter_jit
-def _descend_with_one_ks(
-    columns_at: _ColumnsAt, data: SiteData, start: Float[AnyArray, "unknown"]
-) -> Float[Array, "unknown"]:
-    degree = jnp.asarray(degrees(columns_at.how[0]), jnp.asarray(data.radiance).dtype)
-
-    def residuals(point: Float[Array, "unknown"], data: SiteData) -> Float[Array, "residual"]:
-        columns = columns_at(point)[1]
-        weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
-
-        def of_channel(inputs: tuple) -> Float[Array, "sample"]:
-            weight, values = inputs
-            matrix = weight[:, None] * off_site_mean(columns, weight, data)
-            right = weight * off_site_mean(values[:, None], weight, data)[:, 0]
-            gram = matrix.T @ matrix
-            ridge = 1e-7 * jnp.trace(gram) / gram.shape[0] * jnp.diag(degree**2 + 1e-3)
-            light = jax.scipy.linalg.solve(gram + ridge, matrix.T @ right, assume_a="pos")
-            return right - matrix @ light
-
-        left = jax.lax.map(of_channel, (weights.T, radiance.T)).ravel()
-        return left / jnp.sqrt(jnp.sum((weights * radiance) ** 2))
-
-    with jax.default_matmul_precision("highest"):
-        return least_squares(residuals, jnp.asarray(start), data).point
-
-
 def _texture(
     problem: GlossyProblem, brdf: Microfacet, found: GlossyLight
 ) -> tuple[SiteMaterial, SiteMaterial]:
@@ -287,7 +205,7 @@ def _texture(
         free, _ = solve_freely(part)
         spread = _variance_by_light(data, (columns, lit.diffuse), free, found.covariance)
         variances.append(spread[:count])
-    material, errors, _ = _solved(sums)
+    material, errors, _ = solve_with_spread(sums)
     index = np.concatenate(sites)
     errors = SiteMaterial(np.sqrt(errors.kd**2 + np.concatenate(variances)), errors.ks)
     return _spread_out(material, index, measured.count, np.nan), _spread_out(
@@ -319,25 +237,6 @@ def _variance_by_light(
     inputs = (squares.T, jnp.asarray(material.kd).T, diffuse.T, jnp.asarray(covariance))
     with jax.default_matmul_precision("highest"):
         return jax.lax.map(of_channel, inputs).T
-
-
-def _solved(parts: list[SiteSums]) -> tuple[SiteMaterial, SiteMaterial, SpecularPrior]:
-    """Solve sites, their K_s held together by the spread that they show; with standard errors."""
-    sums = SiteSums(*(jnp.concatenate(each) for each in zip(*parts)))
-    free, precision = solve_freely(sums)
-    prior = spread_of(np.asarray(free.ks), np.asarray(precision))
-    material, errors = solve_sites(sums, prior), site_errors(sums, prior)
-    return SiteMaterial(*map(np.asarray, material)), SiteMaterial(*map(np.asarray, errors)), prior
-
-
-def _mean_of(prior: SpecularPrior) -> float:
-    """Look the mean K_s over the sites up; ``ValueError`` where there is no gloss."""
-    if not (prior.precision > 0 and prior.mean > 0):
-        raise ValueError(
-            "no site's radiance changes with the view as gloss would: the object is matte, or its "
-            "photographs are from one side; treat it as diffuse"
-        )
-    return float(prior.mean)
 
 
 def _spread_out(

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, degrees, real_basis
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.reflection import polar_coefficients
 from jaxrender.shapes import Array, Float
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
@@ -46,3 +47,25 @@ def diffuse_under(
     """Evaluate E(n), kept above zero where ringing would take it below on the dark side."""
     found = jnp.matmul(basis, light, precision="highest")
     return jnp.maximum(found, 1e-3 * jnp.mean(jnp.abs(found)))
+
+
+class HarmonicColumns(eqx.Module):
+    """Both lobes' columns as a function of the search point."""
+
+    diffuse: Float[Array, "sample coefficient"]
+    samples: SurfaceSamples
+    variant: Microfacet
+    unknowns: MicrofacetUnknowns
+    how: tuple[int, bool] = eqx.field(static=True)
+
+    def __call__(
+        self, point: Float[Array, "unknown"]
+    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
+        """Evaluate them."""
+        lobe = self._lobe_at(point)
+        return self.diffuse, harmonic_columns(self.samples, lobe, self.how)
+
+    def _lobe_at(self, point: Float[Array, "unknown"]) -> Microfacet:
+        physical = self.unknowns.unpack(point)
+        mu = None if self.variant.mu is None else physical.mu
+        return self.variant.with_roughness(physical.sigma, mu)

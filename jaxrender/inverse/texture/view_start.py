@@ -1,0 +1,101 @@
+"""Where the search for light, gloss and roughness begins: one K_s for all sites, then in turn."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.harmonics import degrees
+from jaxrender.inverse.models import Columns
+from jaxrender.inverse.solvers import least_squares
+from jaxrender.inverse.texture.harmonic_columns import HarmonicColumns, diffuse_under
+from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.inverse.texture.site_systems import (
+    SiteMaterial,
+    SiteSums,
+    SpecularPrior,
+    site_errors,
+    site_sums,
+    solve_freely,
+    solve_sites,
+)
+from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.view_dependent import off_site_mean, solve_view_dependent
+from jaxrender.inverse.texture.view_search import State
+from jaxrender.shapes import AnyArray, Array, Float
+
+# Light and K_s(x) in turn.
+_TURNS = 4
+
+
+@eqx.filter_jit
+def with_one_ks(
+    columns_at: HarmonicColumns, data: SiteData, start: Float[AnyArray, "unknown"]
+) -> Float[Array, "unknown"]:
+    """Search sigma and mu with light and diffuse constants eliminated, one K_s for all sites.
+
+    K_s varies, so that this is but where to begin.
+    """
+    degree = jnp.asarray(degrees(columns_at.how[0]), jnp.asarray(data.radiance).dtype)
+
+    def residuals(point: Float[Array, "unknown"], data: SiteData) -> Float[Array, "residual"]:
+        columns = columns_at(point)[1]
+        weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
+
+        def of_channel(inputs: tuple) -> Float[Array, "sample"]:
+            weight, values = inputs
+            matrix = weight[:, None] * off_site_mean(columns, weight, data)
+            right = weight * off_site_mean(values[:, None], weight, data)[:, 0]
+            gram = matrix.T @ matrix
+            ridge = 1e-7 * jnp.trace(gram) / gram.shape[0] * jnp.diag(degree**2 + 1e-3)
+            light = jax.scipy.linalg.solve(gram + ridge, matrix.T @ right, assume_a="pos")
+            return right - matrix @ light
+
+        left = jax.lax.map(of_channel, (weights.T, radiance.T)).ravel()
+        return left / jnp.sqrt(jnp.sum((weights * radiance) ** 2))
+
+    with jax.default_matmul_precision("highest"):
+        return least_squares(residuals, jnp.asarray(start), data).point
+
+
+def in_turn(
+    data: SiteData, columns: tuple[Array, Array], point: Float[np.ndarray, "unknown"]
+) -> tuple[State, Float[np.ndarray, "site channel"]]:
+    """Find light and texture in turn at one sigma and mu: where to begin; and K_d."""
+    kd, ks = np.zeros((data.count, data.radiance.shape[1])), np.ones(data.count)
+    for _ in range(_TURNS):
+        light, _ = solve_view_dependent(columns, data, SiteMaterial(kd, ks))
+        state, kd, _ = guess_sites(data, columns, State(point, light, ks))
+        ks = state.ks
+    return state, kd
+
+
+def guess_sites(
+    data: SiteData, columns: tuple[Array, Array], state: State
+) -> tuple[State, Float[np.ndarray, "site channel"], float]:
+    """Solve the sites under a light: K_s and K_d in units of the mean K_s, and that mean."""
+    light = jnp.asarray(state.light)
+    lit = diffuse_under(columns[0], light), columns[1] @ light
+    found, _, prior = solve_with_spread([site_sums(data, Columns(*lit))])
+    mean = _mean_of(prior)
+    ks = np.where(found.ks > 0, found.ks / mean, 1)
+    return State(state.point, state.light * mean, ks), np.asarray(found.kd) / mean, mean
+
+
+def solve_with_spread(parts: list[SiteSums]) -> tuple[SiteMaterial, SiteMaterial, SpecularPrior]:
+    """Solve sites, their K_s held together by the spread that they show; with standard errors."""
+    sums = SiteSums(*(jnp.concatenate(each) for each in zip(*parts)))
+    free, precision = solve_freely(sums)
+    prior = spread_of(np.asarray(free.ks), np.asarray(precision))
+    material, errors = solve_sites(sums, prior), site_errors(sums, prior)
+    return SiteMaterial(*map(np.asarray, material)), SiteMaterial(*map(np.asarray, errors)), prior
+
+
+def _mean_of(prior: SpecularPrior) -> float:
+    """Look the mean K_s over the sites up; ``ValueError`` where there is no gloss."""
+    if not (prior.precision > 0 and prior.mean > 0):
+        raise ValueError(
+            "no site's radiance changes with the view as gloss would: the object is matte, or its "
+            "photographs are from one side; treat it as diffuse"
+        )
+    return float(prior.mean)
