@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape, SurfaceView
 from jaxrender.geometry.texels import sphere_coordinates
 from jaxrender.harmonics import coefficient_count, real_basis
@@ -42,7 +42,7 @@ def painted(recipe: RecipeConfig, directions: Float[np.ndarray, "place 3"]) -> P
 
 def render_painted(
     recipe: RecipeConfig,
-    lobe: Microfacet,
+    lobe: Glossy,
     view: SurfaceView,
     seen: tuple[Shape, ForwardModel | ShadowedModel],
 ) -> Float[np.ndarray, "row column channel"]:

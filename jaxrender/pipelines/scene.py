@@ -59,8 +59,12 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         return Mesh.ellipsoid(np.array(radii, float), subdivisions)
 
 
-def true_material(brdf: RecipeBrdfConfig) -> Microfacet:
+def true_material(brdf: RecipeBrdfConfig) -> Glossy:
     """Build the material that a recipe states; Lambertian is a microfacet without specular part."""
+    if brdf.model in SIMPLE_GLOSSY:
+        lobe = simple_glossy_named(brdf.model)
+        lobe = lobe.with_roughness(lobe.shape.width_of(float(getattr(brdf, lobe.shape.name))))
+        return lobe.with_amplitudes(np.array(brdf.kd, float), np.array(brdf.ks, float))
     mu = None if brdf.mu == "none" else float(brdf.mu)
     with fault_of("brdf"):
         return Microfacet(

@@ -29,6 +29,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, to_latlong
 from jaxrender.pipelines.config import RecipeConfig
+from jaxrender.pipelines.config.brdf import FACET_MODELS
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
@@ -238,6 +239,7 @@ def _write_config(
     brdf: dict = {"model": recipe.brdf.model}
     if recipe.brdf.model != "lambertian":
         brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
+    if recipe.brdf.model in FACET_MODELS:
         brdf |= {"fresnel": recipe.brdf.fresnel, "masking": recipe.brdf.masking}
         if recipe.brdf.mu == "none":
             brdf["mu"] = "none"

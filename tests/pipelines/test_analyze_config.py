@@ -85,11 +85,31 @@ def test_a_recipe_is_not_rendered(tmp_path, capsys):
     assert not cache.exists()
 
 
+def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
+    (tmp_path / "recipe.yaml").write_text(
+        "geometry: {sphere: {radius: 1}}\n"
+        "brdf: {model: phong, kd: 0.1, ks: 0.2, exponent: 50}\n"
+        "lighting: {directional: [{direction: [1, 1, 1], irradiance: 1}]}\n"
+        "views: {count: 3, step_degrees: 60, width: 32, height: 32}\n"
+    )
+    (tmp_path / "run.yaml").write_text(
+        "task: brdf\ncapture: {recipe: recipe.yaml}\nbrdf: {model: phong}\n"
+        "samples: {count: 600}\nsolve: {refine_samples: 300}\n"
+    )
+    assert jaxrender("analyze", tmp_path / "run.yaml", cache=tmp_path / "cache") == 0
+    text = capsys.readouterr().out
+    # T 6.7: s = 1 / (2 sigma^2)
+    assert "supposed: kd 0.1, ks 0.2, exponent 50; noise 1 %" in text
+    assert "sigma stands for the lobe's width, 0.1 for this exponent" in text
+    assert "kd, ks, exponent, noise from the recipe" in text
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--suppose", "gloss=1"], "suppose kd, ks, sigma or mu"),
+        (["--suppose", "gloss=1"], "suppose kd, ks, sigma, mu, roughness or exponent"),
         (["--suppose", "sigma=-1"], "give 1 number above 0"),
+        (["--suppose", "exponent=9"], "--suppose exponent: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "kd=red"], "'red' is no number"),
         (["--noise", "0"], "--noise 0"),
         (["--count", "0"], "--count 0"),

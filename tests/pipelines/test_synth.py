@@ -227,6 +227,26 @@ def test_a_capture_that_breaks_leaves_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_phong_ball_is_photographed(tmp_path):
+    """ks (s + 1) / (2 pi) (R.w)^s cos-weighted light of one lamp, in NumPy."""
+    brdf = {"model": "phong", "kd": KD, "ks": KS, "exponent": 20.0}
+    direction, irradiance = SUN
+    lamp = {"direction": direction, "irradiance": irradiance}
+    recipe = recipe_of(brdf=brdf, lighting={"directional": [lamp]}, noise={"relative": 0.0})
+    folder = make(recipe, tmp_path / "capture")
+    assert load_run_config(folder / "config.yaml", []).brdf.model == "phong"
+    view = observe(cameras_of(recipe.views, np.zeros(3))[0], shape_of(recipe.geometry))
+    normals, outgoing = view.normals[view.hit], view.outgoing[view.hit]
+    towards = np.asarray(direction) / np.linalg.norm(direction)
+    mirrored = 2 * np.sum(normals * outgoing, axis=1)[:, None] * normals - outgoing
+    cosine, along = normals @ towards, np.clip(mirrored @ towards, 0, 1)
+    lobe = KS * 21 / (2 * np.pi) * along**20
+    exact = np.where(cosine > 0, 1, 0)[:, None] * np.asarray(irradiance)
+    exact = exact * (np.asarray(KD) * cosine[:, None] + lobe[:, None])
+    image = read_image(folder / "images/view_000.exr").pixels[..., :3][view.hit]
+    np.testing.assert_allclose(image, exact, rtol=1e-5, atol=1e-6)
+
+
 def test_recipes_that_cannot_be_rendered(tmp_path):
     for views, message in (
         ({"elevation_degrees": -90.0}, r"recipe\.yaml: views\.elevation_degrees -90: looking from"),

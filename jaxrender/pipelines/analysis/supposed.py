@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Microfacet
+from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import TYPICAL_MATERIAL, TYPICAL_NOISE, Supposed
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import GLOSSY, distribution_of
+from jaxrender.pipelines.config.brdf import distribution_of, numbers_of
 from jaxrender.pipelines.scene import fault_of
 
-_NAMES = ("kd", "ks", "sigma", "mu")
+_NAMES = ("kd", "ks", "sigma", "mu", "roughness", "exponent")
 
 
 class Supposition(NamedTuple):
@@ -32,34 +32,44 @@ def supposition_of(
     ``given`` are ``name=value`` or, of kd and ks, ``name=red,green,blue``.  Raises ``InputError``
     for what is no such pair, and for values that no material has.
     """
-    if config.brdf.model in SIMPLE_GLOSSY:
-        raise InputError(
-            f"brdf.model: a forecast supposes a microfacet; found {config.brdf.model}, choose "
-            f"{GLOSSY}"
-        )
     told = dict(_pair(text) for text in given)
+    own = _own_numbers(config)
+    for name in told:
+        if name not in own:
+            raise InputError(f"--suppose {name}: {config.brdf.model} has {', '.join(own)}")
     values, sources = {}, {}
-    for name in _NAMES:
+    for name in own:
         values[name], sources[name] = _one(name, config, recipe, told)
     if config.brdf.model == "lambertian":
         values |= {"ks": np.zeros(3), "mu": None}
         sources = {"kd": sources["kd"]}
     with fault_of("--suppose" if told else "brdf"):
-        brdf = Microfacet(
-            np.broadcast_to(np.asarray(values["kd"], float), (3,)).copy(),
-            np.broadcast_to(np.asarray(values["ks"], float), (3,)).copy(),
-            float(np.mean(np.asarray(values["sigma"], float))),
-            values["mu"],
-            config.brdf.fresnel,
-            config.brdf.masking,
-            distribution_of(config.brdf.model),
-        )
+        brdf = _material(config, values)
     model, of_noise = _noise(config, recipe, noise)
     words: dict[str, list[str]] = {}
     for name, source in {**sources, "noise": of_noise}.items():
         words.setdefault(source, []).append(name)
     source = "; ".join(f"{', '.join(names)} {source}" for source, names in words.items())
     return Supposition(Supposed(brdf, model), source)
+
+
+def _own_numbers(config: RunConfig) -> tuple[str, ...]:
+    """List what makes up a material of the config's model; one without gloss has a lobe of none."""
+    model = config.brdf.model
+    return ("kd", *numbers_of("microfacet" if model == "lambertian" else model))
+
+
+def _material(config: RunConfig, values: dict) -> Glossy:
+    kd, ks = (
+        np.broadcast_to(np.asarray(values[name], float), (3,)).copy() for name in ("kd", "ks")
+    )
+    if config.brdf.model in SIMPLE_GLOSSY:
+        lobe = simple_glossy_named(config.brdf.model)
+        number = float(np.mean(np.asarray(values[lobe.shape.name], float)))
+        return lobe.with_roughness(lobe.shape.width_of(number)).with_amplitudes(kd, ks)
+    choices = config.brdf.fresnel, config.brdf.masking, distribution_of(config.brdf.model)
+    sigma = float(np.mean(np.asarray(values["sigma"], float)))
+    return Microfacet(kd, ks, sigma, values["mu"], *choices)
 
 
 def _one(name: str, config: RunConfig, recipe: RecipeConfig | None, told: dict):
@@ -72,11 +82,14 @@ def _one(name: str, config: RunConfig, recipe: RecipeConfig | None, told: dict):
     if value is not None:
         value = np.asarray(value, float)
         return value if name in ("kd", "ks") else float(value.mean()), "from the config"
-    if recipe is not None:
+    if recipe is not None and name in ("kd", *numbers_of(recipe.brdf.model)):
         value = getattr(recipe.brdf, name)
         if value == "none":
             return None, "from the recipe"
         return value if name in ("kd", "ks") else float(value), "from the recipe"
+    if config.brdf.model in SIMPLE_GLOSSY and name not in ("kd", "ks"):
+        shape = SIMPLE_GLOSSY[config.brdf.model].shape
+        return float(shape.of_width(TYPICAL_MATERIAL.sigma)), "typical"
     typical = getattr(TYPICAL_MATERIAL, name)
     return typical if name in ("kd", "ks") else float(typical), "typical"
 
@@ -102,7 +115,9 @@ def _pair(text: str) -> tuple[str, np.ndarray | float | None]:
     name, _, rest = (part.strip() for part in text.partition("="))
     place = f"--suppose {text}"
     if name not in _NAMES:
-        raise InputError(f"{place}: suppose kd, ks, sigma or mu, as in --suppose sigma=0.1")
+        raise InputError(
+            f"{place}: suppose kd, ks, sigma, mu, roughness or exponent, as in --suppose sigma=0.1"
+        )
     if name == "mu" and rest == "none":
         return name, None
     try:
@@ -110,8 +125,8 @@ def _pair(text: str) -> tuple[str, np.ndarray | float | None]:
     except ValueError:
         raise InputError(f"{place}: {rest!r} is no number; write {name}=0.2") from None
     most = 3 if name in ("kd", "ks") else 1
-    low = {"sigma": 0.0, "mu": 1.0}.get(name, -1e-300)
+    low = {"mu": 1.0, "kd": -1e-300, "ks": -1e-300}.get(name, 0.0)
     if len(values) not in (1, most) or not all(low < v < math.inf for v in values):
-        above = f"above {low:g}" if name in ("sigma", "mu") else "at least 0"
+        above = f"above {low:g}" if low >= 0 else "at least 0"
         raise InputError(f"{place}: give 1{' or 3 numbers' if most == 3 else ' number'} {above}")
     return name, np.array(values) if most == 3 else values[0]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jaxrender.brdf import Glossy, Microfacet
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
 from jaxrender.inverse.next_best import Suggestion
@@ -43,8 +44,10 @@ def _heading(found: ConfigAnalysis) -> str:
     cosines = np.asarray(found.prospect.situation.samples.exit_cosines)
     material = [f"kd {_values(brdf.kd)}"]
     if np.any(np.asarray(brdf.ks)):
-        mu = "none (metal)" if brdf.mu is None else f"{float(brdf.mu):.3g}"
-        material += [f"ks {_values(brdf.ks)}", f"sigma {float(brdf.sigma):.3g}", f"mu {mu}"]
+        material += [f"ks {_values(brdf.ks)}", f"{brdf.shape.name} {_own_number(brdf):.3g}"]
+        if isinstance(brdf, Microfacet):
+            mu = "none (metal)" if brdf.mu is None else f"{float(brdf.mu):.3g}"
+            material.append(f"mu {mu}")
     lines = [
         f"{len(found.prospect.cameras)} photographs, not looked at; {len(cosines):,} samples, "
         f"of which {len(situation.frame):,} for the last step; exit cosines from "
@@ -53,9 +56,17 @@ def _heading(found: ConfigAnalysis) -> str:
         f"supposed: {', '.join(material)}; noise {_noise(supposed.noise)}",
         f"          ({found.supposition.source})",
     ]
+    if brdf.shape.name != "sigma":
+        lines.append(
+            f"sigma stands for the lobe's width, {float(brdf.sigma):.3g} for this {brdf.shape.name}"
+        )
     if not found.prospect.shape.is_convex():
         lines.append("the shape is not convex: its shadows on itself are left out of the forecast")
     return "\n".join(lines)
+
+
+def _own_number(brdf: Glossy) -> float:
+    return float(brdf.shape.of_width(float(brdf.sigma)))
 
 
 def _section(title: str, reason: str | None, write, forecast) -> str:

@@ -15,8 +15,7 @@ from jaxrender.pipelines.config.parameter import (
 )
 from jaxrender.pipelines.config.values import Accepts, Section, Switch
 
-Model = Literal["microfacet", "ggx", "beckmann", "lambertian"]
-FittedModel = Literal["microfacet", "ggx", "beckmann", "ward", "phong", "blinn-phong", "lambertian"]
+Model = Literal["microfacet", "ggx", "beckmann", "ward", "phong", "blinn-phong", "lambertian"]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
@@ -72,9 +71,9 @@ RefractiveIndex = Annotated[
 class BrdfConfig(Section):
     """The material: T 6.2, K_d + K_s F D G / (4 cos cos), with what is known of it."""
 
-    model: FittedModel = "microfacet"
+    model: Model = "microfacet"
     """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
-    compare: tuple[FittedModel, ...] = ()
+    compare: tuple[Model, ...] = ()
     """Other models to fit as well; the one that best explains held-out pixels is the result."""
     kd: Reflectance = Parameter()
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
@@ -143,6 +142,12 @@ def refuse_foreign_keys(section: Section) -> None:
         raise ValueError(f"{found} has only kd; remove the key or choose model {GLOSSY}")
     own = [key for key in _SPECULAR_KEYS if key in known and key != "ks_per_channel"]
     raise ValueError(f"{found} has kd, {', '.join(own)}; remove the key, or choose another model")
+
+
+def numbers_of(model: str) -> tuple[str, ...]:
+    """List the numbers beside kd that make up a material of a model."""
+    choices = ("ks_per_channel", "fresnel", "masking")
+    return tuple(key for key in _KEYS[model] if key not in choices)
 
 
 def with_defaults_of_model(given: Any) -> Any:

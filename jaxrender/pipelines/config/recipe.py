@@ -10,6 +10,7 @@ from jaxrender.pipelines.config.brdf import (
     Fresnel,
     Masking,
     Model,
+    numbers_of,
     refuse_foreign_keys,
     refuse_roughest,
     with_defaults_of_model,
@@ -34,10 +35,13 @@ from jaxrender.pipelines.config.values import (
 TrueIndex = Annotated[
     float, Strict(), Field(gt=1, allow_inf_nan=False), Accepts("a number above 1")
 ]
+WardRoughness = Annotated[
+    float, Strict(), Field(gt=0, le=1, allow_inf_nan=False), Accepts("a number above 0, up to 1")
+]
 
 
 class RecipeBrdfConfig(Section):
-    """The true material; one with gloss needs all of kd, ks, sigma and mu."""
+    """The true material; one with gloss needs every number that its model has."""
 
     model: Model = "microfacet"
     """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
@@ -47,6 +51,10 @@ class RecipeBrdfConfig(Section):
     """Specular weight."""
     sigma: Positive = 0.1
     """Surface roughness; of ggx what is called alpha, up to 1."""
+    roughness: WardRoughness = 0.2
+    """Roughness of ward: the slopes' deviation times the root of 2, up to 1."""
+    exponent: Positive = 50.0
+    """Exponent of phong (of the cosine to R) and blinn-phong (of that to the half vector)."""
     mu: Literal["none"] | TrueIndex = 1.5
     """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"
@@ -63,8 +71,8 @@ class RecipeBrdfConfig(Section):
     def _complete(self) -> RecipeBrdfConfig:
         refuse_foreign_keys(self)
         refuse_roughest(self.model, self.sigma)
-        missing = {"ks", "sigma", "mu"} - self.model_fields_set
-        if self.model != "lambertian" and missing:
+        missing = set(numbers_of(self.model)) - self.model_fields_set
+        if missing:
             names = ", ".join(sorted(missing))
             raise ValueError(f"a {self.model} recipe states its whole truth; missing: {names}")
         return self
