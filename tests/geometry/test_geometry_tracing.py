@@ -3,9 +3,11 @@
 Pinned down: Embree's first hits equal the brute-force twin and trimesh's ray_triangle (an outside
 oracle) on convex, concave and open meshes, of any scale and far from the origin; rays aimed exactly
 at vertices and edges of a closed mesh neither miss nor leak through; points lie on the ray and the
-face; normals interpolate; real meshes where ../shared/data holds them.
+face; normals interpolate; real meshes where the folder JAXRENDER_MESHES
+holds them.
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from jaxrender.geometry import Mesh, Orthographic, look_at, tracing
 
 # Hits are computed again in float64 on the face that Embree found; relative to the mesh's size.
 RELATIVE = 1e-9
-REAL_MESHES = Path(__file__).resolve().parents[3] / "shared" / "data" / "meshes"
+REAL_MESHES = Path(os.environ.get("JAXRENDER_MESHES", "meshes"))
 
 
 def concave():
@@ -192,7 +194,7 @@ def test_no_rays_give_no_hits():
 def test_real_meshes_equal_trimesh(name):
     path = REAL_MESHES / name
     if not path.exists():
-        pytest.skip(f"{name} is not in ../shared/data/meshes")
+        pytest.skip(f"{path}: no such file; name its folder in JAXRENDER_MESHES")
     body = trimesh.load_scene(path).to_mesh()
     mesh = Mesh(body.vertices, body.faces)
     assert mesh.is_closed() == (name == "spot.obj")
