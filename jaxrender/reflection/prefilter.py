@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.harmonics import LatLongGrid, analyse, degrees, synthesise
+from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, synthesise
 from jaxrender.shapes import AnyArray, Array, Float, ImageArray
 
 # Results of the twin worked out at once, to bound the memory.
@@ -41,13 +41,11 @@ def reflection_maps(
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _filter(grid: LatLongGrid, onto: LatLongGrid, image: Array, transfers: Array) -> Array:
-    lobes, channels = transfers.shape[0], image.shape[2]
     coefficients = analyse(grid, image, transfers.shape[1] - 1)
-    per_coefficient = transfers[:, degrees(transfers.shape[1] - 1)]
-    filtered = per_coefficient.T[:, :, None] * coefficients[:, None, :]
-    # The lobes' colours side by side: one synthesis serves them all.
-    maps = synthesise(onto, filtered.reshape(-1, lobes * channels))
-    return jnp.moveaxis(maps.reshape(*onto.shape, lobes, channels), 2, 0)
+    # Lobe by lobe, so that every map comes out as it shall lie: one copy less than side by side.
+    return jax.vmap(lambda transfer: synthesise(onto, apply_transfer(coefficients, transfer)))(
+        transfers
+    )
 
 
 def reflection_map_by_sum(
