@@ -126,6 +126,7 @@ def calls(degree: int) -> dict[str, Callable]:
             reflection.convolve_isotropic(coefficients + 0j, isotropic), points
         ),
         "reflect_slow_light": partial(reflection.reflect_slow_light, glossy, samples, coefficients),
+        "reflect_by_facets": partial(reflection.reflect_by_facets, glossy, samples, coefficients),
         "integral_columns": partial(
             reflection.integral_columns, glossy, samples, environment.nodes()
         ),

@@ -206,7 +206,7 @@ def draw(scene: Scene, fit: TextureFit, image: tuple[int, int], out: Path):
         ),
         (
             "standard error of K_s, %",
-            100 * image_of_sites(texture.ks_error / texture.ks, image, known)[..., 0],
+            100 * image_of_sites(_ratio(texture.ks_error, texture.ks), image, known)[..., 0],
             {"vmin": 0, "vmax": 10},
         ),
         (
@@ -224,6 +224,11 @@ def draw(scene: Scene, fit: TextureFit, image: tuple[int, int], out: Path):
     out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(out, dpi=100, bbox_inches="tight")
     print(f"picture: {out}")
+
+
+def _ratio(error: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Relative error; infinite where the value has ended at zero."""
+    return np.divide(error, value, out=np.full_like(error, np.inf), where=value > 0)
 
 
 def _shown(kd: np.ndarray, image: tuple[int, int], known: np.ndarray | None = None) -> np.ndarray:

@@ -106,11 +106,14 @@ def prepare_light(
     brdf: Glossy,
     split: str | float,
     band_limit: int | None,
+    *,
+    transfer: str = "exit-cosine",
 ) -> PreparedLight:
     """Split the light at the roughness of ``brdf``, as finely as the dual model needs it.
 
     ``split`` is ``"auto"``, ``"rough"`` (a first pass: the strongest sources, unchecked), ``"off"``
-    or the fraction of the energy to leave in the slow part.
+    or the fraction of the energy to leave in the slow part.  ``transfer`` is how the dual model is
+    going to filter that.
     """
     frames = light.frame_nodes(np.asarray(observations.frame))
     if light.environment is None:
@@ -118,7 +121,11 @@ def prepare_light(
     sigma = float(brdf.sigma)
     degrees = band_limit_for(light.environment, sigma) if band_limit is None else band_limit
     degrees = min(degrees, light.environment.grid.band_limit)
-    divided, needed = _divide(light.environment, observations.samples, brdf, split, degrees)
+    if split == "auto":
+        goal = DualGoal(_DUAL_ERROR, _MOST_SOURCES, degrees, transfer)
+        divided, needed = _divide_as_needed(light.environment, observations.samples, brdf, goal)
+    else:
+        divided, needed = _divide(light.environment, float(brdf.sigma), split), None
     return PreparedLight(dual_light(divided, light.directional, degrees, frames), divided, needed)
 
 
@@ -160,25 +167,25 @@ def band_limit_for(environment: Environment, sigma: float) -> int:
     return min(wanted, environment.grid.band_limit, _HIGHEST_BAND_LIMIT)
 
 
-def _divide(
+def _divide(environment: Environment, sigma: float, split: str | float) -> LightSplit:
+    if isinstance(split, float):
+        return split_to_energy(environment, sigma, split)
+    sources = {"off": 0, "rough": _ROUGH_SOURCES}
+    if split not in sources:
+        raise ValueError(f"split={split!r}: choose auto, off, or the energy left in the slow part")
+    return take(environment, candidates(environment, sigma), sources[split], sigma)
+
+
+def _divide_as_needed(
     environment: Environment,
     samples: SurfaceSamples,
     brdf: Glossy,
-    split: str | float,
-    band_limit: int,
-) -> tuple[LightSplit, SourcesNeeded | None]:
+    goal: DualGoal,
+) -> tuple[LightSplit, SourcesNeeded]:
+    """Split so that the dual model is as accurate as it is to be."""
     sigma = float(brdf.sigma)
-    if isinstance(split, float):
-        return split_to_energy(environment, sigma, split), None
     found = candidates(environment, sigma)
-    if split == "off":
-        return take(environment, found, 0, sigma), None
-    if split == "rough":
-        return take(environment, found, _ROUGH_SOURCES, sigma), None
-    if split != "auto":
-        raise ValueError(f"split={split!r}: choose auto, off, or the energy left in the slow part")
     step = max(1, samples.normals.shape[0] // _SAMPLES_FOR_SPLIT)
     some = SurfaceSamples(samples.normals[::step], samples.outgoing[::step])
-    goal = DualGoal(_DUAL_ERROR, _MOST_SOURCES, band_limit)
     needed = sources_needed(environment, found.sources, brdf.as_metal(), some, goal)
     return take(environment, found, needed.count, sigma), needed

@@ -41,6 +41,7 @@ from jaxrender.reflection.convolution_flatland import (
     flatland_coefficients,
 )
 from jaxrender.reflection.dual import (
+    FACETS,
     DualGoal,
     DualLight,
     Shadows,
@@ -51,6 +52,7 @@ from jaxrender.reflection.dual import (
     filled_up,
     sources_needed,
 )
+from jaxrender.reflection.facet_integral import facet_coefficients, reflect_by_facets
 from jaxrender.reflection.integral import (
     FrameNodes,
     integral_columns,
@@ -111,6 +113,8 @@ __all__ = [
     "convolve_radial",
     "reflect_about_mirror",
     "reflect_slow_light",
+    "facet_coefficients",
+    "reflect_by_facets",
     "convolve_flatland",
     "evaluate_flatland",
     "flatland_coefficients",
@@ -127,6 +131,7 @@ __all__ = [
     "principal_components",
     "quadratic_irradiance",
     "relit",
+    "FACETS",
     "DualForward",
     "DualGoal",
     "DualLight",

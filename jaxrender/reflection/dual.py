@@ -5,7 +5,9 @@ B = K_d E(n) + K_s [ sum_l h_l(t_o) sum_m L_lm Y_lm(R)  +  sum_j F S(t_h,j) / (4
 The slow part of the light is known by its coefficients and filtered; the sources are summed
 exactly, like in the integral.  What the model gets wrong is therefore known in closed form: each
 point mass left in the slow part contributes its energy times (lobe - azimuthal mean of the lobe).
-``sources_needed`` adds that up, so a split is as fine as the error asked for, and no finer.
+``sources_needed`` adds that up, so a split is as fine as the error asked for, and no finer.  With
+the transfer named ``facets`` the slow part's lobe is not its mean but integrated
+(:mod:`.facet_integral`): ten times more accurate where it counts, at more than the mean's cost.
 
 On concave shapes ``Shadows`` make it T 6.12: transfer vectors instead of harmonics of the normal,
 and the visibilities of R and of the sources.  They depend on geometry and viewpoint only, and are
@@ -28,8 +30,9 @@ from jaxrender.geometry import (
     visible_along,
     world_from_local,
 )
-from jaxrender.harmonics import band_limit_of, degree_table, legendre
+from jaxrender.harmonics import band_limit_of, degree_table, degrees, real_basis
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes, LightSplit
+from jaxrender.reflection.facet_integral import facet_coefficients, reflect_by_facets
 from jaxrender.reflection.integral import (
     FrameNodes,
     integral_columns,
@@ -41,16 +44,22 @@ from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 from jaxrender.spectra import light_coefficients, transfer_of_samples
 
+# Not a transfer, which has only degrees, but the slow part's integral over the lobe's facets.
+FACETS = "facets"
 # Sources are summed in blocks of so many, the last one filled up with dark ones.
 SOURCES_AT_ONCE = 128
 
 
 class DualGoal(NamedTuple):
-    """What a split is to reach: the dual model's relative error, and at what cost."""
+    """What a split is to reach: the dual model's relative error, and at what cost.
+
+    ``transfer`` is how the model filters what is left in the slow part.
+    """
 
     error: float
     most_sources: int
     band_limit: int
+    transfer: str = "exit-cosine"
 
 
 class SourcesNeeded(NamedTuple):
@@ -193,7 +202,12 @@ def slow_specular(
     slow: Float[AnyArray, "coefficient channel"],
     transfer: str = "exit-cosine",
 ) -> Float[Array, "sample channel"]:
-    """Filter the slow light by the lobe and look it up at R: sum_l h_l(t_o) sum_m L_lm Y_lm(R)."""
+    """Filter the slow light by the lobe and look it up at R: sum_l h_l(t_o) sum_m L_lm Y_lm(R).
+
+    With the transfer ``facets`` integrate it.
+    """
+    if transfer == FACETS:
+        return reflect_by_facets(brdf, samples, slow)
     table = degree_table(jnp.asarray(slow), samples.reflected)
     band_limit = table.shape[1] - 1
     passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)
@@ -221,7 +235,8 @@ def sources_needed(
     whole = light_coefficients(environment, goal.band_limit)
     nodes = environment.nodes()
     padded = LightNodes(jnp.asarray(directions), jnp.asarray(energies))
-    errors = np.asarray(_errors_by_count(brdf, samples, whole, nodes, padded))[: count + 1]
+    errors = np.asarray(_errors_by_count(brdf, samples, (whole, nodes), padded, goal.transfer))
+    errors = errors[: count + 1]
     enough = np.flatnonzero(errors <= goal.error)
     needed = int(enough[0]) if enough.size else int(np.argmin(errors))
     return SourcesNeeded(needed, float(errors[needed]), float(errors[0]))
@@ -231,29 +246,38 @@ def sources_needed(
 def _errors_by_count(
     brdf: Glossy,
     samples: SurfaceSamples,
-    whole: Float[Array, "coefficient channel"],
-    nodes: LightNodes,
+    light: tuple[Float[Array, "coefficient channel"], LightNodes],
     candidates: LightNodes,
+    transfer: str,
 ) -> Float[Array, "count"]:
+    whole, nodes = light
+    band_limit = band_limit_of(whole.shape[0])
     exact = integral_columns(brdf, samples, nodes)[:, 1, :]
-    error = exact - slow_specular(brdf, samples, whole)
-    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit_of(whole.shape[0]))
-    degrees = jnp.arange(passed.shape[1], dtype=passed.dtype)
-    zonal = passed * ((2 * degrees + 1) / (4 * jnp.pi))[None, :]
+    slow = _slow_lobe(brdf, samples, band_limit, transfer)
+    error = exact - jnp.matmul(slow, whole, precision="highest")
+    basis = real_basis(candidates.directions, band_limit)
 
     def gains(sample: tuple) -> Float[Array, "node"]:
-        surface, reflected, filtered = sample
+        surface, own = sample
         frame = world_from_local(surface.normals)
         incoming = Components.of(candidates.directions).in_frame(frame)
         outgoing = Components.of(surface.outgoing).in_frame(frame)
         lobe = brdf.transfer(incoming, outgoing)[1]
-        cosines = jnp.matmul(candidates.directions, reflected, precision="highest")
-        polynomials = legendre(cosines, filtered.shape[0] - 1)
-        return lobe - jnp.matmul(polynomials, filtered, precision="highest")
+        return lobe - jnp.matmul(basis, own, precision="highest")
 
-    gain = jax.lax.map(gains, (samples, samples.reflected, zonal), batch_size=16)
+    gain = jax.lax.map(gains, (samples, slow), batch_size=16)
     taken = jnp.cumsum(gain[:, :, None] * candidates.irradiance[None], axis=1)
     left = jnp.concatenate([error[:, None], error[:, None] - taken], axis=1)
     scale = jnp.mean(exact**2)
     # Where nothing is reflected there is nothing to be wrong about.
     return jnp.sqrt(jnp.mean(left**2, axis=(0, 2)) / jnp.where(scale > 0, scale, 1))
+
+
+def _slow_lobe(
+    brdf: Glossy, samples: SurfaceSamples, band_limit: int, transfer: str
+) -> Float[Array, "sample coefficient"]:
+    """Expand the lobe of ``slow_specular`` in harmonics: its column under light Y_lm."""
+    if transfer == FACETS:
+        return facet_coefficients(brdf, samples, band_limit)
+    passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)
+    return passed[:, degrees(band_limit)] * real_basis(samples.reflected, band_limit)

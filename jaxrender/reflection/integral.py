@@ -64,7 +64,7 @@ def integral_columns(
         sample, seen = indexed
         return _sum_over_nodes(brdf, sample, light, seen)
 
-    return _by_chunks(one, (_as_arrays(samples), _mask(visible)), light.directions.shape[0])
+    return by_chunks(one, (_as_arrays(samples), _mask(visible)), light.directions.shape[0])
 
 
 def integral_columns_by_frame(
@@ -85,7 +85,7 @@ def integral_columns_by_frame(
         return _sum_over_nodes(brdf, sample, light, seen)
 
     indexed = _as_arrays(samples), jnp.asarray(nodes.frame_of_sample), _mask(visible)
-    return _by_chunks(one, indexed, directions.shape[1])
+    return by_chunks(one, indexed, directions.shape[1])
 
 
 def visible_nodes(
@@ -120,13 +120,13 @@ def polar_columns(
     local, solid_angle = _polar_rule(polar_nodes, arrays.normals.dtype)
 
     def one(sample: SurfaceSamples) -> Float[Array, "lobe channel"]:
-        frame = _incidence_frame(sample)
+        frame = incidence_frame(sample)
         world = jnp.matmul(local, frame.T, precision="highest")
         light = radiance_of(world) * solid_angle[:, None]
         outgoing = Components.of(sample.outgoing).in_frame(frame)
         return _sum(brdf.transfer(Components.of(local), outgoing), light)
 
-    return _by_chunks(one, arrays, local.shape[0])
+    return by_chunks(one, arrays, local.shape[0])
 
 
 def polar_coefficients(
@@ -142,12 +142,12 @@ def polar_coefficients(
     harmonics = real_basis(local, band_limit) * solid_angle[:, None]
 
     def one(sample: SurfaceSamples) -> Float[Array, "lobe coefficient"]:
-        frame = _incidence_frame(sample)
+        frame = incidence_frame(sample)
         outgoing = Components.of(sample.outgoing).in_frame(frame)
         own = _sum(brdf.transfer(Components.of(local), outgoing), harmonics)
         return rotate(own.T, frame).T
 
-    return _by_chunks(one, arrays, local.shape[0])
+    return by_chunks(one, arrays, local.shape[0])
 
 
 def _polar_rule(polar_nodes: int, dtype) -> tuple[Float[Array, "node 3"], Float[Array, "node"]]:
@@ -198,7 +198,7 @@ def _sum(
     return jnp.stack([jnp.matmul(lobe, weights, precision="highest") for lobe in lobes])
 
 
-def _incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
+def incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
     """Build a frame about the normal whose x axis holds the outgoing direction."""
     frame = world_from_local(sample.normals)
     local = jnp.matmul(sample.outgoing, frame, precision="highest")
@@ -213,7 +213,8 @@ def _incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
     return jnp.stack([x, y, frame[:, 2]], axis=1)
 
 
-def _by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample lobe channel"]:
+def by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample *rest"]:
+    """Work samples off, so many at once that their nodes stay in a processor's cache."""
     return jax.lax.map(one, samples, batch_size=max(1, _PAIRS_PER_CHUNK // max(nodes, 1)))
 
 

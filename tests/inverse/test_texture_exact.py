@@ -16,6 +16,7 @@ from jaxrender.inverse import MicrofacetUnknowns, Outcome
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.texture import TextureSettings, by_site, exact_forward, fit_texture
+from jaxrender.inverse.texture import known_light as of_known_light
 from jaxrender.inverse.texture.forward import Forward
 from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
 
@@ -92,3 +93,21 @@ def test_unseen_sites_are_unknown_and_marked(fit):
     assert fit.texture.kd_marked[unseen].all()
     assert np.isfinite(fit.texture.kd[~unseen]).all()
     assert IMAGE[0] * IMAGE[1] == fit.texture.seen.size
+
+
+def test_sites_of_a_large_task_are_solved_as_exactly(ball, monkeypatch):
+    """Too many pairs for the integral over the light: then over the lobe, not by its mean."""
+    monkeypatch.setattr(of_known_light, "_AFFORDABLE_PAIRS", 0)
+    seen = noisy(ball).take(np.arange(0, 1200, 4))
+    variant = Microfacet(np.ones(3), np.ones(3), SIGMA, MU)
+    forward = of_known_light.forward_under(
+        known_light(48), seen, variant, SIGMA, (0.8 * SIGMA, 1.2 * SIGMA)
+    )
+    every = np.arange(seen.count)
+    final, exact, search = (
+        np.asarray(model(every).columns(jnp.asarray(SIGMA), jnp.asarray(MU)).specular)
+        for model in (forward.final, forward.exact, forward.search)
+    )
+    size = np.sqrt(np.mean(exact**2))
+    assert np.sqrt(np.mean((final - exact) ** 2)) < 5e-3 * size
+    assert np.sqrt(np.mean((final - exact) ** 2)) < 0.5 * np.sqrt(np.mean((search - exact) ** 2))
