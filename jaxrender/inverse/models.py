@@ -33,8 +33,11 @@ class Columns(NamedTuple):
 class Model(Protocol):
     """What a fit asks of a forward model."""
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate the diffuse and the specular column for given sigma and mu."""
+    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate the diffuse and the specular column for given sigma and mu.
+
+        Some models take a sigma for each sample.
+        """
         ...
 
     def thinned(self, step: int) -> "Model":
@@ -65,10 +68,14 @@ class DualModel(eqx.Module):
     shadows: Shadows | None = None
     transfer: str = eqx.field(static=True, default="exit-cosine")
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate T 6.9, or T 6.12."""
-        brdf = self.variant.with_roughness(sigma, None if self.variant.mu is None else mu)
-        columns = dual_columns(brdf, self.samples, self.light, self.transfer, self.shadows)
+    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate T 6.9, or T 6.12; with the transfer ``facets`` for a sigma a sample, too."""
+        mu = None if self.variant.mu is None else mu
+        one, each = (sigma[0], sigma) if jnp.ndim(sigma) else (sigma, None)
+        brdf = self.variant.with_roughness(one, mu)
+        columns = dual_columns(
+            brdf, self.samples, self.light, self.transfer, self.shadows, widths=each
+        )
         return Columns(columns[:, 0], columns[:, 1])
 
     def take(self, index: Int[np.ndarray, "kept"]) -> "DualModel":
@@ -97,12 +104,12 @@ class ExactModel(eqx.Module):
     nodes: tuple[LightNodes | FrameNodes, ...]
     seen: tuple[Bool[AnyArray, "sample node"], ...] | None = None
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
         """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
         outside = self.variant.fresnel_is_factor
         lobe = self.variant.as_metal() if outside else self.variant
-        lobe = lobe.with_roughness(sigma, None if outside else mu)
-        columns = self._integrate(lobe)
+        one, each = (sigma[0], sigma) if jnp.ndim(sigma) else (sigma, None)
+        columns = self._integrate(lobe.with_roughness(one, None if outside else mu), each)
         specular = columns[:, 1]
         if outside:
             specular = specular * normalised_fresnel(mu, self.samples.exit_cosines)[:, None]
@@ -120,12 +127,14 @@ class ExactModel(eqx.Module):
         seen = None if self.seen is None else tuple(part[::step] for part in self.seen)
         return ExactModel(self.variant, samples, nodes, seen)
 
-    def _integrate(self, lobe: Glossy) -> Float[Array, "sample 2 channel"]:
+    def _integrate(
+        self, lobe: Glossy, widths: Float[Array, "sample"] | None
+    ) -> Float[Array, "sample 2 channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [
-            integral_columns_by_frame(lobe, self.samples, part, seen)
+            integral_columns_by_frame(lobe, self.samples, part, seen, widths=widths)
             if isinstance(part, FrameNodes)
-            else integral_columns(lobe, self.samples, part, seen)
+            else integral_columns(lobe, self.samples, part, seen, widths=widths)
             for part, seen in zip(self.nodes, self.seen or [None] * len(self.nodes))
         ]
         return jnp.sum(jnp.stack(parts), axis=0)
@@ -136,7 +145,7 @@ class MatteModel(eqx.Module):
 
     model: Model
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
         """Evaluate the diffuse column alone."""
         diffuse = self.model.columns(sigma, mu).diffuse
         return Columns(diffuse, jnp.zeros_like(diffuse))
@@ -147,47 +156,52 @@ class MatteModel(eqx.Module):
 
 
 class LinearisedModel(eqx.Module):
-    """Any model to first order about one roughness and index: what error bars are made of."""
+    """Any model to first order about one roughness and index: what error bars are made of.
+
+    The roughness may be one for each sample, where the model takes that.
+    """
 
     diffuse: Float[Array, "sample channel"]
     specular: Float[Array, "sample channel"]
     by_sigma: Float[Array, "sample channel"]
     by_mu: Float[Array, "sample channel"]
-    sigma: Float[Array, ""]
+    sigma: Float[Array, "*sample"]
     mu: Float[Array, ""]
 
     @classmethod
     def about(
-        cls, model: Model, sigma: Float[Array, ""], mu: Float[Array, ""] | None
+        cls, model: Model, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None
     ) -> "LinearisedModel":
         """Evaluate a model and its derivatives once."""
         return _linearise(model, sigma, mu)
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
         """Extrapolate the columns linearly."""
-        specular = self.specular + self.by_sigma * (sigma - self.sigma)
+        wider = sigma - self.sigma
+        specular = self.specular + self.by_sigma * (wider[:, None] if jnp.ndim(wider) else wider)
         if mu is not None:
             specular = specular + self.by_mu * (mu - self.mu)
         return Columns(self.diffuse, specular)
 
     def thinned(self, step: int) -> "LinearisedModel":
         """Keep one in ``step`` samples."""
+        sigma = self.sigma[::step] if jnp.ndim(self.sigma) else self.sigma
         return LinearisedModel(
             self.diffuse[::step],
             self.specular[::step],
             self.by_sigma[::step],
             self.by_mu[::step],
-            self.sigma,
+            sigma,
             self.mu,
         )
 
 
 @eqx.filter_jit
 def _linearise(
-    model: Model, sigma: Float[Array, ""], mu: Float[Array, ""] | None
+    model: Model, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None
 ) -> LinearisedModel:
     one = jnp.ones_like(sigma)
-    if mu is not None and isinstance(model, ExactModel):
+    if mu is not None and isinstance(model, ExactModel) and not jnp.ndim(sigma):
         # Both derivatives in one pass over the nodes, which each alone would make again.
         def specular_at(at: Float[Array, "2"]) -> tuple[Float[Array, "sample channel"], Columns]:
             columns = model.columns(at[0], at[1])
@@ -197,6 +211,7 @@ def _linearise(
         return LinearisedModel(diffuse, specular, slopes[..., 0], slopes[..., 1], sigma, mu)
     (diffuse, specular), (_, by_sigma) = jax.jvp(lambda s: model.columns(s, mu), (sigma,), (one,))
     if mu is None:
-        return LinearisedModel(diffuse, specular, by_sigma, jnp.zeros_like(specular), sigma, one)
-    _, (_, by_mu) = jax.jvp(lambda m: model.columns(sigma, m), (mu,), (one,))
+        zero = jnp.zeros_like(specular)
+        return LinearisedModel(diffuse, specular, by_sigma, zero, sigma, jnp.ones((), sigma.dtype))
+    _, (_, by_mu) = jax.jvp(lambda m: model.columns(sigma, m), (mu,), (jnp.ones_like(mu),))
     return LinearisedModel(diffuse, specular, by_sigma, by_mu, sigma, mu)

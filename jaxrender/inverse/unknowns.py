@@ -59,9 +59,12 @@ def mu_unknown(
 
 
 class Physical(eqx.Module):
-    """The nonlinear parameters in their own units; ``mu`` is None for a metal."""
+    """The nonlinear parameters in their own units; ``mu`` is None for a metal.
 
-    sigma: Float[Array, ""]
+    Where sigma varies over a surface it is one for each sample.
+    """
+
+    sigma: Float[Array, "*sample"]
     mu: Float[Array, ""] | None
     gains: Float[Array, "frame"]
 

@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
-from jaxrender.geometry import Shape, SurfaceView
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import sphere_coordinates
 from jaxrender.harmonics import coefficient_count, real_basis
 from jaxrender.pipelines.config.recipe import RecipeConfig, RecipePaintConfig
-from jaxrender.reflection import ForwardModel, ShadowedModel, render_view
+from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, render_widths
 from jaxrender.shapes import Float
 
 # Blotches of unit variance go from one paint to the other over so many standard deviations.
@@ -22,10 +22,11 @@ _CONTRAST = 2.0
 
 
 class Painted(NamedTuple):
-    """K_d and K_s of places."""
+    """K_d and K_s of places, and sigma where it varies."""
 
     kd: Float[np.ndarray, "place channel"]
     ks: Float[np.ndarray, "place"]
+    sigma: Float[np.ndarray, "place"] | None = None
 
 
 def painted(recipe: RecipeConfig, directions: Float[np.ndarray, "place 3"]) -> Painted:
@@ -37,7 +38,18 @@ def painted(recipe: RecipeConfig, directions: Float[np.ndarray, "place 3"]) -> P
         part = _PATTERNS[recipe.texture.pattern](recipe.texture, directions)
         second = np.array(recipe.texture.kd, float), float(recipe.texture.ks)
     kd = first[0] + part[:, None] * (second[0] - first[0])
-    return Painted(kd, first[1] + part * (second[1] - first[1]))
+    ks = first[1] + part * (second[1] - first[1])
+    return Painted(kd, ks, _sigma(recipe, directions))
+
+
+def _sigma(
+    recipe: RecipeConfig, directions: Float[np.ndarray, "place 3"]
+) -> Float[np.ndarray, "place"] | None:
+    """Go from one roughness at the bottom to another at the top, evenly in its logarithm."""
+    if recipe.texture is None or recipe.texture.sigma_above is None:
+        return None
+    low, high = np.log(recipe.brdf.sigma), np.log(recipe.texture.sigma_above)
+    return np.asarray(np.exp(low + (high - low) * (1 + directions[:, 2]) / 2))
 
 
 def render_painted(
@@ -46,19 +58,26 @@ def render_painted(
     view: SurfaceView,
     seen: tuple[Shape, ForwardModel | ShadowedModel],
 ) -> Float[np.ndarray, "row column channel"]:
-    """Render B = K_d(x) D + K_s(x) S (T 6.13) for a shape and light, the lobe being everywhere."""
+    """Render B = K_d(x) D + K_s(x) S (T 6.13) for a shape and light, the lobe being everywhere.
+
+    Where sigma varies the lobe has that of the place.
+    """
     shape, light = seen
     channels = len(recipe.brdf.kd)
     none, full = np.zeros(channels), np.ones(channels)
+    gloss = lobe.with_amplitudes(none, full)
     diffuse = render_view(lobe.with_amplitudes(full, none), view, light)
-    specular = render_view(lobe.with_amplitudes(none, full), view, light)
     middle = np.asarray(shape.bounds()).mean(axis=0)
     away = view.points[view.hit] - middle
     paint = painted(recipe, away / np.linalg.norm(away, axis=1, keepdims=True))
+    if paint.sigma is None:
+        specular = render_view(gloss, view, light)[view.hit]
+    else:
+        samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
+        places = SurfacePlaces.of_views([view])
+        specular = render_widths(gloss, paint.sigma, samples, light, places)
     image = np.zeros_like(diffuse)
-    image[view.hit] = (
-        paint.kd * diffuse[view.hit] + np.asarray(paint.ks)[:, None] * specular[view.hit]
-    )
+    image[view.hit] = paint.kd * diffuse[view.hit] + np.asarray(paint.ks)[:, None] * specular
     return image
 
 

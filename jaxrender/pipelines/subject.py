@@ -94,6 +94,7 @@ class TexturedSubject(Subject):
                 group, lobe = file["texture"], file["lobe"]
                 kd, ks, region = (np.asarray(group[name][:]) for name in ("kd", "ks", "region"))
                 sigmas, mus = (np.asarray(lobe[name][:]) for name in ("sigma", "mu"))
+                own = np.asarray(group["sigma"][:]).ravel() if "sigma" in group else None
         except (OSError, KeyError) as error:
             raise InputError(
                 f"{path}: cannot be read ({error}); run fit again with --force"
@@ -109,8 +110,10 @@ class TexturedSubject(Subject):
         ]
         seen = np.isfinite(kd.reshape(-1, kd.shape[-1])).all(axis=1)
         self.numbers = np.unique(self.region[seen])
-        self.width = float(sigmas.min())
+        self.width = float(sigmas.min() if own is None else np.nanmin(own))
         self.lobe = self.lobes[int(np.argmin(sigmas))]
+        # Where sigma varies; a site that nobody saw is black at any.
+        self.sigma = None if own is None else np.nan_to_num(own, nan=float(np.nanmean(own)))
 
     def image(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
@@ -131,7 +134,8 @@ class TexturedSubject(Subject):
                 continue
             samples = SurfaceSamples(view.normals[view.hit][rows], view.outgoing[view.hit][rows])
             own = SurfacePlaces(*(part[rows] for part in places))
-            columns = lobes_of(lobe, samples, model, own)
+            widths = None if self.sigma is None else self.sigma[site[rows]]
+            columns = lobes_of(lobe, samples, model, own, widths)
             kd, ks = self.kd[site[rows]], self.ks[site[rows]][:, None]
             values[rows] = kd * columns.diffuse + ks * columns.specular
         image = np.zeros((*view.hit.shape, values.shape[1]))

@@ -101,6 +101,7 @@ from jaxrender.reflection.transfer import (
     shadowed_irradiance,
     transfer_vectors,
 )
+from jaxrender.reflection.varying_width import render_widths
 
 __all__ = [
     "SurfacePoints",
@@ -167,4 +168,5 @@ __all__ = [
     "sources_needed",
     "transfer_vectors",
     "visible_nodes",
+    "render_widths",
 ]

@@ -167,24 +167,30 @@ def dual_columns(
     light: DualLight,
     transfer: str = "exit-cosine",
     shadows: Shadows | None = None,
+    *,
+    widths: Float[AnyArray, "sample"] | None = None,
 ) -> Float[Array, "sample lobe channel"]:
     """Evaluate T 6.9 with the named transfer: the columns of kd and, of a glossy BRDF, of ks.
 
     With ``shadows`` it is T 6.12; diffuse light is then summed to the transfer vectors' degree.
+    ``widths`` give the lobe a sigma of its own at each sample, which only the transfer ``facets``
+    knows how to use.
     """
     seen, seen_by_frame = None, None
     if shadows is not None:
         seen = _mask(shadows.sources)
         seen_by_frame = None if shadows.frame_sources is None else _mask(shadows.frame_sources)
-    fast = integral_columns(brdf, samples, light.sources.nodes(), seen)
+    fast = integral_columns(brdf, samples, light.sources.nodes(), seen, widths=widths)
     if light.frames is not None:
-        fast = fast + integral_columns_by_frame(brdf, samples, light.frames, seen_by_frame)
+        fast = fast + integral_columns_by_frame(
+            brdf, samples, light.frames, seen_by_frame, widths=widths
+        )
     if shadows is None:
         slow = [irradiance(light.slow, samples.normals)]
     else:
         slow = [shadowed_irradiance(light.slow, shadows.transfer)]
     if isinstance(brdf, Glossy):
-        specular = slow_specular(brdf, samples, light.slow, transfer)
+        specular = slow_specular(brdf, samples, light.slow, transfer, widths)
         if shadows is not None:
             specular = jnp.where(_mask(shadows.reflected)[:, None], specular, 0)
         slow.append(specular)
@@ -201,13 +207,16 @@ def slow_specular(
     samples: SurfaceSamples,
     slow: Float[AnyArray, "coefficient channel"],
     transfer: str = "exit-cosine",
+    widths: Float[AnyArray, "sample"] | None = None,
 ) -> Float[Array, "sample channel"]:
     """Filter the slow light by the lobe and look it up at R: sum_l h_l(t_o) sum_m L_lm Y_lm(R).
 
-    With the transfer ``facets`` integrate it.
+    With the transfer ``facets`` integrate it; only then may each sample have its own width.
     """
     if transfer == FACETS:
-        return reflect_by_facets(brdf, samples, slow)
+        return reflect_by_facets(brdf, samples, slow, widths)
+    if widths is not None:
+        raise ValueError(f"transfer={transfer!r} is for lobes of one width: choose {FACETS!r}")
     table = degree_table(jnp.asarray(slow), samples.reflected)
     band_limit = table.shape[1] - 1
     passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)

@@ -22,7 +22,7 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import Components, SurfaceSamples
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis, synthesise
-from jaxrender.reflection.integral import by_chunks, incidence_frame
+from jaxrender.reflection.integral import as_widths, by_chunks, incidence_frame, with_width
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Nodes along the polar angle of h and about the normal.
@@ -43,24 +43,32 @@ class _Facets(NamedTuple):
 
 @eqx.filter_jit
 def reflect_by_facets(
-    brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
+    brdf: Glossy,
+    samples: SurfaceSamples,
+    slow: Float[AnyArray, "coefficient channel"],
+    widths: Float[AnyArray, "sample"] | None = None,
 ) -> Float[Array, "sample channel"]:
     """Integrate the specular column (ks = 1) of light given by its coefficients.
 
-    Differentiable in the BRDF, not in the light.
+    ``widths`` give the lobe a sigma of its own at each sample.  Differentiable in the BRDF and in
+    those, not in the light.
     """
     samples = SurfaceSamples(*(jnp.asarray(a) for a in samples))
     rows = max(_ROWS_PER_DEGREE * band_limit_of(slow.shape[0]), _LEAST_ROWS)
     light = synthesise(LatLongGrid(rows, 2 * rows), jnp.asarray(slow))
     light = jax.lax.stop_gradient(_sharpened(light))
 
-    def one(sample: SurfaceSamples) -> Float[Array, "channel"]:
-        facets = _facets(brdf, sample)
+    def one(indexed: tuple) -> Float[Array, "channel"]:
+        sample, width = indexed
+        own = with_width(brdf, width)
+        assert isinstance(own, Glossy)
+        facets = _facets(own, sample)
         return jnp.einsum("pa,pac->c", facets.weight, _looked_up(light, facets.towards))
 
-    return by_chunks(one, samples, _POLAR * _AZIMUTHS)
+    return by_chunks(one, (samples, as_widths(widths)), _POLAR * _AZIMUTHS)
 
 
+@eqx.filter_jit
 def facet_coefficients(
     brdf: Glossy, samples: SurfaceSamples, band_limit: int
 ) -> Float[Array, "sample coefficient"]:

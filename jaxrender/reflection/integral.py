@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF
+from jaxrender.brdf import BRDF, Glossy
 from jaxrender.geometry import (
     Components,
     Shape,
@@ -56,15 +56,21 @@ def integral_columns(
     samples: SurfaceSamples,
     nodes: LightNodes,
     visible: Bool[AnyArray, "sample node"] | None = None,
+    *,
+    widths: Float[AnyArray, "sample"] | None = None,
 ) -> Float[Array, "sample lobe channel"]:
-    """Sum each lobe's transfer function over all nodes of one light, or over those it sees."""
+    """Sum each lobe's transfer function over all nodes of one light, or over those it sees.
+
+    ``widths`` give a glossy BRDF a sigma of its own at each sample.
+    """
     light = LightNodes(*(jnp.asarray(a) for a in nodes))
 
     def one(indexed: tuple) -> Float[Array, "lobe channel"]:
-        sample, seen = indexed
-        return _sum_over_nodes(brdf, sample, light, seen)
+        sample, width, seen = indexed
+        return _sum_over_nodes(with_width(brdf, width), sample, light, seen)
 
-    return by_chunks(one, (_as_arrays(samples), _mask(visible)), light.directions.shape[0])
+    indexed = _as_arrays(samples), as_widths(widths), _mask(visible)
+    return by_chunks(one, indexed, light.directions.shape[0])
 
 
 def integral_columns_by_frame(
@@ -72,19 +78,22 @@ def integral_columns_by_frame(
     samples: SurfaceSamples,
     nodes: FrameNodes,
     visible: Bool[AnyArray, "sample node"] | None = None,
+    *,
+    widths: Float[AnyArray, "sample"] | None = None,
 ) -> Float[Array, "sample lobe channel"]:
     """Sum each lobe's transfer function over the nodes of the light of each sample's frame.
 
-    ``visible`` speaks of the nodes of that frame.
+    ``visible`` speaks of the nodes of that frame; ``widths`` as for ``integral_columns``.
     """
     directions, weights = jnp.asarray(nodes.directions), jnp.asarray(nodes.irradiance)
 
     def one(indexed: tuple) -> Float[Array, "lobe channel"]:
-        sample, frame, seen = indexed
+        sample, width, frame, seen = indexed
         light = LightNodes(directions[frame], weights[frame])
-        return _sum_over_nodes(brdf, sample, light, seen)
+        return _sum_over_nodes(with_width(brdf, width), sample, light, seen)
 
-    indexed = _as_arrays(samples), jnp.asarray(nodes.frame_of_sample), _mask(visible)
+    frame_of_sample = jnp.asarray(nodes.frame_of_sample)
+    indexed = _as_arrays(samples), as_widths(widths), frame_of_sample, _mask(visible)
     return by_chunks(one, indexed, directions.shape[1])
 
 
@@ -211,6 +220,20 @@ def incidence_frame(sample: SurfaceSamples) -> Float[Array, "3 3"]:
     x = cosine * frame[:, 0] + sine * frame[:, 1]
     y = cosine * frame[:, 1] - sine * frame[:, 0]
     return jnp.stack([x, y, frame[:, 2]], axis=1)
+
+
+def as_widths(widths: Float[AnyArray, "sample"] | None) -> Float[Array, "sample"] | None:
+    """Take the widths for an array, if there are any."""
+    return None if widths is None else jnp.asarray(widths)
+
+
+def with_width(brdf: BRDF, width: Float[Array, ""] | None) -> BRDF:
+    """Make the BRDF of one sample; None: it is that of all."""
+    if width is None:
+        return brdf
+    if not isinstance(brdf, Glossy):
+        raise ValueError("only a glossy BRDF has a width: leave widths out")
+    return brdf.with_roughness(width, brdf.mu)
 
 
 def by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample *rest"]:

@@ -27,6 +27,8 @@ from jaxrender.reflection.integral import integral_columns, polar_columns, radia
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 _PIXELS_AT_ONCE = 4096
+# Few pixels are filled up to a power of two, not below this one.
+_LEAST_AT_ONCE = 256
 # Pixels times nodes whose visibility is held at once, a byte each.
 _MOST_PAIRS = 2**26
 
@@ -164,7 +166,8 @@ def batches(
     """
     if isinstance(model, ShadowedModel) and places is None:
         raise ValueError("shadows need to know where the samples lie: give their places")
-    count, step = samples.normals.shape[0], _batch_size(model)
+    count = samples.normals.shape[0]
+    step = min(_batch_size(model), max(_LEAST_AT_ONCE, 2 ** (count - 1).bit_length()))
     for first in range(0, count, step):
         batch = SurfaceSamples(*(_batch(a, first, step) for a in samples))
         lit = model

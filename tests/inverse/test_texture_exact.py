@@ -15,8 +15,13 @@ from jaxrender.brdf import Microfacet
 from jaxrender.inverse import MicrofacetUnknowns, Outcome
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import LinearisedModel
-from jaxrender.inverse.texture import TextureSettings, by_site, exact_forward, fit_texture
-from jaxrender.inverse.texture import known_light as of_known_light
+from jaxrender.inverse.texture import (
+    TextureSettings,
+    by_site,
+    exact_forward,
+    fit_texture,
+    forward_under,
+)
 from jaxrender.inverse.texture.forward import Forward
 from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
 
@@ -95,14 +100,11 @@ def test_unseen_sites_are_unknown_and_marked(fit):
     assert IMAGE[0] * IMAGE[1] == fit.texture.seen.size
 
 
-def test_sites_of_a_large_task_are_solved_as_exactly(ball, monkeypatch):
-    """Too many pairs for the integral over the light: then over the lobe, not by its mean."""
-    monkeypatch.setattr(of_known_light, "_AFFORDABLE_PAIRS", 0)
+def test_sites_are_solved_as_exactly_as_by_the_integral(ball):
+    """The slow light is integrated over the lobe, not filtered by its mean."""
     seen = noisy(ball).take(np.arange(0, 1200, 4))
     variant = Microfacet(np.ones(3), np.ones(3), SIGMA, MU)
-    forward = of_known_light.forward_under(
-        known_light(48), seen, variant, SIGMA, (0.8 * SIGMA, 1.2 * SIGMA)
-    )
+    forward = forward_under(known_light(48), seen, variant, SIGMA, (0.8 * SIGMA, 1.2 * SIGMA))
     every = np.arange(seen.count)
     final, exact, search = (
         np.asarray(model(every).columns(jnp.asarray(SIGMA), jnp.asarray(MU)).specular)

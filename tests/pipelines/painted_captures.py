@@ -11,7 +11,7 @@ from unittest import mock
 
 import numpy as np
 import small_captures
-from small_captures import Ball, cameras, focal_length, write_json
+from small_captures import SIGMA, Ball, cameras, focal_length, write_json
 
 from jaxrender.geometry import Shape, observe
 from jaxrender.io import write_image
@@ -29,10 +29,11 @@ KS = np.array([0.06, 0.12])
 
 
 class Paint(NamedTuple):
-    """Two paints, and where each is."""
+    """Two paints, and where each is; sigma grows by this power from the bottom to the top."""
 
     kd: np.ndarray = KD
     ks: np.ndarray = KS
+    growth: float = 0.0
 
     def of(self, points):
         """Kd and ks by direction from the origin."""
@@ -41,6 +42,11 @@ class Paint(NamedTuple):
         column = np.floor((np.arctan2(y, x) / (2 * np.pi)) % 1 * 2 * CELLS)
         which = ((row + column) % 2).astype(int)
         return self.kd[which], self.ks[which]
+
+    def sigma_of(self, points):
+        """Sigma by height, that of ``small_captures`` in the middle."""
+        height = points[:, 2] / np.linalg.norm(points, axis=1)
+        return SIGMA * np.exp(self.growth * height)
 
 
 CHECKER, MATTE = Paint(), Paint(ks=np.zeros(2))
@@ -62,7 +68,8 @@ def write_painted(
     for number, camera in enumerate(cameras(ball)):
         view = observe(camera, shape)
         kd, ks = paint.of(view.points[view.hit])
-        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], lamps)
+        sigma = paint.sigma_of(view.points[view.hit])
+        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], lamps, sigma)
         image = np.zeros((*view.hit.shape, 4))
         exact = kd * diffuse + ks[:, None] * specular
         image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))
@@ -87,11 +94,11 @@ def soft_light(count: int = 900) -> list:
     return list(zip(directions.tolist(), (radiance * 4 * np.pi / count).tolist()))
 
 
-def columns(normals, outgoing, lamps=LAMPS):
-    """D and S of T 6.13, with the sigma and mu of ``small_captures``."""
+def columns(normals, outgoing, lamps=LAMPS, sigma=SIGMA):
+    """D and S of T 6.13, with the mu of ``small_captures``."""
     found = []
     for kd, ks in (((1.0, 1.0, 1.0), 0.0), ((0.0, 0.0, 0.0), 1.0)):
-        with mock.patch.multiple(small_captures, KD=kd, KS=ks):
+        with mock.patch.multiple(small_captures, KD=kd, KS=ks, SIGMA=sigma):
             found.append(small_captures.reflected(normals, outgoing, lamps))
     return found
 

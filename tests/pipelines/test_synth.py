@@ -247,6 +247,25 @@ def test_a_phong_ball_is_photographed(tmp_path):
     np.testing.assert_allclose(image, exact, rtol=1e-5, atol=1e-6)
 
 
+def test_sigma_may_vary_with_height(tmp_path, monkeypatch):
+    """From brdf.sigma at the bottom to sigma_above at the top, evenly in its logarithm; T 6.2."""
+    paint = {"kd": KD, "ks": KS, "sigma_above": 2 * SIGMA}
+    recipe = recipe_of(texture=paint)
+    make(recipe, tmp_path / "capture")
+    for photograph, view in views_of(recipe, tmp_path / "capture"):
+        height = view.points[view.hit][:, 2]
+        monkeypatch.setattr("small_captures.SIGMA", SIGMA * 2 ** ((1 + height) / 2))
+        expected = reflected(view.normals[view.hit], view.outgoing[view.hit], [SUN])
+        # The lobe is interpolated between widths that are 5 % apart.
+        np.testing.assert_allclose(photograph.pixels[view.hit], expected, rtol=3e-3)
+
+
+def test_a_recipe_without_sigma_has_none_that_varies():
+    brdf = {"model": "phong", "kd": KD, "ks": KS, "exponent": 20.0}
+    with pytest.raises(ValueError, match="sigma_above with model phong, which has no sigma"):
+        recipe_of(brdf=brdf, texture={"kd": KD, "ks": KS, "sigma_above": 0.3})
+
+
 def test_recipes_that_cannot_be_rendered(tmp_path):
     for views, message in (
         ({"elevation_degrees": -90.0}, r"recipe\.yaml: views\.elevation_degrees -90: looking from"),

@@ -8,6 +8,7 @@
   says so; under unknown light the texture is right up to what cannot be told, which is said; gloss
   that is not there is not told.
 - Gloss under unknown light: sigma, mu and the texture within their errors, up to one scale.
+- A sigma that varies over the ball is a map with errors, by which predictions and renderings go.
 - Bad input is refused in words.
 """
 
@@ -38,6 +39,9 @@ ROWS, WITHIN = 16, 3.5
 TASK = "task: texture\ntexture: {size: 16}\nsolve: {starts: 1, refine: off}\n"
 SOFT_TASK = "task: texture\ntexture: {size: 16}\nsolve: {noise: {relative: 0.01}}\n"
 MATTE_TASK = "task: texture\ntexture: {size: 16}\nbrdf: {model: lambertian}\n"
+
+
+CHECKER_GROWING = CHECKER._replace(growth=0.25)
 
 
 @pytest.fixture(scope="module")
@@ -295,3 +299,79 @@ def test_regions_are_put_together(matte, tmp_path):
     off = (texture["kd"].reshape(-1, 3) - kd) / texture["kd_error"].reshape(-1, 3)
     assert 0.8 < np.sqrt(np.mean(off[good] ** 2)) < 1.2
     assert "#ffffff" in (folder / "report.html").read_text()
+
+
+VARYING_TASK = (
+    "task: texture\ntexture: {size: 16, sigma: varying, control_points: 6}\n"
+    "brdf: {sigma: {bounds: [0.06, 0.5]}}\nsolve: {starts: 1, noise: {relative: 0.01}}\n"
+)
+
+
+@pytest.fixture(scope="module")
+def varying(tmp_path_factory):
+    capture = write_painted(tmp_path_factory.mktemp("varying") / "capture", CHECKER_GROWING)
+    return capture, *run(capture, VARYING_TASK)
+
+
+def test_sigma_varies_over_the_ball(varying):
+    _, folder, result = varying
+    maps = arrays(folder)
+    height = np.cos((np.arange(ROWS) + 0.5) * np.pi / ROWS)[:, None]
+    true = SIGMA * np.exp(CHECKER_GROWING.growth * height) + 0 * maps["sigma"]
+    told = maps["sigma_error"] < 0.03 * true
+    assert told.mean() > 0.3
+    # A texel is 11 degrees wide, over which sigma changes by 5 %.
+    assert np.sqrt(np.mean((maps["sigma"][told] / true[told] - 1) ** 2)) < 0.03
+    low, high = result["texture"]["sigma_range"]
+    assert low < 0.9 * SIGMA
+    assert high > 1.1 * SIGMA
+    assert low < result["brdf"]["sigma"] < high
+    unseen = maps["seen"] == 0
+    assert unseen.any()
+    assert np.isnan(maps["sigma"][unseen]).all()
+    # With one sigma for all it is more than three times the noise.
+    assert result["residual"]["relative_rms"] < 1.5 * NOISE
+
+
+def test_maps_of_sigma_are_written_and_shown(varying):
+    _, folder, result = varying
+    maps = arrays(folder)
+    for name in ("sigma", "sigma_error"):
+        assert result["texture"]["files"][name] == f"textures/{name}.exr"
+        image = read_image(folder / f"textures/{name}.exr").pixels[..., 0]
+        known = np.isfinite(maps["sigma"])
+        np.testing.assert_allclose(image[known], maps[name][known], rtol=1e-3)
+    page = (folder / "report.html").read_text()
+    assert "standard error of sigma" in page
+
+
+def test_a_varying_sigma_renders_again(varying, tmp_path):
+    """Prediction and rendering both go by the map: the photograph, to the noise."""
+    capture, folder, _ = varying
+    out = render_config(folder, tmp_path / "again")
+    photograph, again = (read_image(p).pixels for p in (capture / "images/1.exr", out / "1.exr"))
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
+    predicted = read_image(folder / "images/1_predicted.exr").pixels
+    for image in (again, predicted):
+        assert np.median(np.abs(image[inside] / photograph[inside, :3] - 1)) < 1.5 * NOISE
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("solve.refine=off", "texture.sigma varying is found on the integral; remove solve.refine"),
+        ("brdf.sigma={fixed: 0.2}", "leaves sigma free; remove brdf.sigma"),
+        ("brdf={model: lambertian}", "needs a model that has gloss"),
+        ("solve.method=simplex", "is more than the simplex finds"),
+    ],
+)
+def test_what_a_varying_sigma_cannot_be_combined_with(ball, override, words):
+    path = write_config(ball, "task: texture\ntexture: {sigma: varying}\n")
+    with pytest.raises(InputError, match=words):
+        load_run_config(path, [override])
+
+
+def test_a_varying_sigma_needs_light(ball, tmp_path):
+    path = write_config(ball, "task: texture\ntexture: {sigma: varying}\n", lighting="")
+    with pytest.raises(InputError, match="needs a light that is known: give lighting"):
+        fit(load_run_config(path, [f"output={tmp_path / 'out'}"]))

@@ -11,6 +11,8 @@
 ``whole_surface``, ``fit``, ``known_light``
     every site with its standard errors and marks; the whole recovery (T 6.13), also by region, and
     with the light split on the way
+``varying``
+    a sigma that varies slowly over the surface
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
     matte object; light from what moves with the view (``view_dependent`` with all else given,
@@ -70,6 +72,7 @@ from jaxrender.inverse.texture.site_systems import (
     solve_sites,
 )
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.texture.view_dependent import solve_view_dependent
 from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
 
@@ -84,6 +87,8 @@ __all__ = [
     "GlossyTexture",
     "Lobe",
     "ModelOf",
+    "SigmaField",
+    "SigmaMap",
     "SiteData",
     "SiteMaterial",
     "SiteObservations",

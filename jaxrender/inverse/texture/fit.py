@@ -3,7 +3,9 @@
 1. Some whole sites are drawn.  With one K_s for all of them, sigma and mu are searched from many
    starts; then each site's own K_s tells how they are spread (:mod:`.specular_prior`), and the
    search goes on with a K_s a site.  Noise is estimated from what is left, and all of it repeated.
-2. Every site is solved exactly, a chunk at a time, with standard errors that include those of sigma
+2. Where sigma varies slowly over the surface, it is searched for once more at control points
+   (:mod:`.varying`), from one sigma for all.
+3. Every site is solved exactly, a chunk at a time, with standard errors that include those of sigma
    and mu; what cannot be trusted is marked.
 
 ``method="thesis"`` does it as T 6.4.2 does: phase 1 by simplex, then the alternation.
@@ -15,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.models import Model
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.forward import Forward
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, whole_sites
@@ -29,6 +32,7 @@ from jaxrender.inverse.texture.search import (
 )
 from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma
 from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.shapes import Float, Int
@@ -74,6 +78,11 @@ class TextureFit(NamedTuple):
     lobe: Lobe
     reasons: tuple[str, ...]
 
+    @property
+    def variation(self) -> SigmaMap | None:
+        """sigma at every site with its standard error, where it varies; ``sigma`` is its mean."""
+        return self.lobe.variation()
+
 
 class _Searched(NamedTuple):
     """The sites drawn for the search, weighted, and where it ended on them."""
@@ -90,19 +99,27 @@ def fit_texture(
     unknowns: MicrofacetUnknowns,
     settings: TextureSettings | None = None,
     start: Float[np.ndarray, "unknown"] | None = None,
+    *,
+    field: SigmaField | None = None,
 ) -> TextureFit:
     """Recover sigma, mu, and K_d and K_s of every site.
 
-    ``start`` replaces the several starting points.  Raises ``ValueError`` for an unknown method,
-    for kd or ks that are fixed (they are the texture), or where no site is seen often enough.
+    ``start`` replaces the several starting points; with ``field`` sigma varies over the surface.
+    Raises ``ValueError`` for an unknown method, for kd or ks that are fixed (they are the texture),
+    for a sigma that is fixed and varies, or where no site is seen often enough.
     """
     settings = settings or TextureSettings()
     _check(measured, unknowns, settings)
+    if field is not None:
+        _check_variation(unknowns, settings)
     some = whole_sites(measured, settings.search_samples, settings.seed)
     model = forward.search(some.index)
     starts = unknowns.starts(settings.starts) if start is None else start[None]
     searched = _search_in_rounds(some, model, unknowns, starts, settings)
-    if forward.exact is not None and settings.method == "joint" and unknowns.names:
+    if field is not None:
+        model = forward.final(some.index)
+        searched = _let_vary(searched, (measured, some), model, field, settings)
+    elif forward.exact is not None and settings.method == "joint" and unknowns.names:
         few = whole_sites(some, settings.exact_samples, settings.seed)
         data = _weighted(few, searched.noise, _prediction_for(few, some, searched))
         model = forward.exact(few.index)
@@ -110,6 +127,7 @@ def fit_texture(
             fit=refine(searched.problem, model, data, searched.fit), data=data
         )
     lobe, scatter = _lobe(searched, model, settings.noise is not None)
+    lobe = lobe._replace(field=field)
     noise = NoiseModel(searched.noise.relative * scatter, searched.noise.floor * scatter)
     texture = solve_surface(
         measured, forward.final, lobe, searched.problem.prior, (noise, settings.method)
@@ -171,13 +189,46 @@ def _search_in_rounds(
     return _Searched(fit, problem, data, noise)
 
 
-def _spread(model, data: SiteData, fit: LobeFit, unknowns: MicrofacetUnknowns) -> SpecularPrior:
+def _let_vary(
+    searched: _Searched,
+    measured: tuple[SiteObservations, SiteObservations],
+    model: Model,
+    field: SigmaField,
+    settings: TextureSettings,
+) -> _Searched:
+    """Go on from one sigma for all; the noise and the spread of K_s become less for it."""
+    whole, some = measured
+    site = np.full(int(whole.index.max()) + 1, -1)
+    site[whole.index] = whole.site
+    one = searched.problem.unknowns
+    assert isinstance(one, MicrofacetUnknowns)
+    unknowns = field.unknowns(one, site[some.index])
+    fit, prior, data, noise = searched.fit, searched.problem.prior, searched.data, searched.noise
+    fit = fit._replace(point=jnp.asarray(unknowns.spread(np.asarray(fit.point))))
+    problem = TextureProblem(unknowns, prior, np.asarray(False))
+    for _ in range(_ROUNDS):
+        fit = refine(problem, model, data, fit)
+        before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
+        if _close(before, noise, np.asarray(fit.predicted)):
+            break
+        data = _weighted(some, noise, np.asarray(fit.predicted))
+        prior = _spread(model, data, fit, unknowns)
+        problem = TextureProblem(unknowns, prior, np.asarray(False))
+    return _Searched(fit, problem, data, noise)
+
+
+def _spread(
+    model: Model, data: SiteData, fit: LobeFit, unknowns: MicrofacetUnknowns | VaryingSigma
+) -> SpecularPrior:
     material, precision, _ = free_textures(unknowns, model, data, fit.point)
     return spread_of(np.asarray(material.ks, float), np.asarray(precision, float))
 
 
 def _noise_left(
-    some: SiteObservations, model, fit: LobeFit, unknowns: MicrofacetUnknowns
+    some: SiteObservations,
+    model: Model,
+    fit: LobeFit,
+    unknowns: MicrofacetUnknowns | VaryingSigma,
 ) -> NoiseModel:
     """Estimate the noise from what a material for every site leaves over.
 
@@ -235,16 +286,17 @@ def _lobe(searched: _Searched, model, noise_given: bool) -> tuple[Lobe, float]:
     widening = max(scatter, 1.0) if noise_given else scatter
     information = np.asarray(lobe_information(problem, model, data, fit.point))
     covariance = widening * np.linalg.pinv(information, hermitian=True)
-    return Lobe(problem.unknowns, np.asarray(fit.point), covariance), float(np.sqrt(widening))
+    one = problem.unknowns
+    one = one.one if isinstance(one, VaryingSigma) else one
+    return Lobe(one, np.asarray(fit.point), covariance), float(np.sqrt(widening))
 
 
 def _account(texture: Texture, lobe: Lobe, searched: _Searched, noise: NoiseModel) -> TextureFit:
-    physical = lobe.unknowns.unpack(jnp.asarray(lobe.point))
+    sigma, mu = lobe.values()
     sigma_error, mu_error = lobe.errors()
-    sigma = float(physical.sigma)
-    mu = float("nan") if physical.mu is None else float(physical.mu)
-    bounded = lobe.unknowns.at_bound(jnp.asarray(lobe.point))
-    reasons = [f"{name} ended at its bound" for name, at in zip(lobe.unknowns.names, bounded) if at]
+    sought = searched.problem.unknowns
+    bounded = sought.at_bound(jnp.asarray(lobe.point))
+    reasons = [f"{name} ended at its bound" for name, at in zip(sought.names, bounded) if at]
     outcome = Outcome.CONVERGED
     if _kd_is_lost(texture):
         outcome = Outcome.NOT_IDENTIFIABLE
@@ -288,6 +340,13 @@ def _close(before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "
     level = np.sqrt(np.mean(predicted**2, keepdims=True))
     one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
     return bool(abs(np.log(max(one, 1e-300) / max(other, 1e-300))) < _NOISE_SETTLED)
+
+
+def _check_variation(unknowns: MicrofacetUnknowns, settings: TextureSettings) -> None:
+    if not unknowns.sigma.free:
+        raise ValueError("sigma is fixed, and to vary over the surface: let one of the two go")
+    if settings.method != "joint":
+        raise ValueError(f"method={settings.method!r} knows one sigma: choose joint")
 
 
 def _check(

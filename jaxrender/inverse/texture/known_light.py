@@ -15,6 +15,7 @@ from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_tr
 from jaxrender.inverse.texture.fit import TextureFit, TextureSettings, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
+from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.reflection import FACETS
 from jaxrender.shapes import Int
@@ -23,9 +24,6 @@ from jaxrender.shapes import Int
 _ROUGH_SIGMA, _TABLE_REACH = 0.06, 1.8
 # The light is split anew when the search ends this far (in log sigma) from where it was split.
 _SPLIT_AGAIN, _SPLITS = 0.25, 3
-# Up to so many pairs of an observation and a direction of the light the sites are solved on the
-# exact integral, within a minute or two.
-_AFFORDABLE_PAIRS = 2**28
 # Observations that the rough pass looks at.
 _ROUGH_SAMPLES = 4000
 # Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
@@ -43,16 +41,18 @@ def recover_texture(
     settings: TextureSettings | None = None,
     exact: bool = True,
     shape: Shape | None = None,
+    field: SigmaField | None = None,
 ) -> TextureFit:
     """Recover K_d and K_s of every site of an object.
 
     ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
     the Fresnel angle, the masking and, by ``mu=None``, a metal.  With ``exact`` sigma and mu are
-    refined on the integral, and the sites solved on it, too, unless observations times directions
-    exceed 2^28; then on the dual model whose slow light is integrated over the lobe.  ``shape`` is
-    asked for shadows where it is concave; the observations must then have places, and the sites are
-    solved on the dual model (T 6.12).
+    refined on the integral, and the sites solved on the dual model whose slow light is integrated
+    over the lobe.  ``shape`` is asked for shadows where it is concave; the observations must then
+    have places.  With ``field`` sigma varies over the surface, which takes ``exact``.
     """
+    if field is not None and not exact:
+        raise ValueError("a sigma that varies is found on the integral alone: leave exact on")
     settings = settings or TextureSettings()
     unknowns = unknowns or MicrofacetUnknowns(mu=MicrofacetUnknowns().mu if variant.mu else None)
     measured = by_site(observations, site, count)
@@ -68,15 +68,22 @@ def recover_texture(
     rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES)
     fit = fit_texture(some, rough, unknowns, rough_settings)
     for _ in range(_SPLITS):
-        before, found = found, fit.sigma
-        reach = (max(low, found / _TABLE_REACH), min(high, found * _TABLE_REACH))
+        before, found = found, _finest(fit)
+        reach = (max(low, fit.sigma / _TABLE_REACH), min(high, fit.sigma * _TABLE_REACH))
         forward = forward_under(
             light, observations, variant, found, reach, exact=exact, shape=shape
         )
-        fit = fit_texture(measured, forward, unknowns, settings, fit.lobe.point)
-        if abs(np.log(fit.sigma / found)) < _SPLIT_AGAIN or before == found:
+        start = unknowns.pack(fit.sigma, fit.mu)
+        fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
+        if abs(np.log(_finest(fit) / found)) < _SPLIT_AGAIN or before == found:
             break
     return fit
+
+
+def _finest(fit: TextureFit) -> float:
+    """Return sigma, or the least of it where it varies: what the light must be split for."""
+    varying = fit.variation
+    return fit.sigma if varying is None else float(np.nanmin(varying.sigma))
 
 
 def forward_under(
@@ -104,10 +111,7 @@ def forward_under(
         integral = _shadowed_exact(light, observations, variant, sigma, shape)
         return Forward(dual.search, final, integral)
     nodes = exact_nodes(light, np.asarray(observations.frame), sigma)
-    integral = exact_forward(variant, observations, nodes)
-    directions = sum(part.directions.shape[-2] for part in nodes)
-    affordable = observations.count * directions <= _AFFORDABLE_PAIRS
-    return Forward(dual.search, integral if affordable else final, integral)
+    return Forward(dual.search, final, exact_forward(variant, observations, nodes))
 
 
 def _by_facets(

@@ -24,6 +24,7 @@ from jaxrender.inverse.texture.site_systems import (
     solve_freely,
     solve_sites,
 )
+from jaxrender.inverse.texture.varying import VaryingSigma
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -49,7 +50,7 @@ class LobeFit(NamedTuple):
 class TextureProblem(eqx.Module):
     """What is unknown of the lobe, the prior of K_s, and whether K_s is one for all sites."""
 
-    unknowns: MicrofacetUnknowns
+    unknowns: MicrofacetUnknowns | VaryingSigma
     prior: SpecularPrior
     shared: Bool[AnyArray, ""]
 
@@ -80,7 +81,8 @@ def residuals(
     left = jnp.asarray(data.weights) * (data.radiance - predicted(material, columns, data))
     precision = jnp.where(problem.shared, 0, jnp.asarray(problem.prior.precision))
     off = jnp.sqrt(precision) * (material.ks - problem.prior.mean)
-    return jnp.concatenate([left.ravel(), off])
+    held = [problem.unknowns.steps(point)] if isinstance(problem.unknowns, VaryingSigma) else []
+    return jnp.concatenate([left.ravel(), off, *held])
 
 
 def search(
@@ -131,7 +133,10 @@ def first_phase(
 
 @eqx.filter_jit
 def free_textures(
-    unknowns: MicrofacetUnknowns, model: Model, data: SiteData, point: Float[Array, "unknown"]
+    unknowns: MicrofacetUnknowns | VaryingSigma,
+    model: Model,
+    data: SiteData,
+    point: Float[Array, "unknown"],
 ) -> tuple[SiteMaterial, Float[Array, "site"], Float[Array, "sample channel"]]:
     """Solve for the texture without bounds or prior.
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.texture.alternation import alternate, confidence
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
@@ -26,6 +26,7 @@ from jaxrender.inverse.texture.site_systems import (
     site_sums,
     solve_sites,
 )
+from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
@@ -41,24 +42,45 @@ _LEAST_NOISE = 1e-6
 
 
 class Lobe(NamedTuple):
-    """sigma and mu as search variables, with their covariance."""
+    """sigma and mu as search variables, with their covariance; ``field`` where sigma varies."""
 
     unknowns: MicrofacetUnknowns
     point: Float[np.ndarray, "unknown"]
     covariance: Float[np.ndarray, "unknown unknown"]
+    field: SigmaField | None = None
+
+    def of_sites(self, site: Int[np.ndarray, "sample"]) -> MicrofacetUnknowns | VaryingSigma:
+        """Return the unknowns of samples that show the given sites."""
+        return self.unknowns if self.field is None else self.field.unknowns(self.unknowns, site)
+
+    def variation(self) -> SigmaMap | None:
+        """Return sigma and its standard error at every site, where it varies."""
+        if self.field is None:
+            return None
+        return sigma_map(self.field, self.unknowns, self.point, self.covariance)
 
     def errors(self) -> tuple[float, float]:
         """Standard errors of sigma and mu in their own units, 0 for what is not searched."""
-
-        def values(point: Float[Array, "unknown"]) -> Float[Array, "2"]:
-            physical = self.unknowns.unpack(point)
-            mu = jnp.zeros_like(physical.sigma) if physical.mu is None else physical.mu
-            return jnp.stack([physical.sigma, mu])
-
-        jacobian = np.asarray(jax.jacfwd(values)(jnp.asarray(self.point)))
+        jacobian = np.asarray(jax.jacfwd(self._values)(jnp.asarray(self.point)))
         variances = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
         sigma, mu = np.sqrt(np.maximum(variances, 0))
         return float(sigma), float(mu)
+
+    def values(self) -> tuple[float, float]:
+        """Return sigma (where it varies, the mean of its control points) and mu (NaN: a metal)."""
+        sigma, mu = (float(value) for value in self._values(jnp.asarray(self.point)))
+        return sigma, float("nan") if self.unknowns.mu is None else mu
+
+    def _values(self, point: Float[Array, "unknown"]) -> Float[Array, "2"]:
+        if self.field is None:
+            physical = self.unknowns.unpack(point)
+            sigma = physical.sigma
+        else:
+            varying = self.field.unknowns(self.unknowns, np.zeros(1, int))
+            physical = varying.unpack(point)
+            sigma = jnp.exp(jnp.mean(varying.logs(point)))
+        mu = jnp.zeros_like(sigma) if physical.mu is None else physical.mu
+        return jnp.stack([sigma, mu])
 
 
 class Texture(NamedTuple):
@@ -126,7 +148,8 @@ def solve_surface(
         data = SiteData(part.radiance, even, part.site, part.count)
         variance = np.asarray([noise.relative**2, noise.floor**2 + (_LEAST_NOISE * scale) ** 2])
         settings = (variance, method == "thesis")
-        solved = _solve(model_of(part.index), data, part.exit_cosines, (lobe, prior), settings)
+        known = lobe.of_sites(sites[part.site]), lobe.point, lobe.covariance, prior
+        solved = _solve(model_of(part.index), data, part.exit_cosines, known, settings)
         count = len(sites)
         kd[sites], ks[sites] = (np.asarray(a)[:count] for a in solved.material)
         kd_error[sites], ks_error[sites] = (np.asarray(a)[:count] for a in solved.errors)
@@ -164,40 +187,42 @@ def _solve(
     model: Model,
     data: SiteData,
     exit_cosines: Float[AnyArray, "sample"],
-    known: tuple[Lobe, SpecularPrior],
+    known: tuple[
+        MicrofacetUnknowns | VaryingSigma,
+        Float[AnyArray, "unknown"],
+        Float[AnyArray, "unknown unknown"],
+        SpecularPrior,
+    ],
     settings: tuple[Float[AnyArray, "2"], bool],
 ) -> _Solved:
     """Solve a chunk's sites: once to weigh by what is predicted, then with derivatives."""
-    lobe, prior = known
+    unknowns, point, covariance, prior = known
     variance, alternating = settings
-    point, share = jnp.asarray(lobe.point), jnp.asarray(data.weights)
+    point, share = jnp.asarray(point), jnp.asarray(data.weights)
 
     def weighted(guess: Float[Array, "sample channel"]) -> SiteData:
         weights = share * jax.lax.rsqrt(variance[0] * jnp.maximum(guess, 0) ** 2 + variance[1])
         return SiteData(data.radiance, weights, data.site, data.count)
 
-    def columns_at(point: Float[Array, "unknown"]) -> tuple[Columns, Columns]:
-        physical = lobe.unknowns.unpack(point)
-        columns = model.columns(physical.sigma, physical.mu)
-        return columns, columns
-
     with jax.default_matmul_precision("highest"):
-        by_point, columns = jax.jacfwd(columns_at, has_aux=True)(point)
+        found = unknowns.unpack(point)
+        near = LinearisedModel.about(model, found.sigma, found.mu)
+        columns = near.columns(found.sigma, found.mu)
         data = weighted(jnp.asarray(data.radiance))
         first = solve_sites(site_sums(data, columns), prior)
         data = weighted(predicted(first, columns, data))
 
         def material_at(moved: Float[Array, "unknown"]) -> SiteMaterial:
-            near = Columns(*(c + by @ (moved - point) for c, by in zip(columns, by_point)))
-            return solve_sites(site_sums(data, near), prior)
+            lobe = unknowns.unpack(moved)
+            return solve_sites(site_sums(data, near.columns(lobe.sigma, lobe.mu)), prior)
 
         sums = site_sums(data, columns)
         material = solve_sites(sums, prior)
         own = site_errors(sums, prior)
         through = jax.jacfwd(material_at)(point)
         errors = SiteMaterial(
-            _with_lobe(jnp.asarray(own.kd), through.kd, lobe.covariance),
-            _with_lobe(jnp.asarray(own.ks), through.ks, lobe.covariance),
+            _with_lobe(jnp.asarray(own.kd), through.kd, covariance),
+            _with_lobe(jnp.asarray(own.ks), through.ks, covariance),
         )
         if alternating:
             trust = confidence(columns, exit_cosines)

@@ -89,6 +89,8 @@ class RecipePaintConfig(Section):
     """Diffuse BRDF value of the other paint, 1/sr."""
     ks: NonNegative
     """Specular weight of the other paint, one for all channels."""
+    sigma_above: Positive | None = None
+    """Roughness at the very top, where it varies with height: below it is brdf's."""
     seed: WholeNumber = 0
     """Seed of the blotches."""
 
@@ -179,4 +181,11 @@ class RecipeConfig(Section):
             raise ValueError("a painted material has one ks for all channels; give brdf.ks once")
         if self.texture is not None and self.brdf.model == "lambertian" and self.texture.ks:
             raise ValueError("found texture.ks with model lambertian, which has only kd; give 0")
+        if self.texture is not None and self.texture.sigma_above is not None:
+            if "sigma" not in numbers_of(self.brdf.model):
+                raise ValueError(
+                    f"found texture.sigma_above with model {self.brdf.model}, which has no sigma; "
+                    "remove it"
+                )
+            refuse_roughest(self.brdf.model, self.texture.sigma_above)
         return self

@@ -130,8 +130,26 @@ def _refuse_for_texture(config: RunConfig) -> None:
     for key, (found, why) in faults.items():
         if found:
             raise ValueError(f"task texture {why}; remove {key}")
+    if config.texture is not None and config.texture.sigma == "varying":
+        _refuse_for_varying_sigma(config)
     if config.texture is not None and config.texture.unknown_light and lighting.given:
         raise ValueError("found lighting with texture.unknown_light; remove one of them")
+
+
+def _refuse_for_varying_sigma(config: RunConfig) -> None:
+    """Refuse what a sigma that varies over the surface cannot be combined with."""
+    brdf, solve = config.brdf, config.solve
+    assert config.texture is not None
+    faults = {
+        "texture.unknown_light": (config.texture.unknown_light, "needs a light that is known"),
+        "brdf.model": (brdf.model == "lambertian", "needs a model that has gloss"),
+        "brdf.sigma": (not brdf.sigma.free, "leaves sigma free"),
+        "solve.refine": (solve.refine != "exact", "is found on the integral"),
+        "solve.method": (solve.method != "variable-projection", "is more than the simplex finds"),
+    }
+    for key, (found, why) in faults.items():
+        if found:
+            raise ValueError(f"texture.sigma varying {why}; remove {key}, or texture.sigma")
 
 
 def _refuse_for_spectrum(config: RunConfig) -> None:

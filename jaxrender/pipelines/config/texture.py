@@ -17,6 +17,10 @@ class TextureConfig(Section):
     regions: ConfigPath | None = None
     """A picture over the texture coordinates whose colours tell materials apart: each colour gets a
     sigma and a mu of its own."""
+    sigma: Literal["even", "varying"] = "even"
+    """Whether every material has one sigma, or it varies slowly over the surface."""
+    control_points: Count = 24
+    """Places at which a varying sigma is sought; between them it is smooth."""
     unknown_light: Switch = False
     """Whether the light is unknown although a recipe could tell it."""
     prior: Literal["total-variation", "variance"] = "total-variation"

@@ -32,6 +32,8 @@ _CAPTIONS = {
     "ks": "K_s",
     "kd_error": "standard error of K_d, largest of the channels, beside K_d",
     "ks_error": "standard error of K_s",
+    "sigma": "sigma",
+    "sigma_error": "standard error of sigma",
     "marks": "marks: red K_d, green K_s not to be trusted; both and blue: nobody saw it",
 }
 
@@ -85,7 +87,11 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
         relative = np.max(maps["kd_error"] / maps["kd"], axis=-1, keepdims=True)
     relative = np.where(np.isfinite(relative), relative, np.nan)
     graded = {"ks": maps["ks"], "kd_error": relative, "ks_error": maps["ks_error"]}
-    for name in ("kd_error",) if contents.is_lambertian else ("ks", "kd_error", "ks_error"):
+    names = ("kd_error",) if contents.is_lambertian else ("ks", "kd_error", "ks_error")
+    if "sigma" in maps:
+        graded |= {name: maps[name] for name in ("sigma", "sigma_error")}
+        names = (*names, "sigma", "sigma_error")
+    for name in names:
         uri, top = _graded(graded[name])
         scale = percent(top) if name == "kd_error" else shown(top, 3)
         found.append(Map(uri, f"{_CAPTIONS[name]}; dark 0, yellow {scale}"))

@@ -17,36 +17,38 @@ from jaxrender.shapes import Bool, Float
 _MAPS = ("kd", "ks", "kd_error", "ks_error")
 
 
-def write_maps(folder: Path, texture: Texture, sites: SurfaceSites, reach: int) -> dict[str, str]:
-    """Write the maps into ``folder/textures`` and name them, relative to ``folder``.
+def write_maps(folder: Path, surface: Surface, sites: SurfaceSites, reach: int) -> None:
+    """Write the maps into ``folder/textures``.
 
     Maps are continued ``reach`` texels beyond what was seen and are 0 from there on; ``marks.png``
     is red where K_d is not to be trusted, green where K_s is not, blue where nothing was seen.
     """
     (folder / "textures").mkdir()
     if sites.image is None:
-        _write_vertices(folder / "textures" / "vertices.ply", texture, sites)
-        return {"vertices": "textures/vertices.ply"}
-    for name, image in map_images(texture, sites).items():
+        _write_vertices(folder / "textures" / "vertices.ply", surface, sites)
+        return
+    for name, image in map_images(surface, sites).items():
         filled = dilated(image, reach, sites.wraps)
         write_image(folder / "textures" / f"{name}.exr", np.nan_to_num(filled))
-    write_image(folder / "textures" / "marks.png", marks_image(texture, sites))
-    files = {name: f"textures/{name}.exr" for name in _MAPS}
-    return {**files, "marks": "textures/marks.png"}
+    write_image(folder / "textures" / "marks.png", marks_image(surface.texture, sites))
 
 
 def map_images(
-    texture: Texture, sites: SurfaceSites
+    surface: Surface, sites: SurfaceSites
 ) -> dict[str, Float[np.ndarray, "row column channel"]]:
     """Lay values and errors out as images, NaN where unseen or unlit."""
     assert sites.image is not None
-    images = {}
+    texture, images = surface.texture, {}
     for name in _MAPS:
         # What was seen but never lit has a value that means nothing: its error is infinite.
         error = getattr(texture, f"{name.removesuffix('_error')}_error")
         values = getattr(texture, name)
         known = _finite(values) & _finite(error) & (texture.seen > 0)
         images[name] = image_of_sites(values, sites.image, known)
+    if surface.variation is not None:
+        sigma, error = surface.variation
+        images["sigma"] = image_of_sites(sigma, sites.image, np.isfinite(sigma))
+        images["sigma_error"] = image_of_sites(error, sites.image, np.isfinite(sigma))
     return images
 
 
@@ -77,6 +79,9 @@ def write_texture_arrays(path: Path, surface: Surface, sites: SurfaceSites) -> N
             values = values.astype(np.int8) if values.dtype == bool else values
             write_variable(group, name, names, values)
         write_variable(group, "region", names, surface.region.reshape(size))
+        if surface.variation is not None:
+            for name, values in zip(("sigma", "sigma_error"), surface.variation):
+                write_variable(group, name, names, values.reshape(size))
         lobe = file.create_group("lobe")
         lobe.dimensions = {"region": len(surface.regions)}
         for name in ("sigma", "mu", "sigma_error", "mu_error"):
@@ -100,14 +105,17 @@ def _write_light(file: h5netcdf.File, surface: Surface) -> None:
         write_variable(light, "slow_error", ("coefficient", "channel"), errors)
 
 
-def _write_vertices(path: Path, texture: Texture, sites: SurfaceSites) -> None:
+def _write_vertices(path: Path, surface: Surface, sites: SurfaceSites) -> None:
     """Write the mesh with a number for each vertex and map; unseen vertices have NaN."""
     assert isinstance(sites.shape, Mesh)
+    texture = surface.texture
     columns = {"ks": texture.ks, "ks_error": texture.ks_error}
     for channel, letter in enumerate("rgb"):
         columns[f"kd_{letter}"] = texture.kd[:, channel]
         columns[f"kd_error_{letter}"] = texture.kd_error[:, channel]
     columns |= {"kd_marked": texture.kd_marked, "ks_marked": texture.ks_marked}
+    if surface.variation is not None:
+        columns |= {"sigma": surface.variation.sigma, "sigma_error": surface.variation.error}
     write_mesh(path, sites.shape, columns)
 
 

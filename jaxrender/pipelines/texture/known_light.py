@@ -9,6 +9,8 @@ from jaxrender.inverse.models import MatteModel
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.texture import (
     Forward,
+    SigmaField,
+    SigmaMap,
     TextureFit,
     TextureSettings,
     by_site,
@@ -17,11 +19,11 @@ from jaxrender.inverse.texture import (
     recover_texture,
 )
 from jaxrender.inverse.unknowns import Unknown
-from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.config import RunConfig, TextureConfig
 from jaxrender.pipelines.scene import settings_of, unknowns_of
 from jaxrender.pipelines.texture.sites import SurfaceSites
 from jaxrender.pipelines.texture.surface import Region, Surface, facets_of, worst_outcome
-from jaxrender.shapes import Int
+from jaxrender.shapes import Bool, Int
 
 # A lobe that nothing asks about: matte paint has none.
 _NO_LOBE = 0.1
@@ -53,7 +55,7 @@ def under_known_light(
     Raises ``ValueError`` where nothing can be told, such as for sites that are seen only once.
     """
     region, names = regions
-    texture, found, reasons = None, [], []
+    texture, variation, found, reasons = None, None, [], []
     for number, name in enumerate(names):
         own = (sites.of_observation >= 0) & (region[sites.of_observation] == number)
         if not own.any():
@@ -63,6 +65,7 @@ def under_known_light(
         texture = (
             fit.texture if texture is None else texture.with_sites((region == number), fit.texture)
         )
+        variation = _joined(variation, fit.variation, region == number)
         seen = int(np.count_nonzero(fit.texture.seen))
         errors = (fit.sigma_error, fit.mu_error)
         if config.brdf.model == "lambertian":
@@ -79,7 +82,17 @@ def under_known_light(
         worst_outcome([pair[0].outcome for pair in found]),
         tuple(reasons),
         "given",
+        variation=variation,
     )
+
+
+def _joined(
+    before: SigmaMap | None, own: SigmaMap | None, chosen: Bool[np.ndarray, "site"]
+) -> SigmaMap | None:
+    """Add a region's sigma to those of the regions before it."""
+    if own is None or before is None:
+        return own
+    return SigmaMap(*(np.where(chosen, new, old) for new, old in zip(own, before)))
 
 
 def _fit(
@@ -93,6 +106,13 @@ def _fit(
     shape: Shape | None = concave(sites.shape)
     if config.brdf.model == "lambertian":
         return _fit_matte(observations, light, (variant, settings), where)
+    field = None
+    texture = config.texture or TextureConfig()
+    if texture.sigma == "varying":
+        own = np.zeros(sites.count, bool)
+        own[site[site >= 0]] = True
+        places = np.where(own[:, None], sites.places, np.nan)
+        field = SigmaField.over(places, min(texture.control_points, int(own.sum())))
     return recover_texture(
         observations,
         site,
@@ -103,6 +123,7 @@ def _fit(
         settings=settings,
         exact=config.solve.refine == "exact",
         shape=shape,
+        field=field,
     )
 
 

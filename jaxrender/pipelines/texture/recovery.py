@@ -77,6 +77,8 @@ class TextureRecovery(Recovery):
     def result(self) -> dict[str, Any]:
         """Build the summary of ``result.json``."""
         files = ("kd", "ks", "kd_error", "ks_error")
+        if self.surface.variation is not None:
+            files = (*files, "sigma", "sigma_error")
         named = {name: f"textures/{name}.exr" for name in files} | {"marks": "textures/marks.png"}
         if self.sites.image is None:
             named = {"vertices": "textures/vertices.ply"}
@@ -91,7 +93,8 @@ class TextureRecovery(Recovery):
             for rows, model in self._models(region, pixels, own):
                 samples = SurfaceSamples(*(part[rows] for part in pixels.samples))
                 places = SurfacePlaces(*(part[rows] for part in pixels.places))
-                lobes = lobes_of(self._lobe(region), samples, model, places)
+                widths = self._widths(pixels.site[rows])
+                lobes = lobes_of(self._lobe(region), samples, model, places, widths)
                 values[rows] = lobes.radiance(self.texture, pixels.site[rows])
         images = []
         for number, photograph in enumerate(self.photographs):
@@ -103,7 +106,7 @@ class TextureRecovery(Recovery):
     def write(self, folder: Path) -> None:
         """Write maps and arrays, and the light where it was recovered."""
         reach = (self.config.texture or TextureConfig()).dilate
-        write_maps(folder, self.texture, self.sites, reach)
+        write_maps(folder, self.surface, self.sites, reach)
         write_texture_arrays(folder / "result.nc", self.surface, self.sites)
         if self.surface.light is not None:
             grid = LatLongGrid(_ROWS, 2 * _ROWS)
@@ -120,7 +123,7 @@ class TextureRecovery(Recovery):
 
         maps = None
         if self.sites.image is not None:
-            maps = {**map_images(self.texture, self.sites)}
+            maps = {**map_images(self.surface, self.sites)}
             maps["marks"] = marks_image(self.texture, self.sites)
         light = self.surface.light
         coefficients = None if light is None else light.coefficients
@@ -145,6 +148,13 @@ class TextureRecovery(Recovery):
     def _lobe(self, region: Region):
         variant = facets_of(self.config.brdf)
         return variant.with_roughness(region.sigma, None if variant.mu is None else region.mu)
+
+    def _widths(self, site: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"] | None:
+        """Look up sigma where it varies; the mean where it is not known, which nothing uses."""
+        if self.surface.variation is None:
+            return None
+        sigma = self.surface.variation.sigma
+        return np.nan_to_num(sigma, nan=float(np.nanmean(sigma)))[site]
 
     def _models(
         self, region: Region, pixels: _Pixels, own: np.ndarray
@@ -206,6 +216,11 @@ def recover_surface(
                 raise InputError(
                     "texture.regions: under unknown light all regions share the light, which is "
                     "not modelled; give the light, or remove texture.regions"
+                )
+            if texture.sigma == "varying":
+                raise InputError(
+                    "texture.sigma varying needs a light that is known: give lighting, or remove "
+                    "texture.sigma"
                 )
             surface = under_unknown_light(config, observations, sites)
         else:

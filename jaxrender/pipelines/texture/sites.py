@@ -17,7 +17,7 @@ from jaxrender.geometry.texels import (
 from jaxrender.io import read_image
 from jaxrender.pipelines.config import TextureConfig
 from jaxrender.pipelines.photographs import Photograph
-from jaxrender.shapes import Bool, Int
+from jaxrender.shapes import Bool, Float, Int
 
 # Pixels that an automatic size leaves to a texel on average, and the sizes that it chooses from.
 _PIXELS_PER_TEXEL, _SMALLEST, _LARGEST = 12, 4, 1024
@@ -29,6 +29,7 @@ class SurfaceSites(NamedTuple):
     """The sites of a capture: of each observation, of every pixel by photograph, and their image.
 
     ``image`` is (rows, columns), None where the sites are a mesh's vertices; -1 stands for no site.
+    ``places`` are the means of the points that were seen of each site, NaN where none was.
     """
 
     of_observation: Int[np.ndarray, "sample"]
@@ -36,6 +37,7 @@ class SurfaceSites(NamedTuple):
     count: int
     image: tuple[int, int] | None
     shape: Shape
+    places: Float[np.ndarray, "site 3"]
 
     @property
     def kind(self) -> str:
@@ -70,13 +72,21 @@ def sites_of(shape: Shape, photographs: list[Photograph], config: TextureConfig)
     image = _image_size(shape, photographs, config)
     found = [surface_sites(shape, photograph.view, image) for photograph in photographs]
     usable = [s.of_pixel[p.selection.usable] for s, p in zip(found, photographs)]
-    return SurfaceSites(
-        np.concatenate(usable),
-        tuple(one.of_pixel for one in found),
-        found[0].count,
-        found[0].image,
-        shape,
-    )
+    site, count = np.concatenate(usable), found[0].count
+    points = np.concatenate([p.view.points[p.selection.usable] for p in photographs])
+    pictures = tuple(one.of_pixel for one in found)
+    places = _middles(points, site, count)
+    return SurfaceSites(site, pictures, count, found[0].image, shape, places)
+
+
+def _middles(
+    points: Float[np.ndarray, "sample 3"], site: Int[np.ndarray, "sample"], count: int
+) -> Float[np.ndarray, "site 3"]:
+    own = site >= 0
+    seen = np.bincount(site[own], minlength=count)
+    sums = [np.bincount(site[own], points[own, axis], minlength=count) for axis in range(3)]
+    with np.errstate(invalid="ignore"):
+        return np.stack(sums, axis=-1) / seen[:, None]
 
 
 def regions_of(path: Path | None, sites: SurfaceSites) -> tuple[Int[np.ndarray, "site"], list[str]]:

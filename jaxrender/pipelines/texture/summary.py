@@ -15,6 +15,8 @@ from jaxrender.pipelines.texture.surface import IDENTIFIABLE_WITHIN, NORMAL_90, 
 # Where an interval is symmetric in the logarithm of value - origin.
 _ORIGIN = {"sigma": 0.0, "mu": 1.0}
 _LARGEST_LOG = 20.0
+# The range of what varies is that of most sites: percentiles.
+_MOST_OF = (5, 95)
 
 
 def summary_of_surface(
@@ -33,7 +35,7 @@ def summary_of_surface(
         "meaning": surface.outcome.sentence,
         "reasons": list(surface.reasons),
         "brdf": {"model": brdf.model, **_means(config, texture), **_lobe(config, surface)},
-        "texture": _texture(texture, sites) | {"files": files},
+        "texture": _texture(texture, sites) | _variation(surface) | {"files": files},
         **_errors(config, surface),
         "residual": {"relative_rms": texture.relative_rms, "samples": len(known)},
         "noise": {"relative": float(surface.noise.relative), "floor": float(surface.noise.floor)},
@@ -135,6 +137,15 @@ def _texture(texture: Texture, sites: SurfaceSites) -> dict[str, Any]:
     if sites.image is not None:
         found |= {"rows": sites.image[0], "columns": sites.image[1]}
     return found
+
+
+def _variation(surface: Surface) -> dict[str, Any]:
+    """Say how far sigma ranges where it varies."""
+    if surface.variation is None:
+        return {}
+    sigma, error = (part[np.isfinite(surface.variation.sigma)] for part in surface.variation)
+    low, high = np.percentile(sigma, _MOST_OF)
+    return {"sigma_range": [float(low), float(high)], "sigma_error": float(np.median(error))}
 
 
 def _region(region: Region) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
-from jaxrender.inverse.texture import Texture
+from jaxrender.inverse.texture import SigmaMap, Texture
 from jaxrender.pipelines.config import BrdfConfig
 from jaxrender.pipelines.scene import variant_of
-from jaxrender.reflection import ForwardModel, ShadowedModel, render_samples
+from jaxrender.reflection import ForwardModel, ShadowedModel, render_samples, render_widths
 from jaxrender.shapes import Float, Int
 
 # Half the width of a 90 % interval in standard errors, and how narrow it must be (DESIGN 5).
@@ -42,6 +42,7 @@ class Surface(NamedTuple):
 
     ``region`` numbers the region of each site (-1: none).  ``ambiguity`` says in words up to what
     the values are known, and "" where they are absolute; ``gauge`` in what units light is.
+    ``variation`` is sigma at every site where it varies; a region's sigma is then a mean.
     """
 
     texture: Texture
@@ -53,6 +54,7 @@ class Surface(NamedTuple):
     gauge: str
     ambiguity: str = ""
     light: Light | None = None
+    variation: SigmaMap | None = None
 
 
 class Lobes(NamedTuple):
@@ -82,14 +84,16 @@ def lobes_of(
     samples: SurfaceSamples,
     model: ForwardModel | ShadowedModel,
     places: SurfacePlaces | None = None,
+    widths: Float[np.ndarray, "sample"] | None = None,
 ) -> Lobes:
-    """Evaluate both columns of samples."""
+    """Evaluate both columns of samples, which may have a sigma each."""
     channels = np.asarray(lobe.kd).shape[0]
     none, full = np.zeros(channels), np.ones(channels)
-    pairs = ((full, none), (none, full))
-    return Lobes(
-        *(render_samples(lobe.with_amplitudes(*pair), samples, model, places) for pair in pairs)
-    )
+    matt, gloss = lobe.with_amplitudes(full, none), lobe.with_amplitudes(none, full)
+    diffuse = render_samples(matt, samples, model, places)
+    if widths is None:
+        return Lobes(diffuse, render_samples(gloss, samples, model, places))
+    return Lobes(diffuse, render_widths(gloss, widths, samples, model, places))
 
 
 def worst_outcome(outcomes: list[Outcome]) -> Outcome:

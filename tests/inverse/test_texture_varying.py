@@ -1,0 +1,197 @@
+"""A sigma that varies over the surface: found where one for all is far off, with its texture.
+
+- Photographs are the integral of continuous light with a sigma for every pixel and 1 % noise.
+- The field's weights sum to one, follow any plane exactly, and live on flat and straight surfaces.
+- A sigma for each sample gives every model what it gives one sample by itself.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import LAMPS, LIGHTS, known_light
+from texture_problems import MU, NOISE, samples_of, texture, views
+
+from jaxrender.brdf import Lambertian, Microfacet
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.inverse import MicrofacetUnknowns, Observations, Outcome
+from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
+from jaxrender.inverse.texture import SigmaField, TextureSettings, recover_texture
+from jaxrender.inverse.unknowns import Unknown
+from jaxrender.lighting import DirectionalSources
+from jaxrender.reflection import (
+    FACETS,
+    DualLight,
+    dual_columns,
+    integral_columns,
+    polar_columns,
+)
+
+CONTROLS = 10
+
+
+def sigma_at(places):
+    return 0.16 * np.exp(0.25 * places[:, 2] + 0.1 * places[:, 0])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Photographs, their sites, where those lie, and the truth."""
+    samples, frame, site = samples_of(views(8, 24))
+    kd, ks = texture()
+
+    def one(sample):
+        normal, outgoing, sigma = sample
+        lobe = Microfacet(jnp.ones(3), jnp.ones(3), sigma, MU)
+        alone = SurfaceSamples(normal[None], outgoing[None])
+        smooth = polar_columns(lobe, alone, LIGHTS.radiance, polar_nodes=24)
+        return (smooth + integral_columns(lobe, alone, LAMPS.nodes()))[0]
+
+    arrays = (samples.normals, samples.outgoing, sigma_at(samples.normals))
+    columns = jax.jit(lambda a: jax.lax.map(one, a, batch_size=16))(
+        tuple(jnp.asarray(a) for a in arrays)
+    )
+    columns = np.asarray(columns)
+    exact = kd[site] * columns[:, 0] + ks[site][:, None] * columns[:, 1]
+    radiance = NOISE.add(exact, np.random.default_rng(3))
+    places = np.full((len(kd), 3), np.nan)
+    for number in np.unique(site):
+        places[number] = samples.normals[site == number].mean(axis=0)
+    return Observations(samples, radiance, frame), site, places, kd
+
+
+@pytest.fixture(scope="module")
+def fit(scene):
+    observations, site, places, kd = scene
+    return recover_texture(
+        observations,
+        site,
+        len(kd),
+        known_light(48),
+        Microfacet(np.ones(3), np.ones(3), 0.2, 1.5),
+        unknowns=MicrofacetUnknowns(sigma=Unknown(None, 0.08, 0.4, 0.15)),
+        settings=TextureSettings(starts=1, search_samples=5000),
+        field=SigmaField.over(places, CONTROLS),
+    )
+
+
+def test_the_field_is_recovered(fit, scene):
+    places = scene[2]
+    assert fit.outcome is Outcome.CONVERGED
+    seen = fit.texture.seen > 0
+    true = sigma_at(places)[seen]
+    found, error = fit.variation.sigma[seen], fit.variation.error[seen]
+    # From .125 to .2 over the ball.
+    assert true.max() / true.min() > 1.5
+    relative = found / true - 1
+    assert np.sqrt(np.mean(relative**2)) < 0.02
+    assert np.all((error > 0) & (error < 0.05 * found))
+    assert abs(fit.mu - MU) < 4 * fit.mu_error
+    assert fit.sigma == pytest.approx(0.16, rel=0.1)
+
+
+def test_the_texture_is_recovered_with_it(fit, scene):
+    kd = scene[3]
+    good = ~fit.texture.kd_marked
+    assert np.sqrt(np.mean((fit.texture.kd[good] / kd[good] - 1) ** 2)) < 0.02
+    scores = ((fit.texture.kd - kd) / fit.texture.kd_error)[good]
+    assert 0.85 < np.sqrt(np.mean(scores**2)) < 1.3
+    # With one sigma for all the residual is twice the noise.
+    assert fit.noise.relative == pytest.approx(0.01, rel=0.15)
+
+
+def test_unseen_sites_have_no_sigma_of_their_own(fit):
+    unseen = fit.texture.seen == 0
+    assert np.isnan(fit.variation.sigma[unseen]).all()
+    assert np.isinf(fit.variation.error[unseen]).all()
+
+
+def test_a_field_follows_what_is_linear_in_space():
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(200, 3))
+    places[7] = np.nan
+    field = SigmaField.over(places, 12)
+    known = np.isfinite(places).all(axis=1)
+    np.testing.assert_allclose(field.weights[known].sum(axis=1), 1)
+    assert not field.weights[7].any()
+    # The control points are sites, and have weight one of themselves.
+    own = [int(np.argmax(field.weights[:, k])) for k in range(12)]
+    points = places[own]
+    np.testing.assert_allclose(field.weights[own], np.eye(12), atol=1e-9)
+    np.testing.assert_allclose(field.weights[known] @ points, places[known], atol=1e-9)
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_flat_and_straight_surfaces(axes):
+    rng = np.random.default_rng(1)
+    places = rng.normal(size=(50, axes)) @ rng.normal(size=(axes, 3))
+    field = SigmaField.over(places, 6)
+    np.testing.assert_allclose(field.weights.sum(axis=1), 1)
+
+
+def test_neighbours_hold_together():
+    places = np.random.default_rng(2).normal(size=(100, 3))
+    field = SigmaField.over(places, 9)
+    assert set(field.pairs.ravel()) == set(range(9))
+    unknowns = field.unknowns(MicrofacetUnknowns(), np.arange(100))
+    even = unknowns.spread(MicrofacetUnknowns().pack(0.2, 1.5))
+    np.testing.assert_allclose(unknowns.steps(jnp.asarray(even)), 0, atol=1e-12)
+    np.testing.assert_allclose(unknowns.unpack(jnp.asarray(even)).sigma, 0.2, rtol=1e-9)
+    assert len(unknowns.names) == len(even) == 10
+
+
+def test_impossible_fields_are_refused():
+    places = np.random.default_rng(3).normal(size=(5, 3))
+    with pytest.raises(ValueError, match="6 control points of sigma for 5 sites"):
+        SigmaField.over(places, 6)
+    with pytest.raises(ValueError, match="one place"):
+        SigmaField.over(np.ones((5, 3)), 3)
+
+
+def test_what_cannot_vary_is_refused(scene):
+    observations, site, places, kd = scene
+    field = SigmaField.over(places, 4)
+    lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
+    args = (observations, site, len(kd), known_light(16), lobe)
+    fixed = MicrofacetUnknowns(sigma=Unknown(fixed=(0.2,)))
+    with pytest.raises(ValueError, match="sigma is fixed, and to vary"):
+        recover_texture(*args, unknowns=fixed, field=field)
+    with pytest.raises(ValueError, match="on the integral alone"):
+        recover_texture(*args, field=field, exact=False)
+
+
+def test_a_sigma_for_each_sample(scene):
+    """Every model, against one sample after the other."""
+    few = scene[0].take(np.arange(0, 1200, 150))
+    lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5, "half", "smith")
+    sigma, mu = jnp.linspace(0.1, 0.3, few.count), jnp.asarray(1.6)
+    nodes = exact_nodes(known_light(8), few.frame, 0.2)
+    slow = np.random.default_rng(0).normal(size=(25, 3))
+    lamps = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
+    dual = DualLight(slow, lamps)
+    for model_of in (
+        lambda seen: ExactModel(lobe, seen.samples, nodes),
+        lambda seen: DualModel(lobe, seen.samples, dual, None, FACETS),
+    ):
+        together = model_of(few).columns(sigma, mu)
+        near = LinearisedModel.about(model_of(few), sigma, mu)
+        moved = near.columns(sigma + 1e-4, mu)
+        for k in range(few.count):
+            one = model_of(few.take(np.array([k])))
+            alone = one.columns(sigma[k], mu)
+            np.testing.assert_allclose(together.diffuse[k], alone.diffuse[0], rtol=1e-10)
+            np.testing.assert_allclose(together.specular[k], alone.specular[0], rtol=1e-10)
+            own = LinearisedModel.about(one, sigma[k], mu).columns(sigma[k] + 1e-4, mu)
+            np.testing.assert_allclose(moved.specular[k], own.specular[0], rtol=1e-9)
+
+
+def test_only_facets_and_gloss_have_widths(scene):
+    samples = scene[0].take(np.arange(4)).samples
+    lamps = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
+    light, widths = DualLight(np.ones((4, 3)), lamps), np.full(4, 0.2)
+    lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
+    with pytest.raises(ValueError, match="lobes of one width: choose 'facets'"):
+        dual_columns(lobe, samples, light, widths=widths)
+    with pytest.raises(ValueError, match="only a glossy BRDF has a width"):
+        integral_columns(Lambertian(np.ones(3)), samples, lamps.nodes(), widths=widths)
