@@ -114,6 +114,7 @@ class TexturedSubject(Subject):
         self.lobe = self.lobes[int(np.argmin(sigmas))]
         # Where sigma varies; a site that nobody saw is black at any.
         self.sigma = None if own is None else np.nan_to_num(own, nan=float(np.nanmean(own)))
+        self.lobe = self.lobe.with_roughness(self.width, self.lobe.mu)
 
     def image(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel

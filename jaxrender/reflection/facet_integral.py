@@ -55,15 +55,16 @@ def reflect_by_facets(
     """
     samples = SurfaceSamples(*(jnp.asarray(a) for a in samples))
     rows = max(_ROWS_PER_DEGREE * band_limit_of(slow.shape[0]), _LEAST_ROWS)
-    light = synthesise(LatLongGrid(rows, 2 * rows), jnp.asarray(slow))
-    light = jax.lax.stop_gradient(_sharpened(light))
+    image = synthesise(LatLongGrid(rows, 2 * rows), jnp.asarray(slow))
+    image = jax.lax.stop_gradient(_sharpened(image))
 
     def one(indexed: tuple) -> Float[Array, "channel"]:
         sample, width = indexed
         own = with_width(brdf, width)
         assert isinstance(own, Glossy)
         facets = _facets(own, sample)
-        return jnp.einsum("pa,pac->c", facets.weight, _looked_up(light, facets.towards))
+        light = _looked_up(image, facets.towards)
+        return jnp.einsum("pa,pac->c", facets.weight, light, precision="highest")
 
     return by_chunks(one, (samples, as_widths(widths)), _POLAR * _AZIMUTHS)
 

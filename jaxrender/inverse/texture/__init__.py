@@ -8,9 +8,11 @@
     the thesis's confidence weights and iteration (T 6.14): the twin
 ``forward``, ``search``
     any forward model, a part at a time; sigma and mu with all of the texture eliminated
-``whole_surface``, ``fit``, ``known_light``
-    every site with its standard errors and marks; the whole recovery (T 6.13), also by region, and
-    with the light split on the way
+``rounds``, ``whole_surface``, ``account``
+    the search with the noise that it tells itself; every site with its standard errors and marks;
+    what is to be said of both
+``fit``, ``known_light``
+    the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``
     a sigma that varies slowly over the surface
 ``diffuse_light``, ``glossy_light``
@@ -22,6 +24,7 @@
     site values as images
 """
 
+from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.alternation import (
     Alternation,
     Confidence,
@@ -35,12 +38,7 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
     texture_under,
 )
-from jaxrender.inverse.texture.fit import (
-    TextureFit,
-    TextureSettings,
-    fit_texture,
-    fit_texture_by_region,
-)
+from jaxrender.inverse.texture.fit import fit_texture, fit_texture_by_region
 from jaxrender.inverse.texture.forward import (
     Forward,
     ModelOf,
@@ -62,6 +60,7 @@ from jaxrender.inverse.texture.measurements import (
     by_site,
     whole_sites,
 )
+from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
     SiteSums,

@@ -12,9 +12,11 @@ from jaxrender.inverse.known_light import KnownLight, exact_nodes, prepare_light
 from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
-from jaxrender.inverse.texture.fit import TextureFit, TextureSettings, fit_texture
+from jaxrender.inverse.texture.account import TextureFit
+from jaxrender.inverse.texture.fit import check_variation, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
+from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
 from jaxrender.reflection import FACETS
@@ -51,10 +53,12 @@ def recover_texture(
     over the lobe.  ``shape`` is asked for shadows where it is concave; the observations must then
     have places.  With ``field`` sigma varies over the surface, which takes ``exact``.
     """
-    if field is not None and not exact:
-        raise ValueError("a sigma that varies is found on the integral alone: leave exact on")
     settings = settings or TextureSettings()
     unknowns = unknowns or MicrofacetUnknowns(mu=MicrofacetUnknowns().mu if variant.mu else None)
+    if field is not None:
+        check_variation(unknowns, settings)
+        if not exact:
+            raise ValueError("a sigma that varies is found on the integral alone: leave exact on")
     measured = by_site(observations, site, count)
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)

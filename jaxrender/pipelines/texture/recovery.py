@@ -32,7 +32,14 @@ from jaxrender.pipelines.texture.sites import SurfaceSites, regions_of, sites_of
 from jaxrender.pipelines.texture.summary import sentence_on, summary_of_surface
 from jaxrender.pipelines.texture.surface import Region, Surface, facets_of, lobes_of
 from jaxrender.pipelines.texture.unknown_light import model_under, under_unknown_light
-from jaxrender.reflection import DualForward, ForwardModel, ShadowedDual, ShadowedModel, dual_light
+from jaxrender.reflection import (
+    FACETS,
+    DualForward,
+    ForwardModel,
+    ShadowedDual,
+    ShadowedModel,
+    dual_light,
+)
 from jaxrender.shapes import Float, Int
 
 # Rows of a recovered light's image.
@@ -164,16 +171,21 @@ class TextureRecovery(Recovery):
         if light is None:
             assert self.surface.light is not None
             return [(np.flatnonzero(own), model_under(self.surface.light))]
-        brdf = self._lobe(region).as_metal()
+        brdf, transfer = self._lobe(region).as_metal(), "exit-cosine"
+        if self.surface.variation is not None:
+            brdf = brdf.with_roughness(float(np.nanmin(self.surface.variation.sigma)))
+        if self.known.transfer is None and self.config.solve.refine == "exact":
+            # As the sites were solved.
+            transfer = FACETS
         split = self.config.lighting.split
-        prepared = prepare_light(light, self.observations, brdf, split, None)
+        prepared = prepare_light(light, self.observations, brdf, split, None, transfer=transfer)
 
         def model(number: int) -> ForwardModel | ShadowedModel:
             sources = sources_of_frame(light, number)
             dual = dual_light(prepared.split, sources, prepared.dual.band_limit)
             field = self.known.transfer
             if field is None:
-                return DualForward(dual)
+                return DualForward(dual, transfer)
             return ShadowedDual(field.shape, dual, field.at)
 
         if light.per_frame is None:

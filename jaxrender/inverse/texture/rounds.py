@@ -1,0 +1,180 @@
+"""The search for sigma and mu in rounds: each tells noise and the spread of K_s for the next.
+
+Sites drawn at random stand for all.  A fit weighs every observation by the noise of what is
+predicted, which is known only after a fit; and it holds K_s by how it is spread over the sites,
+which is known then, too.  Two or three rounds settle both.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.models import Model
+from jaxrender.inverse.texture.measurements import SiteData, SiteObservations
+from jaxrender.inverse.texture.search import (
+    LobeFit,
+    TextureProblem,
+    first_phase,
+    free_textures,
+    refine,
+    search,
+)
+from jaxrender.inverse.texture.site_systems import SpecularPrior
+from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.varying import SigmaField, VaryingSigma
+from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.shapes import Float
+
+# The noise settles in two or three rounds.
+_ROUNDS, _NOISE_SETTLED = 4, 0.02
+# Noise is never taken to be less than this part of the mean radiance: exact data have none.
+_LEAST_NOISE = 1e-6
+
+
+class TextureSettings(NamedTuple):
+    """How a texture is fitted.
+
+    ``noise`` is estimated where it is None.  ``search_samples`` are drawn for sigma and mu (whole
+    sites), ``exact_samples`` for their refinement by the exact model where there is one.
+    """
+
+    noise: NoiseModel | None = None
+    method: str = "joint"
+    starts: int = 4
+    search_samples: int = 16_000
+    exact_samples: int = 2_000
+    seed: int = 0
+
+
+class Searched(NamedTuple):
+    """The sites drawn for the search, weighted, and where it ended on them."""
+
+    fit: LobeFit
+    problem: TextureProblem
+    data: SiteData
+    noise: NoiseModel
+
+
+def search_in_rounds(
+    some: SiteObservations,
+    model,
+    unknowns: MicrofacetUnknowns,
+    starts: Float[np.ndarray, "start unknown"],
+    settings: TextureSettings,
+) -> Searched:
+    """Search, learn the spread of K_s and the noise from the result, search again."""
+    none = SpecularPrior(np.zeros(()), np.zeros(()))
+    problem = TextureProblem(unknowns, none, np.asarray(True))
+    data = weighted(some, None, None)
+    if settings.method == "thesis":
+        fit = first_phase(problem, model, data, some.exit_cosines, starts)
+    else:
+        fit = search(problem, model, data, starts)
+    noise = settings.noise or _noise_left(some, model, fit, unknowns)
+    for _ in range(_ROUNDS):
+        data = weighted(some, noise, np.asarray(fit.predicted))
+        prior = _spread(model, data, fit, unknowns)
+        problem = TextureProblem(unknowns, prior, np.asarray(False))
+        if settings.method == "thesis":
+            break
+        fit = search(problem, model, data, np.asarray(fit.point)[None])
+        before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
+        if _close(before, noise, np.asarray(fit.predicted)):
+            break
+    return Searched(fit, problem, data, noise)
+
+
+def let_vary(
+    searched: Searched,
+    measured: tuple[SiteObservations, SiteObservations],
+    model: Model,
+    field: SigmaField,
+    settings: TextureSettings,
+) -> Searched:
+    """Go on from one sigma for all; the noise and the spread of K_s become less for it."""
+    whole, some = measured
+    site = np.full(int(whole.index.max()) + 1, -1)
+    site[whole.index] = whole.site
+    one = searched.problem.unknowns
+    assert isinstance(one, MicrofacetUnknowns)
+    unknowns = field.unknowns(one, site[some.index])
+    fit, prior, data, noise = searched.fit, searched.problem.prior, searched.data, searched.noise
+    fit = fit._replace(point=jnp.asarray(unknowns.spread(np.asarray(fit.point))))
+    problem = TextureProblem(unknowns, prior, np.asarray(False))
+    for _ in range(_ROUNDS):
+        fit = refine(problem, model, data, fit)
+        before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
+        if _close(before, noise, np.asarray(fit.predicted)):
+            break
+        data = weighted(some, noise, np.asarray(fit.predicted))
+        prior = _spread(model, data, fit, unknowns)
+        problem = TextureProblem(unknowns, prior, np.asarray(False))
+    return Searched(fit, problem, data, noise)
+
+
+def _spread(
+    model: Model, data: SiteData, fit: LobeFit, unknowns: MicrofacetUnknowns | VaryingSigma
+) -> SpecularPrior:
+    material, precision, _ = free_textures(unknowns, model, data, fit.point)
+    return spread_of(np.asarray(material.ks, float), np.asarray(precision, float))
+
+
+def _noise_left(
+    some: SiteObservations,
+    model: Model,
+    fit: LobeFit,
+    unknowns: MicrofacetUnknowns | VaryingSigma,
+) -> NoiseModel:
+    """Estimate the noise from what a material for every site leaves over.
+
+    Each site's material has fitted some of its noise away, which is made up for.
+    """
+    level = float(np.sqrt(np.mean(np.asarray(some.radiance) ** 2)))
+    data = weighted(some, NoiseModel(1.0, 0.1 * level), np.asarray(fit.predicted))
+    predicted = np.asarray(free_textures(unknowns, model, data, fit.point)[2])
+    measured = some.seen[some.site] * some.radiance.shape[1]
+    fitted = some.radiance.shape[1] + 1
+    told = measured > fitted
+    if not told.any():
+        raise ValueError(
+            "no site is seen more than once, so noise cannot be told from texture: "
+            "give more photographs, larger texels, or the noise"
+        )
+    inflation = np.sqrt(measured[told] / (measured[told] - fitted))[:, None]
+    left = (some.radiance - predicted)[told] * inflation
+    return estimate_noise(left, np.maximum(predicted[told], 0))
+
+
+def weighted(
+    some: SiteObservations,
+    noise: NoiseModel | None,
+    predicted: Float[np.ndarray, "sample channel"] | None,
+) -> SiteData:
+    """Weigh by the noise of the prediction; evenly where there is none."""
+    scale = float(np.sqrt(np.mean(some.radiance**2))) or 1.0
+    deviation = np.full_like(some.radiance, scale)
+    if noise is not None and predicted is not None:
+        deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
+        deviation = np.hypot(deviation, _LEAST_NOISE * scale)
+    weights = np.sqrt(some.share)[:, None] / deviation
+    return SiteData(some.radiance, weights, some.site, some.count)
+
+
+def prediction_for(
+    few: SiteObservations, some: SiteObservations, searched: Searched
+) -> Float[np.ndarray, "sample channel"]:
+    """Look up what was predicted for a part of the sites of the search."""
+    # Both are sorted by site and then by index, so rows can be found by their place ...
+    rows = np.flatnonzero(np.isin(some.index, few.index))
+    if len(rows) != len(few.site):
+        # ... unless observations are shared among sites; then they weigh as they were measured.
+        return few.radiance
+    return np.asarray(searched.fit.predicted)[rows]
+
+
+def _close(before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "s c"]) -> bool:
+    level = np.sqrt(np.mean(predicted**2, keepdims=True))
+    one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
+    return bool(abs(np.log(max(one, 1e-300) / max(other, 1e-300))) < _NOISE_SETTLED)
