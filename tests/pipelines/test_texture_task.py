@@ -363,6 +363,7 @@ def test_a_varying_sigma_renders_again(varying, tmp_path):
         ("brdf.sigma={fixed: 0.2}", "leaves sigma free; remove brdf.sigma"),
         ("brdf={model: lambertian}", "needs a model that has gloss"),
         ("solve.method=simplex", "is more than the simplex finds"),
+        ("texture.control_points=1", "control_points is 1, with which sigma cannot vary"),
     ],
 )
 def test_what_a_varying_sigma_cannot_be_combined_with(ball, override, words):

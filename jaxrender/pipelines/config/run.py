@@ -150,6 +150,8 @@ def _refuse_for_varying_sigma(config: RunConfig) -> None:
     for key, (found, why) in faults.items():
         if found:
             raise ValueError(f"texture.sigma varying {why}; remove {key}, or texture.sigma")
+    if config.texture.control_points < 2:
+        raise ValueError("texture.control_points is 1, with which sigma cannot vary; give more")
 
 
 def _refuse_for_spectrum(config: RunConfig) -> None:
