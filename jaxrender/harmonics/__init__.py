@@ -5,7 +5,8 @@ holds the recurrences over degree; ``basis`` evaluates the harmonics, and a func
 coefficients, in any direction; ``complex_basis`` is the form the thesis writes its analysis in.
 ``grids`` are images as quadratures: latitude-longitude and Gauss-Legendre, whose sums separate;
 ``panoramic_grids`` are the cube and the ball map.  ``transform`` takes an image on any of them to
-coefficients and back (``azimuth`` is its half along the rows), ``resampling`` to another grid;
+coefficients and back (``azimuth`` is its half along the rows), ``resampling`` to another grid,
+``lookup`` to any direction;
 ``zonal`` filters a function degree by degree, which is what a rotationally symmetric BRDF does to
 light.
 
@@ -17,6 +18,7 @@ The harmonics are real and orthonormal over the sphere and carry no Condon-Short
 Y_11 = +0.488603 x, and Y_{l,-m} holds sin(m phi) (T 4.5).  The complex ones carry it (T 2.26).
 """
 
+from jaxrender.harmonics.azimuth import image_from_waves, waves_from_image
 from jaxrender.harmonics.basis import degree_table, evaluate, explicit_basis, real_basis
 from jaxrender.harmonics.circle import (
     analyse_circle,
@@ -36,6 +38,7 @@ from jaxrender.harmonics.indexing import (
     orders,
 )
 from jaxrender.harmonics.legendre import associated, legendre
+from jaxrender.harmonics.lookup import looked_up, over_poles
 from jaxrender.harmonics.panoramic_grids import AngularMapGrid, CubeGrid
 from jaxrender.harmonics.resampling import change_grid, resample
 from jaxrender.harmonics.rotation import rotate, rotate_by_angles, rotation_matrices
@@ -78,8 +81,11 @@ __all__ = [
     "evaluate",
     "explicit_basis",
     "flat_index",
+    "image_from_waves",
     "legendre",
+    "looked_up",
     "orders",
+    "over_poles",
     "quarter_turn",
     "real_basis",
     "real_from_complex",
@@ -96,4 +102,5 @@ __all__ = [
     "synthesise_dense",
     "synthesise_rotations",
     "transfer_of",
+    "waves_from_image",
 ]

@@ -16,8 +16,18 @@
     rho_lpq, rho_{ln,pq} and rho_lq(t_o) of any BRDF by quadrature
 ``spectrum``
     the spectrum of any BRDF about its lobes' central direction
+``central`` ``orders``
+    the same with its dependence on the viewer, rho_lpq about the reflected direction; which
+    degrees of light and viewer suffice
 """
 
+from jaxrender.spectra.central import (
+    CentralSpectrum,
+    CentralTable,
+    central_spectrum,
+    central_spectrum_of,
+    tabulated_spectrum,
+)
 from jaxrender.spectra.distributions import (
     axial_coefficients,
     clear_coefficients,
@@ -39,6 +49,7 @@ from jaxrender.spectra.microfacet import (
     TRANSFERS,
     azimuthal_transfer_of_samples,
     exit_cosine_transfer,
+    extent_of,
     gaussian_transfer,
     normal_exitance_transfer,
     transfer_of_samples,
@@ -55,6 +66,17 @@ from jaxrender.spectra.numeric import (
     isotropic_coefficients,
     outgoing_coefficients,
 )
+from jaxrender.spectra.orders import (
+    TEXELS_PER_DEGREE,
+    Orders,
+    crossover_exponent,
+    missing_energy,
+    missing_light,
+    phong_order,
+    phong_width,
+    required_orders,
+    residual_bound,
+)
 from jaxrender.spectra.phong import (
     PHONG_TRANSFERS,
     gaussian_phong_transfer,
@@ -66,19 +88,27 @@ from jaxrender.spectra.phong import (
 from jaxrender.spectra.spectrum import spectrum_of
 
 __all__ = [
+    "CentralSpectrum",
+    "CentralTable",
     "FACET_DISTRIBUTIONS",
-    "PHONG_TRANSFERS",
-    "TRANSFERS",
     "FacetLobe",
     "HemisphereRule",
+    "Orders",
+    "PHONG_TRANSFERS",
+    "TEXELS_PER_DEGREE",
+    "TRANSFERS",
     "anisotropic_coefficients",
     "axial_coefficients",
     "azimuthal_transfer",
     "azimuthal_transfer_of_samples",
+    "central_spectrum",
+    "central_spectrum_of",
     "clear_coefficients",
     "clipped_mirror_coefficients",
+    "crossover_exponent",
     "directional_coefficients",
     "exit_cosine_transfer",
+    "extent_of",
     "facet_azimuthal_transfer",
     "facet_transfer",
     "gaussian_phong_transfer",
@@ -91,13 +121,20 @@ __all__ = [
     "mean_transfer",
     "mirror_coefficients",
     "mirror_transfer",
+    "missing_energy",
+    "missing_light",
     "normal_exitance_transfer",
     "outgoing_coefficients",
     "overcast_coefficients",
+    "phong_order",
     "phong_transfer",
     "phong_transfer_by_gamma",
+    "phong_width",
     "power_transfer",
+    "required_orders",
+    "residual_bound",
     "spectrum_of",
+    "tabulated_spectrum",
     "transfer_of_samples",
     "uniform_coefficients",
     "zonal_coefficients",

@@ -1,0 +1,191 @@
+"""Between spherical harmonic reflection maps and the explicit forms before them (T 5.3.2, 5.6.2).
+
+``IcosahedralMaps``
+    Cabral's twelve reflection maps, blended between the three nearest viewers
+``AzimuthalTexture``
+    Kautz and McCool's three-dimensional texture B(R, t'_o): no azimuth (T 5.25)
+``LightFieldTable``
+    the whole four-dimensional light field B(R, o'), and the way back
+"""
+
+import itertools
+from functools import lru_cache
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import dot
+from jaxrender.harmonics import (
+    LatLongGrid,
+    flat_index,
+    looked_up,
+    over_poles,
+    real_basis,
+)
+from jaxrender.reflection.shrm.maps import GlobalShrm, LocalShrm, exit_cosine
+from jaxrender.shapes import AnyArray, Array, Float, Int
+
+
+class IcosahedralMaps(eqx.Module):
+    """A reflection map for each of the viewers at an icosahedron's vertices (Cabral 1999)."""
+
+    maps: Float[AnyArray, "viewer row column channel"]
+    weighted: bool = eqx.field(static=True, default=False)
+
+    @classmethod
+    def of(cls, shrm: GlobalShrm) -> "IcosahedralMaps":
+        """Sum the maps for each viewer (T 5.35)."""
+        viewers = icosahedron_vertices()
+        return cls(jnp.stack([shrm.dynamic_map(viewer) for viewer in viewers]), shrm.weighted)
+
+    def at(
+        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
+    ) -> Float[Array, "point channel"]:
+        """Blend the maps of the three viewers around each outgoing direction."""
+        shares = jnp.asarray(blending_shares(np.asarray(outgoing)), jnp.asarray(self.maps).dtype)
+        values = jnp.stack([looked_up(over_poles(one), centres) for one in jnp.asarray(self.maps)])
+        found = jnp.einsum("xv,vxc->xc", shares, values, precision="highest")
+        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+
+
+def icosahedron_vertices() -> Float[np.ndarray, "12 3"]:
+    """The twelve viewers: all (0, +-1, +-g), turned around cyclically, g the golden ratio."""
+    golden = (1 + np.sqrt(5)) / 2
+    pairs = [(0.0, one, two) for one in (1.0, -1.0) for two in (golden, -golden)]
+    rolled = [np.roll(pair, k) for k in range(3) for pair in pairs]
+    return np.array(rolled) / np.hypot(1.0, golden)
+
+
+@lru_cache(maxsize=1)
+def _faces() -> tuple[Int[np.ndarray, "20 3"], Float[np.ndarray, "20 3 3"]]:
+    """The icosahedron's faces, and for each the matrix from a direction to shares."""
+    vertices = icosahedron_vertices()
+    adjacent = vertices @ vertices.T > 0.4
+    triples = itertools.combinations(range(12), 3)
+    faces = [t for t in triples if all(adjacent[a, b] for a, b in itertools.combinations(t, 2))]
+    corners = np.swapaxes(vertices[np.array(faces)], 1, 2)
+    return np.array(faces), np.linalg.inv(corners)
+
+
+def blending_shares(directions: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 12"]:
+    """How much of each of the twelve viewers a direction is: barycentric on its face; sums to 1."""
+    faces, shares_of = _faces()
+    shares = np.einsum("fij,xj->xfi", shares_of, np.asarray(directions, float))
+    face = np.argmax(shares.min(axis=2), axis=1)
+    own = np.maximum(shares[np.arange(len(face)), face], 0)
+    found = np.zeros((len(face), 12))
+    np.put_along_axis(found, faces[face], own / own.sum(axis=1, keepdims=True), axis=1)
+    return found
+
+
+class AzimuthalTexture(eqx.Module):
+    """B(R, t'_o) at equal steps of the angle between R and V, from 0 to pi (T 5.25)."""
+
+    maps: Float[AnyArray, "exit row column channel"]
+    weighted: bool = eqx.field(static=True, default=False)
+
+    @classmethod
+    def of(cls, local: LocalShrm, count: int) -> "AzimuthalTexture":
+        """Sum the terms q = 0 at so many angles; ValueError below 2."""
+        if count < 2:
+            raise ValueError(f"{count} angles to interpolate between: give 2 or more")
+        angles = np.linspace(0, np.pi, count)
+        along = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=-1)
+        zonal = [flat_index(p, 0) for p in range(local.order + 1)]
+        maps = jnp.asarray(local.maps)[:, :, np.array(zonal)]
+        around = real_basis(jnp.asarray(along, maps.dtype), local.order)[:, np.array(zonal)]
+        found = jnp.einsum("rcpd,ep->ercd", maps, around, precision="highest")
+        return cls(found, local.weighted)
+
+    def at(
+        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
+    ) -> Float[Array, "point channel"]:
+        """Interpolate linearly between the two nearest angles."""
+        maps = jnp.asarray(self.maps)
+        count = maps.shape[0]
+        place = jnp.arccos(jnp.clip(dot(centres, outgoing), -1, 1)) * ((count - 1) / np.pi)
+        lower = jnp.clip(jnp.floor(place), 0, count - 2).astype(int)
+        share = (place - lower)[:, None]
+        layers = jnp.stack([looked_up(over_poles(one), centres) for one in maps])
+        each = np.arange(layers.shape[1])
+        found = (1 - share) * layers[lower, each] + share * layers[lower + 1, each]
+        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+
+
+class ViewerRule(NamedTuple):
+    """Local viewers of a light field: Gauss-Legendre polar angles, equal azimuths from 0."""
+
+    rows: int
+    columns: int
+
+    def directions(self) -> Float[np.ndarray, "viewer_row viewer_column 3"]:
+        """Unit vectors o'."""
+        cosines = np.polynomial.legendre.leggauss(self.rows)[0][::-1, None]
+        azimuths = (np.arange(self.columns) * 2 * np.pi / self.columns)[None, :]
+        sines = np.sqrt(1 - cosines**2)
+        x, y = sines * np.cos(azimuths), sines * np.sin(azimuths)
+        return np.stack([x, y, np.broadcast_to(cosines, x.shape)], axis=-1)
+
+    def weights(self) -> Float[np.ndarray, "viewer_row 1"]:
+        """Solid angle of each viewer; sums to 4 pi over them."""
+        return np.polynomial.legendre.leggauss(self.rows)[1][::-1, None] * 2 * np.pi / self.columns
+
+
+class LightFieldTable(eqx.Module):
+    """B(R, o') tabulated over maps and local viewers: the explicit form (T 5.3.2)."""
+
+    values: Float[AnyArray, "viewer_row viewer_column row column channel"]
+    weighted: bool = eqx.field(static=True, default=False)
+
+    @classmethod
+    def of(cls, local: LocalShrm, rule: ViewerRule) -> "LightFieldTable":
+        """Sum the maps for every viewer, first over p and then over q: P terms a texel."""
+        return cls(_tabulated(jnp.asarray(local.maps), rule, local.order), local.weighted)
+
+    def shrm(self, order: int, band_limit: int) -> LocalShrm:
+        """Integrate over the viewers: the maps B_pq to degree P of a light field to degree F.
+
+        Raises ``ValueError`` where the table has too few viewers for the degree.
+        """
+        values = jnp.asarray(self.values)
+        rule = ViewerRule(*values.shape[:2])
+        if order >= rule.rows or 2 * order >= rule.columns:
+            raise ValueError(
+                f"degree {order} of the viewer cannot be told from {rule.rows} x {rule.columns} "
+                "viewers: tabulate more of them, or ask for less"
+            )
+        around = _viewer_basis(rule, order) * rule.weights()[..., None]
+        maps = jnp.einsum(
+            "tfk,tfrcd->rckd", jnp.asarray(around, values.dtype), values, precision="highest"
+        )
+        grid = LatLongGrid(*values.shape[2:4])
+        return LocalShrm(maps, grid, band_limit, self.weighted)
+
+
+@eqx.filter_jit
+def _tabulated(maps: Array, rule: ViewerRule, order: int) -> Array:
+    around = _viewer_basis(rule, order)
+    # Y_pq(t, f) = Y_p|q|(t, 0) times cos(q f), or sin(|q| f) for q < 0.
+    signed = np.arange(-order, order + 1)
+    turns = np.abs(signed) * (np.arange(rule.columns) * 2 * np.pi / rule.columns)[:, None]
+    waves = np.where(signed < 0, np.sin(turns), np.cos(turns))
+    polar = np.zeros((rule.rows, order + 1, len(signed)))
+    for p in range(order + 1):
+        for q in range(-p, p + 1):
+            polar[:, p, q + order] = around[:, 0, flat_index(p, abs(q))]
+    by_order = []
+    for q in range(-order, order + 1):
+        index = np.array([flat_index(p, q) for p in range(abs(q), order + 1)])
+        factor = jnp.asarray(polar[:, abs(q) :, q + order], maps.dtype)
+        by_order.append(jnp.einsum("rcpd,tp->trcd", maps[:, :, index], factor))
+    return jnp.einsum("qtrcd,fq->tfrcd", jnp.stack(by_order), jnp.asarray(waves, maps.dtype))
+
+
+def _viewer_basis(
+    rule: ViewerRule, order: int
+) -> Float[np.ndarray, "viewer_row viewer_column outgoing"]:
+    with jax.ensure_compile_time_eval():
+        return np.asarray(real_basis(jnp.asarray(rule.directions()), order))

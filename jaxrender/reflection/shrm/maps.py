@@ -1,0 +1,164 @@
+"""The spherical harmonic reflection map: a map whose texels are functions of the viewer (T 5.4).
+
+    B(R, o) = sum_pq B_pq(R) Y_pq(o)            (T 5.10, 5.11), real harmonics, p to P
+
+R is the central direction, for most BRDFs the reflected one.  A *local* map has o in the frame of
+its texel, Rz(beta) Ry(alpha) with R as third axis; a *global* one in the world, so that for a
+distant viewer all harmonics are evaluated once and the map becomes a plain reflection map (T 5.35).
+``weighted`` maps hold B cos t_o, for BRDFs that rise as 1 / cos t_o (see ``spectra.central``).
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import dot
+from jaxrender.harmonics import (
+    CubeGrid,
+    Grid,
+    LatLongGrid,
+    band_limit_of,
+    change_grid,
+    looked_up,
+    orders,
+    over_poles,
+    real_basis,
+)
+from jaxrender.shapes import AnyArray, Array, Directions, Float
+
+# Below this cosine of the exit angle a weighted map is divided by it, not by less.
+_LEAST_COSINE = 1e-3
+
+Maps = Float[AnyArray, "row column outgoing channel"]
+
+
+class Shrm(eqx.Module):
+    """Reflection maps B_pq, ``outgoing`` the flat index p(p+1)+q, on the texels of ``grid``.
+
+    ``band_limit`` is F, the light's highest degree in them.
+    Raises ``ValueError`` where the maps are not the grid's or the last but one axis is no (P+1)^2.
+    """
+
+    maps: Maps
+    grid: Grid = eqx.field(static=True)
+    band_limit: int = eqx.field(static=True)
+    weighted: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        band_limit_of(self.maps.shape[2])
+        if tuple(self.maps.shape[:2]) != self.grid.shape:
+            raise ValueError(
+                f"maps of {self.maps.shape[0]} x {self.maps.shape[1]} texels on a grid of "
+                f"{self.grid.shape[0]} x {self.grid.shape[1]}; make the grid from their shape"
+            )
+
+    @property
+    def order(self) -> int:
+        """P, the highest degree of the viewer's direction."""
+        return band_limit_of(self.maps.shape[2])
+
+    @abc.abstractmethod
+    def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
+        """Express outgoing directions in the frames of the central directions' texels."""
+
+    @abc.abstractmethod
+    def _signs(self) -> Float[np.ndarray, "outgoing"]:
+        """What half a turn about the pole does to each map."""
+
+    def at(
+        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
+    ) -> Float[Array, "point channel"]:
+        """Evaluate B for points with these central and outgoing directions, in the world.
+
+        Bilinear between texels; both kinds of map are second order in their size.
+        """
+        values = _looked_up(self, jnp.asarray(centres))
+        around = real_basis(self.viewer(centres, outgoing), self.order)
+        found = jnp.einsum("xkc,xk->xc", values, around, precision="highest")
+        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+
+
+class LocalShrm(Shrm):
+    """Maps over outgoing directions in each texel's own frame (T 5.10); poles are singular."""
+
+    def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
+        """Express outgoing directions along (theta, phi, R) of each central direction."""
+        x, y, z = jnp.moveaxis(jnp.asarray(centres), -1, 0)
+        sine = jnp.hypot(x, y)
+        at_pole = sine == 0
+        length = jnp.where(at_pole, 1, sine)
+        cos_b, sin_b = jnp.where(at_pole, 1, x / length), y / length
+        out = jnp.asarray(outgoing)
+        along = out[..., 0] * cos_b + out[..., 1] * sin_b
+        across = out[..., 1] * cos_b - out[..., 0] * sin_b
+        up = out[..., 2]
+        return jnp.stack([along * z - up * sine, across, along * sine + up * z], axis=-1)
+
+    def _signs(self) -> Float[np.ndarray, "outgoing"]:
+        return np.where(orders(self.order) % 2 == 0, 1.0, -1.0)
+
+
+class GlobalShrm(Shrm):
+    """Maps over outgoing directions in the world (T 5.11): smooth in R, to degree F + P."""
+
+    def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
+        """Leave the directions in the world."""
+        return jnp.asarray(outgoing)
+
+    def dynamic_map(self, outgoing: Float[AnyArray, "3"]) -> Float[Array, "row column channel"]:
+        """Sum the maps for one distant viewer: the plain reflection map of T 5.35.
+
+        Of a weighted map it holds B cos t_o, which the renderer divides at each pixel.
+        """
+        around = real_basis(jnp.asarray(outgoing), self.order)
+        return _summed(jnp.asarray(self.maps), around)
+
+    def on(self, grid: Grid) -> "GlobalShrm":
+        """Change to another grid, a cube for example, exactly: the maps have a band limit.
+
+        Raises ``ValueError`` where this grid does not carry degree F + P.
+        """
+        flat = jnp.reshape(jnp.asarray(self.maps), (*self.grid.shape, -1))
+        moved = change_grid(self.grid, flat, grid, self.band_limit + self.order)
+        maps = moved.reshape(*grid.shape, *self.maps.shape[2:])
+        return GlobalShrm(maps, grid, self.band_limit, self.weighted)
+
+    def _signs(self) -> Float[np.ndarray, "outgoing"]:
+        return np.ones(self.maps.shape[2])
+
+
+def exit_cosine(
+    centres: Float[AnyArray, "*batch 3"], outgoing: Float[AnyArray, "*batch 3"]
+) -> Float[Array, "*batch"]:
+    """cos t_o = cos(t'_o / 2) from the reflected and the outgoing direction, not below .001."""
+    squared = (1 + dot(centres, outgoing)) / 2
+    return jnp.sqrt(jnp.maximum(squared, _LEAST_COSINE**2))
+
+
+def least_rows(band_limit: int, order: int) -> int:
+    """Rows below which a latitude-longitude map aliases: it carries (rows - 1) / 2 >= F + P."""
+    return 2 * (band_limit + order) + 1
+
+
+@eqx.filter_jit
+def _summed(
+    maps: Float[Array, "row column outgoing channel"], around: Float[Array, "outgoing"]
+) -> Float[Array, "row column channel"]:
+    # Written out, so that it is one pass over the maps.
+    return jnp.sum(maps * around[None, None, :, None], axis=2)
+
+
+def _looked_up(shrm: Shrm, centres: Float[Array, "point 3"]) -> Array:
+    """Interpolate all maps at central directions."""
+    maps = jnp.asarray(shrm.maps)
+    rest = maps.shape[2:]
+    if isinstance(shrm.grid, LatLongGrid):
+        signs = np.broadcast_to(shrm._signs()[:, None], rest).reshape(-1)
+        found = looked_up(over_poles(maps.reshape(*maps.shape[:2], -1), signs), centres)
+        return found.reshape(-1, *rest)
+    assert isinstance(shrm.grid, CubeGrid), "only these two kinds of grid are made"
+    index, share = shrm.grid.neighbours(np.asarray(centres))
+    corners = maps.reshape(-1, *rest)[index]
+    return jnp.sum(jnp.asarray(share, maps.dtype)[:, :, None, None] * corners, axis=1)
