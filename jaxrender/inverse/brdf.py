@@ -126,7 +126,14 @@ def fit_brdf(
         at = _sigma(found)
         with stage("split"):
             brdf = variant.with_roughness(at, None).as_metal()
-            prepared = prepare_light(light, observations, brdf, settings.split, settings.band_limit)
+            prepared = prepare_light(
+                light,
+                observations,
+                brdf,
+                settings.split,
+                settings.band_limit,
+                transfer=settings.split_transfer,
+            )
         darkened = shadows(prepared.dual)
         with stage("table"):
             table = roughness_table(

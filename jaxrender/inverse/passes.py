@@ -15,6 +15,7 @@ from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.uncertainty import Parameters, to_parameters
 from jaxrender.inverse.weights import robust_weights
+from jaxrender.reflection import view_degree_of
 from jaxrender.shapes import Float
 
 # Noise is never taken to be less than this part of the mean radiance: exact data have none.
@@ -32,12 +33,16 @@ _NOISE_SETTLED = 0.02
 _ROUNDS = {"squares": 3, "huber": 7, "cauchy": 7}
 
 
+# The name of the transfer that keeps the azimuthal mean of the lobe about R.
+_MEAN = "exit-cosine"
+
+
 class FitSettings(NamedTuple):
     """How a fit is done; the defaults are those of the command line."""
 
     split: str | float = "auto"
     band_limit: int | None = None
-    transfer: str = "exit-cosine"
+    transfer: str = _MEAN
     refine: bool = True
     refine_samples: int = 2000
     method: str = "variable-projection"
@@ -46,6 +51,15 @@ class FitSettings(NamedTuple):
     starts: int = 8
     seed: int = 0
     interreflection: bool = False
+
+    @property
+    def split_transfer(self) -> str:
+        """How a split supposes its slow part to be filtered: never worse than the default.
+
+        The thesis's own transfers are kept as they are to be compared, not made up for by sources.
+        """
+        keeps_azimuth = view_degree_of(self.transfer) is not None
+        return self.transfer if keeps_azimuth else _MEAN
 
 
 DEFAULTS = FitSettings()

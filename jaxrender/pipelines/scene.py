@@ -126,7 +126,7 @@ def settings_of(config: RunConfig) -> FitSettings:
     return FitSettings(
         split=config.lighting.split,
         band_limit=None if solve.band_limit == "auto" else solve.band_limit,
-        transfer=solve.transfer,
+        transfer=solve.transfer_name,
         refine=solve.refine == "exact",
         refine_samples=solve.refine_samples,
         method=solve.method,

@@ -10,6 +10,8 @@
     environment maps convolved with lobes that depend on one angle
 ``subspaces``
     the few images that all pictures of a matte object are mixed from
+``shrm``
+    spherical harmonic reflection maps: any light and isotropic BRDF, for any viewer (T 5)
 ``dual``
     the model of T 6.9: diffuse and slow light in frequency, fast light in angle (T 6.12 with
     shadows)
@@ -84,6 +86,28 @@ from jaxrender.reflection.render import (
     render_views,
 )
 from jaxrender.reflection.sensitivity import sensitivities
+from jaxrender.reflection.shrm import (
+    AzimuthalTexture,
+    GlobalShrm,
+    IcosahedralMaps,
+    LightFieldTable,
+    LocalShrm,
+    PrincipalMaps,
+    Shrm,
+    SphereFit,
+    ViewerGoal,
+    ViewerRule,
+    central_coefficients,
+    global_shrm,
+    least_rows,
+    local_from_global,
+    local_shrm,
+    mirror_light,
+    principal_maps,
+    reflect_mirror_light,
+    shrm_from_photographs,
+    view_degree_of,
+)
 from jaxrender.reflection.slow_light import reflect_slow_light
 from jaxrender.reflection.subspaces import (
     PrincipalComponents,
@@ -104,6 +128,26 @@ from jaxrender.reflection.transfer import (
 from jaxrender.reflection.varying_width import render_widths
 
 __all__ = [
+    "AzimuthalTexture",
+    "GlobalShrm",
+    "IcosahedralMaps",
+    "LightFieldTable",
+    "LocalShrm",
+    "PrincipalMaps",
+    "Shrm",
+    "SphereFit",
+    "ViewerGoal",
+    "ViewerRule",
+    "central_coefficients",
+    "global_shrm",
+    "least_rows",
+    "local_from_global",
+    "local_shrm",
+    "mirror_light",
+    "principal_maps",
+    "reflect_mirror_light",
+    "shrm_from_photographs",
+    "view_degree_of",
     "SurfacePoints",
     "convolve_isotropic",
     "evaluate_isotropic",

@@ -26,6 +26,7 @@ from jaxrender.reflection.integral import (
     integral_columns_by_frame,
 )
 from jaxrender.reflection.irradiance import irradiance
+from jaxrender.reflection.shrm import mirror_light, reflect_mirror_light, view_degree_of
 from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 from jaxrender.spectra import transfer_of_samples
@@ -179,20 +180,24 @@ def _tabulate_slow(
 ) -> _Table:
     """Evaluate slow light: the diffuse column, and the specular one over exit-angle Fresnel."""
     mus, sigmas = knots
-    by_degree = degree_table(jnp.asarray(slow), samples.reflected)
+    view_degree = view_degree_of(transfer)
+    if view_degree is None:
+        seen = degree_table(jnp.asarray(slow), samples.reflected)
+    else:
+        seen = mirror_light(samples, slow, view_degree)
     if shadows is None:
         diffuse = irradiance(jnp.asarray(slow), samples.normals)
     else:
-        by_degree = jnp.where(shadows.reflected[:, None, None], by_degree, 0)
+        seen = jnp.where(shadows.reflected.reshape(-1, *(1,) * (seen.ndim - 1)), seen, 0)
         diffuse = shadowed_irradiance(jnp.asarray(slow), shadows.transfer)
 
     def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
         def at(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
             brdf = _at_knot(variant, sigma, mu)
-            passed = transfer_of_samples(
-                brdf, samples.exit_cosines, by_degree.shape[1] - 1, transfer
-            )
-            return jnp.einsum("sl,slc->sc", passed, by_degree, precision="highest")
+            if view_degree is not None:
+                return reflect_mirror_light(brdf, samples.exit_cosines, seen, view_degree)
+            passed = transfer_of_samples(brdf, samples.exit_cosines, seen.shape[1] - 1, transfer)
+            return jnp.einsum("sl,slc->sc", passed, seen, precision="highest")
 
         return jax.lax.map(at, sigmas) / _relative_fresnel(variant, samples, mu)[None]
 

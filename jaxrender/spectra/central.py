@@ -74,7 +74,7 @@ class CentralSpectrum(eqx.Module):
         rho = jnp.asarray(self.coefficients)
         around = _meridian(2 * jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1)), rho.shape[1:])
         summed = jnp.einsum("spq,lpqc->slqc", around, rho, precision="highest")
-        return summed * _wavelengths(rho.shape[0])[None, :, None, None]
+        return summed * _like(_wavelengths(rho.shape[0])[None, :, None, None], summed)
 
 
 class ExitRule(NamedTuple):
@@ -123,9 +123,10 @@ def central_spectrum(
     weights = jnp.asarray(rule.weights, cosines.dtype)
     around = _meridian(jnp.asarray(rule.angles, cosines.dtype), (second + 1, most + 1))
     # Of the waves cos(q phi) the squares are pi in the mean for q > 0 and 2 pi for q = 0.
-    share = jnp.asarray(np.where(np.arange(most + 1) > 0, np.pi, 2 * np.pi), cosines.dtype)
+    share = np.where(np.arange(most + 1) > 0, np.pi, 2 * np.pi)[None, None, :]
+    share = share / _wavelengths(first + 1)[:, None, None]
     values = jnp.einsum("e,elq,epq->lpq", weights, by_exit, around, precision="highest")
-    values = values * share / _wavelengths(first + 1)[:, None, None]
+    values = values * _like(share, values)
     total = 2 * jnp.pi * jnp.sum(weights * energy)
     return CentralSpectrum(values[..., None], total[None], weighted)
 

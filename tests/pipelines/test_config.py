@@ -174,6 +174,8 @@ def test_defaults():
     assert config.samples.model_dump() == {"min_cosine": 0.15, "count": 12000, "seed": 0}
     assert config.solve.model_dump() == {
         "band_limit": "auto",
+        "model": "dual",
+        "view_degree": 4,
         "transfer": "exit-cosine",
         "refine": "exact",
         "refine_samples": 2000,

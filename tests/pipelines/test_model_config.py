@@ -93,6 +93,7 @@ def test_a_comparison_takes_what_each_model_has():
             {"solve": {"interreflection": True}, "lighting": {"free_scale": True}},
             "bounced light tells by the albedo",
         ),
+        ({"task": "factorize", "solve": {"model": "shrm"}}, "shrm is for a material under known"),
     ],
 )
 def test_what_only_known_light_can_do(sections, fault):
@@ -103,6 +104,17 @@ def test_what_only_known_light_can_do(sections, fault):
 def test_bounces_need_the_refinement():
     with pytest.raises(ValidationError, match="remove refine: off"):
         SolveConfig.model_validate({"interreflection": True, "refine": "off"})
+
+
+def test_the_reflection_maps_model_has_its_own_filter():
+    chosen = SolveConfig.model_validate({"model": "shrm", "view_degree": 6})
+    assert (chosen.transfer_name, SolveConfig().transfer_name) == ("shrm-6", "exit-cosine")
+    with pytest.raises(ValidationError, match="has its own filter; remove transfer"):
+        SolveConfig.model_validate({"model": "shrm", "transfer": "gaussian"})
+    with pytest.raises(ValidationError, match="view_degree belongs to model: shrm"):
+        SolveConfig.model_validate({"view_degree": 6})
+    with pytest.raises(ValidationError, match="less than or equal to 12"):
+        SolveConfig.model_validate({"model": "shrm", "view_degree": 13})
 
 
 def test_a_result_gives_its_material_back():

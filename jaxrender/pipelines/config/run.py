@@ -72,6 +72,11 @@ class RunConfig(Section):
             )
         if self.task == "brdf":
             return self
+        if self.solve.model == "shrm":
+            raise ValueError(
+                f"solve.model: shrm is for a material under known light, not task {self.task}; "
+                "remove it, or choose task: brdf"
+            )
         if self.brdf.model not in (*FACET_MODELS, "lambertian"):
             raise ValueError(
                 f"model {self.brdf.model} is fitted under known light only (task: brdf); "

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Tag, model_validator
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
 from jaxrender.pipelines.config.values import (
+    Accepts,
     Count,
     NonNegative,
     OpenFraction,
@@ -42,13 +43,21 @@ Noise = Annotated[
 ]
 
 
+ViewDegree = Annotated[int, Strict(), Field(ge=0, le=12), Accepts("a whole number from 0 to 12")]
+_VIEW_DEGREE = 4
+
+
 class SolveConfig(Section):
     """Settings of the solver."""
 
     band_limit: Literal["auto"] | WholeNumber = "auto"
     """Highest degree of the light that is kept."""
+    model: Literal["dual", "shrm"] = "dual"
+    """The frequency model of slow light: the lobe's mean about R, or a reflection map's."""
+    view_degree: ViewDegree = _VIEW_DEGREE
+    """P, the degree of the viewer's direction that model shrm keeps."""
     transfer: Literal["exit-cosine", "normal-exitance", "gaussian"] = "exit-cosine"
-    """How the specular lobe filters each degree."""
+    """How the specular lobe filters each degree, of model dual."""
     refine: Literal["exact", "off"] = "exact"
     """Whether the answer is refined with the exact reflection integral."""
     refine_samples: Count = 2000
@@ -71,6 +80,20 @@ class SolveConfig(Section):
     """Part of the samples that brdf.compare keeps from the fits, to judge them by."""
     interreflection: Switch = False
     """Whether light that bounces between parts of a concave diffuse object is modelled."""
+
+    @property
+    def transfer_name(self) -> str:
+        """What the forward model calls the chosen filter."""
+        return self.transfer if self.model == "dual" else f"shrm-{self.view_degree}"
+
+    @model_validator(mode="after")
+    def _one_filter(self) -> SolveConfig:
+        # By value, since a config written out in full names every key.
+        if self.model == "shrm" and self.transfer != "exit-cosine":
+            raise ValueError("model shrm has its own filter; remove transfer, or the model")
+        if self.model == "dual" and self.view_degree != _VIEW_DEGREE:
+            raise ValueError("view_degree belongs to model: shrm; remove it, or choose that model")
+        return self
 
     @model_validator(mode="after")
     def _bounces_are_refined(self) -> SolveConfig:

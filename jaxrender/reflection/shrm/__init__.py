@@ -15,6 +15,7 @@
 """
 
 from jaxrender.reflection.shrm.columns import (
+    mirror_coefficients_of,
     mirror_light,
     reflect_mirror_light,
     specular_spectrum,
@@ -57,6 +58,7 @@ __all__ = [
     "least_rows",
     "local_from_global",
     "local_shrm",
+    "mirror_coefficients_of",
     "mirror_light",
     "principal_maps",
     "reflect_mirror_light",

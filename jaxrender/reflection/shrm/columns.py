@@ -15,17 +15,20 @@ azimuthal mean with its exact exit cosine by 1.4 and 5.0 %.
 import re
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, rotate
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, Int
 from jaxrender.spectra import CentralSpectrum, central_spectrum, extent_of
 
 # Closer to grazing exit than this the weighted column is divided by this cosine.
 _LEAST_COSINE = 1e-3
+# Rotated side by side, to bound the memory.
+_SAMPLES_AT_ONCE = 64
 _NAME = re.compile(r"shrm-(\d+)")
 
 MirrorLight = Float[AnyArray, "sample degree order channel"]
@@ -41,17 +44,16 @@ def view_degree_of(transfer: str) -> int | None:
 def mirror_light(
     samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"], view_degree: int
 ) -> Float[Array, "sample degree order channel"]:
-    """Turn the light into every sample's mirror frame: L_lq, q = 0 ... min(F, P), by Lambda_l."""
+    """Turn the light into every sample's mirror frame: L_lq / Lambda_l, q = 0 ... min(F, P)."""
     values = jnp.asarray(slow)
-    band_limit = band_limit_of(values.shape[0])
-    order_limit = min(band_limit, view_degree)
+    index, scale = _orders(band_limit_of(values.shape[0]), view_degree)
     frames = SurfaceSamples(*(jnp.asarray(a) for a in samples)).world_from_mirror
-    local = rotate(values, jnp.swapaxes(frames, -1, -2))
-    degree, order = np.arange(band_limit + 1)[:, None], np.arange(order_limit + 1)[None, :]
-    exists = order <= degree
-    index = np.where(exists, degree * (degree + 1) + order, 0)
-    scale = np.where(exists, np.sqrt((2 * degree + 1) / (4 * np.pi)), 0)
-    return local[:, index] * jnp.asarray(scale, values.dtype)[None, :, :, None]
+    weights = jnp.asarray(scale, values.dtype)[:, :, None]
+
+    def seen(frame: Float[Array, "3 3"]) -> Float[Array, "degree order channel"]:
+        return rotate(values, frame.T)[index] * weights
+
+    return jax.lax.map(seen, frames, batch_size=_SAMPLES_AT_ONCE)
 
 
 @eqx.filter_jit
@@ -62,14 +64,49 @@ def reflect_mirror_light(
     view_degree: int,
 ) -> Float[Array, "sample channel"]:
     """Evaluate the specular column (ks = 1); differentiable in the BRDF and the light."""
-    spectrum = specular_spectrum(brdf, (light.shape[1] - 1, view_degree))
-    cosines = jnp.asarray(exit_cosines)
-    terms = spectrum.transfer_at(cosines)[..., 0]
-    column = jnp.einsum("slq,slqc->sc", terms, jnp.asarray(light), precision="highest")
-    return column / jnp.maximum(cosines, _LEAST_COSINE)[:, None]
+    terms = _terms(brdf, jnp.asarray(exit_cosines), (light.shape[1] - 1, view_degree))
+    return jnp.einsum("slq,slqc->sc", terms, jnp.asarray(light), precision="highest")
+
+
+@eqx.filter_jit
+def mirror_coefficients_of(
+    brdf: Glossy, samples: SurfaceSamples, band_limit: int, view_degree: int
+) -> Float[Array, "sample coefficient"]:
+    """Expand the lobe in harmonics of the light's direction: the column under light Y_lm."""
+    arrays = SurfaceSamples(*(jnp.asarray(a) for a in samples))
+    index, scale = _orders(band_limit, view_degree)
+    terms = _terms(brdf, arrays.exit_cosines, (band_limit, view_degree))
+    terms = terms * jnp.asarray(scale, terms.dtype)[None]
+
+    def in_world(sample: tuple) -> Float[Array, "coefficient"]:
+        own, frame = sample
+        # Entries that do not exist all point at degree 0, and add nothing there.
+        local = jnp.zeros(((band_limit + 1) ** 2, 1), own.dtype).at[index].add(own[..., None])
+        return rotate(local, frame)[:, 0]
+
+    frames = arrays.world_from_mirror
+    return jax.lax.map(in_world, (terms, frames), batch_size=_SAMPLES_AT_ONCE)
 
 
 def specular_spectrum(brdf: Glossy, band_limits: tuple[int, int]) -> CentralSpectrum:
     """rho_lpq of the glossy lobe alone at amplitude one, weighted by the exit cosine."""
-    dtype = jnp.asarray(brdf.ks).dtype
+    dtype = jnp.result_type(jnp.asarray(brdf.ks), jnp.asarray(brdf.sigma))
     return central_spectrum(brdf.specular_transfer, band_limits, *extent_of(brdf, dtype), True)
+
+
+def _terms(
+    brdf: Glossy, exit_cosines: Float[Array, "sample"], band_limits: tuple[int, int]
+) -> Float[Array, "sample degree order"]:
+    weighted = specular_spectrum(brdf, band_limits).transfer_at(exit_cosines)[..., 0]
+    return weighted / jnp.maximum(exit_cosines, _LEAST_COSINE)[:, None, None]
+
+
+def _orders(
+    band_limit: int, view_degree: int
+) -> tuple[Int[np.ndarray, "degree order"], Float[np.ndarray, "degree order"]]:
+    """Where the orders 0 ... min(F, P) of each degree stand, and 1 / Lambda_l, 0 for q > l."""
+    degree = np.arange(band_limit + 1)[:, None]
+    order = np.arange(min(band_limit, view_degree) + 1)[None, :]
+    exists = order <= degree
+    index = np.where(exists, degree * (degree + 1) + order, 0)
+    return index, np.where(exists, np.sqrt((2 * degree + 1) / (4 * np.pi)), 0)

@@ -107,8 +107,8 @@ class AzimuthalTexture(eqx.Module):
         maps = jnp.asarray(self.maps)
         count = maps.shape[0]
         place = jnp.arccos(jnp.clip(dot(centres, outgoing), -1, 1)) * ((count - 1) / np.pi)
-        lower = jnp.clip(jnp.floor(place), 0, count - 2).astype(int)
-        share = (place - lower)[:, None]
+        floor = jnp.clip(jnp.floor(place), 0, count - 2)
+        lower, share = floor.astype(int), (place - floor)[:, None]
         layers = jnp.stack([looked_up(over_poles(one), centres) for one in maps])
         each = np.arange(layers.shape[1])
         found = (1 - share) * layers[lower, each] + share * layers[lower + 1, each]

@@ -81,7 +81,8 @@ def central_coefficients(
     rho = jnp.asarray(spectrum.coefficients)
     degree, order = degrees(limits[1]), np.abs(orders(limits[1]))
     exists = order <= min(limits)
-    by_outgoing = rho[:, degree, np.where(exists, order, 0)] * exists[None, :, None]
+    by_outgoing = rho[:, degree, np.where(exists, order, 0)]
+    by_outgoing = by_outgoing * jnp.asarray(exists[None, :, None], rho.dtype)
     light_degree = np.arange(limits[0] + 1)[:, None]
     inside = np.abs(orders(limits[1]))[None, :] <= light_degree
     place = np.where(inside, light_degree * (light_degree + 1) + orders(limits[1])[None, :], 0)
@@ -114,8 +115,8 @@ def _check(light: Coefficients, spectrum: CentralSpectrum) -> tuple[int, int]:
 def _prefilter(
     grid: LatLongGrid,
     limits: tuple[int, int],
-    light: Float[Array, "coefficient channel"],
-    rho: Float[Array, "degree outgoing_degree order channel"],
+    light: Float[Array, "coefficient #channel"],
+    rho: Float[Array, "degree outgoing_degree order #channel"],
 ) -> Float[Array, "row column outgoing channel"]:
     first, second = limits
     cosine, sine = _by_order(light)

@@ -1,0 +1,320 @@
+"""Spherical harmonic reflection maps: one function in five forms, and the integral behind them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, look_at, observe, rotation
+from jaxrender.harmonics import (
+    CubeGrid,
+    LatLongGrid,
+    complex_from_real,
+    degrees,
+    evaluate,
+    real_basis,
+)
+from jaxrender.reflection import (
+    AzimuthalTexture,
+    IcosahedralMaps,
+    LightFieldTable,
+    LocalShrm,
+    SurfacePoints,
+    ViewerGoal,
+    ViewerRule,
+    central_coefficients,
+    convolve_isotropic,
+    evaluate_isotropic,
+    global_shrm,
+    local_from_global,
+    local_shrm,
+    mirror_light,
+    principal_maps,
+    reflect_mirror_light,
+    reflect_slow_light,
+    reflection_maps,
+    shrm_from_photographs,
+)
+from jaxrender.reflection.shrm import blending_shares, icosahedron_vertices, specular_spectrum
+from jaxrender.spectra import CentralSpectrum, phong_transfer
+
+_F, _P = 7, 3
+_GRID = LatLongGrid(24, 48)
+
+
+def _any_spectrum(rng, band_limits=(_F, _P)) -> CentralSpectrum:
+    first, second = band_limits
+    most = min(band_limits)
+    degree, outgoing, order = np.ogrid[: first + 1, : second + 1, : most + 1]
+    rho = rng.standard_normal((first + 1, second + 1, most + 1, 3))
+    rho = np.where(((order <= degree) & (order <= outgoing))[..., None], rho, 0)
+    return CentralSpectrum(rho, np.ones(3))
+
+
+def _light(rng, band_limit=_F):
+    fall = 1 + degrees(band_limit)[:, None] ** 1.5
+    light = rng.standard_normal(((band_limit + 1) ** 2, 3)) / fall
+    light[0] = 4
+    return light
+
+
+def _samples(rng, count=200, least=0.15) -> SurfaceSamples:
+    normals, outgoing = rng.standard_normal((2, 8 * count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
+    facing = np.einsum("xi,xi->x", normals, outgoing) > least
+    return SurfaceSamples(normals[facing][:count], outgoing[facing][:count])
+
+
+def _frames(grid):
+    alpha, beta = (
+        a.ravel() for a in np.meshgrid(grid.polar_angles(), grid.azimuths(), indexing="ij")
+    )
+    return alpha, beta, np.asarray(rotation(alpha, beta, np.zeros_like(alpha)))
+
+
+@pytest.fixture(scope="module")
+def made():
+    rng = np.random.default_rng(3)
+    light, spectrum = _light(rng), _any_spectrum(rng)
+    return light, spectrum, local_shrm(light, spectrum, _GRID)
+
+
+def test_the_three_steps_are_the_light_rotated_into_every_texels_frame(made):
+    light, spectrum, local = made
+    frames = _frames(_GRID)[2]
+    twin = np.asarray(central_coefficients(light, spectrum, frames))
+    assert np.abs(twin.reshape(local.maps.shape) - local.maps).max() < 1e-10
+
+
+@pytest.mark.parametrize("band_limits", [(3, 0), (2, 4), (5, 5)])
+def test_more_degrees_of_the_viewer_than_of_the_light_and_none(band_limits):
+    rng = np.random.default_rng(5)
+    light, spectrum = _light(rng, band_limits[0]), _any_spectrum(rng, band_limits)
+    local = local_shrm(light, spectrum, _GRID)
+    twin = np.asarray(central_coefficients(light, spectrum, _frames(_GRID)[2]))
+    assert np.abs(twin.reshape(local.maps.shape) - local.maps).max() < 1e-10
+
+
+def test_local_global_dynamic_and_the_explicit_expansion_are_one_function(made):
+    light, spectrum, local = made
+    alpha, beta, frames = _frames(_GRID)
+    viewer = np.array([0.3, -0.5, 0.8]) / np.sqrt(0.98)
+    everywhere = np.repeat(viewer[None], len(alpha), axis=0)
+    # The whole sum over l, m, p, q, written in complex harmonics (T 2.54 of T 2.55).
+    points = SurfacePoints(alpha, beta, 0 * alpha, frames.transpose(0, 2, 1) @ viewer)
+    field = convolve_isotropic(complex_from_real(light), spectrum.coefficients)
+    explicit = np.asarray(evaluate_isotropic(field, points))
+    assert np.abs(explicit.imag).max() < 1e-10
+    explicit = explicit.real
+    centres = _GRID.directions().reshape(-1, 3)
+    whole = global_shrm(local)
+    for found in (
+        local.at(centres, everywhere),
+        whole.at(centres, everywhere),
+        whole.dynamic_map(viewer).reshape(-1, 3),
+    ):
+        assert np.abs(np.asarray(found) - explicit).max() < 1e-10
+    assert np.abs(np.asarray(local_from_global(whole).maps) - local.maps).max() < 1e-10
+
+
+def test_a_cube_holds_the_same_function(made):
+    light, spectrum, local = made
+    cube = CubeGrid(6)
+    viewer = np.array([0.3, -0.5, 0.8]) / np.sqrt(0.98)
+    found = np.asarray(global_shrm(local).on(cube).dynamic_map(viewer)).reshape(-1, 3)
+    x, y, z = cube.directions().reshape(-1, 3).T
+    frames = np.asarray(rotation(np.arccos(z), np.arctan2(y, x), np.zeros_like(x)))
+    around = np.asarray(real_basis(frames.transpose(0, 2, 1) @ viewer, _P))
+    expected = np.einsum("xkc,xk->xc", central_coefficients(light, spectrum, frames), around)
+    assert np.abs(found - expected).max() < 1e-10
+
+
+def test_a_radial_lobe_gives_a_plain_reflection_map():
+    grid, rng = LatLongGrid(32, 64), np.random.default_rng(8)
+    image = np.asarray(evaluate(_light(rng), grid.directions().reshape(-1, 3))).reshape(32, 64, 3)
+    transfer = np.asarray(phong_transfer(20.0, _F))
+    # A_l = Lambda_l rho_l, and the viewer's constant harmonic is 1 / sqrt(4 pi).
+    rho = transfer * np.sqrt((2 * np.arange(_F + 1) + 1) / (4 * np.pi)) * np.sqrt(4 * np.pi)
+    spectrum = CentralSpectrum(rho[:, None, None, None], np.ones(1))
+    light = _light(np.random.default_rng(8))
+    maps = np.asarray(local_shrm(light, spectrum, grid).maps)[:, :, 0] / np.sqrt(4 * np.pi)
+    expected = np.asarray(reflection_maps(image, transfer[None], grid))[0]
+    wavelength = np.sqrt(4 * np.pi / (2 * np.arange(_F + 1) + 1))
+    assert np.isclose(wavelength[0], np.sqrt(4 * np.pi))
+    assert np.abs(maps - expected).max() < 1e-10
+
+
+def test_interpolation_is_second_order_across_poles_and_seam(made):
+    light, spectrum, _ = made
+    rng = np.random.default_rng(11)
+    centres = rng.standard_normal((60, 3))
+    centres[:20, :2] *= 0.02
+    centres[20:40, 1] *= 0.01
+    centres /= np.linalg.norm(centres, axis=1, keepdims=True)
+    outgoing = rng.standard_normal((60, 3))
+    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
+    x, y, z = centres.T
+    frames = np.asarray(rotation(np.arccos(z), np.arctan2(y, x), np.zeros_like(x)))
+    around = np.asarray(real_basis(np.einsum("xij,xi->xj", frames, outgoing), _P))
+    exact = np.einsum("xkc,xk->xc", central_coefficients(light, spectrum, frames), around)
+    errors = []
+    for rows in (60, 120, 240):
+        local = local_shrm(light, spectrum, LatLongGrid(rows, 2 * rows))
+        both = [np.asarray(s.at(centres, outgoing)) for s in (local, global_shrm(local))]
+        errors.append([np.abs(found - exact).max() for found in both])
+    ratios = np.array(errors)[:-1] / np.array(errors)[1:]
+    assert np.all(ratios > 3), (errors, ratios)
+
+
+def test_light_field_tables_lead_there_and_back(made):
+    _, _, local = made
+    rule = ViewerRule(_P + 1, 2 * _P + 1)
+    table = LightFieldTable.of(local, rule)
+    around = np.asarray(real_basis(rule.directions(), _P))
+    expected = np.einsum("tfk,rckd->tfrcd", around, local.maps)
+    assert np.abs(np.asarray(table.values) - expected).max() < 1e-10
+    assert np.abs(np.asarray(table.shrm(_P, _F).maps) - local.maps).max() < 1e-10
+    with pytest.raises(ValueError, match="cannot be told from 4 x 7 viewers"):
+        table.shrm(_P + 1, _F)
+
+
+def test_twelve_maps_are_exact_at_their_own_viewers_and_blend_between(made):
+    whole = global_shrm(made[2])
+    maps, vertices = IcosahedralMaps.of(whole), icosahedron_vertices()
+    assert np.allclose(blending_shares(vertices), np.eye(12), atol=1e-12)
+    middle = vertices[[0, 4]].mean(axis=0)
+    shares = blending_shares(middle[None] / np.linalg.norm(middle))[0]
+    assert np.isclose(shares.sum(), 1)
+    assert (shares >= 0).all()
+    centres = _GRID.directions().reshape(-1, 3)[::7]
+    for vertex in vertices[::5]:
+        everywhere = np.repeat(vertex[None], len(centres), axis=0)
+        expected = np.asarray(whole.at(centres, everywhere))
+        assert np.abs(np.asarray(maps.at(centres, everywhere)) - expected).max() < 1e-10
+
+
+def test_the_azimuthal_texture_is_the_sum_of_q_0(made):
+    local = made[2]
+    centres = _GRID.directions().reshape(-1, 3)[::11]
+    texture = AzimuthalTexture.of(local, 3)
+    across = np.cross(centres, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    # At right angles to R, the middle one of three angles; averaged over the azimuth q > 0 vanish.
+    turns = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    around = [
+        np.asarray(local.at(centres, np.cos(t) * across + np.sin(t) * np.cross(centres, across)))
+        for t in turns
+    ]
+    found = np.asarray(texture.at(centres, across))
+    assert np.abs(found - np.mean(around, axis=0)).max() < 1e-10
+
+
+def test_principal_components_are_those_of_the_dense_light_field(made):
+    _, _, local = made
+    every = principal_maps(local, (_P + 1) ** 2)
+    assert np.abs(np.asarray(every.expanded()) - local.maps).max() < 1e-10
+    rule = ViewerRule(_P + 1, 2 * _P + 2)
+    values = np.asarray(LightFieldTable.of(local, rule).values)
+    root = np.sqrt(rule.weights() * np.ones((1, rule.columns)))[:, :, None, None, None]
+    texel = np.sqrt(_GRID.weights())[None, None, :, :, None]
+    dense = (values * root * texel).reshape(rule.rows * rule.columns, -1)
+    strengths = np.linalg.svd(dense, compute_uv=False)[: (_P + 1) ** 2] ** 2
+    assert np.allclose(every.energy, strengths / strengths.sum(), atol=1e-12)
+    few = principal_maps(local, 5)
+    left = np.asarray(few.expanded()) - local.maps
+    weights = _GRID.weights()[:, :, None, None]
+    part = np.sum(weights * left**2) / np.sum(weights * np.asarray(local.maps) ** 2)
+    assert np.isclose(part, every.energy[5:].sum(), rtol=1e-9)
+
+
+def test_the_column_of_a_lobe_nears_the_integral_as_the_viewers_degree_grows():
+    rng = np.random.default_rng(0)
+    samples, light = _samples(rng), _light(rng, 8)
+    brdf = Microfacet(np.zeros(3), np.ones(3), 0.2, 1.5)
+    exact = np.asarray(reflect_slow_light(brdf, samples, light))
+    errors = []
+    for view_degree in (0, 2, 4, 8):
+        seen = mirror_light(samples, light, view_degree)
+        found = np.asarray(reflect_mirror_light(brdf, samples.exit_cosines, seen, view_degree))
+        errors.append(np.sqrt(np.sum((found - exact) ** 2) / np.sum(exact**2)))
+    assert np.all(np.diff(errors) < 0), errors
+    assert errors[1] < np.sqrt(0.03), errors
+    assert errors[3] < 0.02, errors
+
+
+def test_a_map_is_the_column_at_the_reflected_direction():
+    rng = np.random.default_rng(2)
+    samples, light = _samples(rng, 60), _light(rng, 6)
+    brdf = Microfacet(np.zeros(3), np.ones(3), 0.3, 1.5)
+    spectrum = specular_spectrum(brdf, (6, 2))
+    local = local_shrm(light, spectrum, LatLongGrid(300, 600))
+    seen = mirror_light(samples, light, 2)
+    expected = np.asarray(reflect_mirror_light(brdf, samples.exit_cosines, seen, 2))
+    found = np.asarray(local.at(samples.reflected, samples.outgoing))
+    assert np.abs(found - expected).max() < 3e-4 * np.abs(expected).max()
+
+
+def test_a_rendered_pixel_is_differentiable_in_light_sigma_and_mu():
+    rng = np.random.default_rng(4)
+    light, grid = jnp.asarray(_light(rng, 4)), LatLongGrid(20, 40)
+    samples = _samples(rng, 1)
+    ramp = jnp.asarray(rng.standard_normal(light.shape))
+
+    def pixel(at):
+        brdf = Microfacet(jnp.zeros(3), jnp.ones(3), at[0], at[1])
+        local = local_shrm(light + at[2] * ramp, specular_spectrum(brdf, (4, 2)), grid)
+        return global_shrm(local).at(samples.reflected, samples.outgoing)[0, 1]
+
+    at = jnp.array([0.25, 1.5, 0.1])
+    found = np.asarray(jax.jit(jax.grad(pixel))(at))
+    value = jax.jit(pixel)
+    for axis, step in enumerate(np.eye(3) * 1e-4):
+        near, far = ((value(at + k * step) - value(at - k * step)) / (2e-4 * k) for k in (1.0, 2.0))
+        assert abs(found[axis] - (4 * near - far) / 3) < 1e-6 * max(1, abs(found[axis]))
+
+
+def test_photographs_of_a_sphere_give_its_map():
+    rng = np.random.default_rng(6)
+    light, spectrum = _light(rng, 3), _any_spectrum(rng, (3, 1))
+    sphere, cameras, photographs = Sphere(np.zeros(3), 1.0), [], []
+    truth = global_shrm(local_shrm(light, spectrum, LatLongGrid(120, 240)))
+    for viewer in icosahedron_vertices():
+        up = np.array([0.0, 0.0, 1.0]) if abs(viewer[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+        pose = look_at(4 * viewer, np.zeros(3), up)
+        camera = Orthographic(160, 160, pose, scale=2.1 / 160)
+        view = observe(camera, sphere)
+        samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
+        image = np.zeros((160, 160, 3))
+        image[view.hit] = np.asarray(truth.at(samples.reflected, samples.outgoing))
+        cameras.append(camera)
+        photographs.append(image * (1 + 0.005 * rng.standard_normal(image.shape)))
+    grid = LatLongGrid(16, 32)
+    fit = shrm_from_photographs(cameras, photographs, sphere, grid, ViewerGoal(1))
+    assert fit.relative_rms < 0.01
+    expected = np.asarray(global_shrm(local_shrm(light, spectrum, grid)).maps)
+    assert (
+        np.sqrt(np.mean((np.asarray(fit.shrm.maps) - expected) ** 2))
+        < 0.01 * np.abs(expected).max()
+    )
+    with pytest.raises(ValueError, match="central directions are in no photograph"):
+        shrm_from_photographs(cameras[:1], photographs[:1], sphere, grid, ViewerGoal(1))
+    with pytest.raises(ValueError, match="12 cameras and 11 photographs"):
+        shrm_from_photographs(cameras, photographs[1:], sphere, grid, ViewerGoal(1))
+
+
+def test_what_cannot_be_is_refused(made):
+    light, spectrum, local = made
+    with pytest.raises(ValueError, match=r"aliases.*21 rows"):
+        local_shrm(light, spectrum, LatLongGrid(20, 40))
+    with pytest.raises(ValueError, match="light to degree 6 and a BRDF to 7"):
+        local_shrm(light[:49], spectrum, _GRID)
+    with pytest.raises(ValueError, match=r"ask for degrees from 0 up to"):
+        spectrum.cut((_F, _P + 1))
+    with pytest.raises(ValueError, match="make the grid from their shape"):
+        LocalShrm(local.maps, LatLongGrid(8, 16), _F)
+    with pytest.raises(ValueError, match="17 components of 16 maps"):
+        principal_maps(local, 17)
+    with pytest.raises(ValueError, match="no frames"):
+        local_from_global(global_shrm(local).on(CubeGrid(5)))
