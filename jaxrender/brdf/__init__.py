@@ -18,6 +18,8 @@
     brushed and fibrous surfaces, their direction along +X
 ``mixture``
     a weighted sum of any of these
+``isotropic_table`` ``scattered``
+    measured reflectance: a table over half and difference angles, fitted to scattered measurements
 ``registry`` ``properties``
     every model by its name; reciprocity and albedo, measured
 """
@@ -42,6 +44,7 @@ from jaxrender.brdf.fresnel import (
 )
 from jaxrender.brdf.glossy import Glossy, ShapeParameter
 from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.isotropic_table import HalfDifference, IsotropicTable, half_difference
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import Lafortune
 from jaxrender.brdf.lambertian import Lambertian
@@ -59,6 +62,7 @@ from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import directional_albedo, max_albedo, reciprocity_error
 from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
+from jaxrender.brdf.scattered import ScatteredFit, fit_isotropic_table
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
 
@@ -77,7 +81,9 @@ __all__ = [
     "Distribution",
     "Gaussian",
     "Glossy",
+    "HalfDifference",
     "HeTorrance",
+    "IsotropicTable",
     "KajiyaKay",
     "Lafortune",
     "Lambertian",
@@ -86,6 +92,7 @@ __all__ = [
     "OrenNayar",
     "Phong",
     "PoulinFournier",
+    "ScatteredFit",
     "ShapeParameter",
     "TorranceSparrow",
     "TrowbridgeReitz",
@@ -93,7 +100,9 @@ __all__ = [
     "brdf_named",
     "conductor_fresnel",
     "directional_albedo",
+    "fit_isotropic_table",
     "fresnel",
+    "half_difference",
     "head_on_reflectance",
     "max_albedo",
     "microfacet_distribution",

@@ -2,10 +2,16 @@
 
 A ``Response`` (``response``) turns stored values into linear radiance, ``exposure`` brings
 photographs to one scale, ``masks`` selects the pixels that measured something and keeps account of
-the others, ``noise`` says how far a measurement may lie from the truth, and ``silhouette`` finds
-the circle of a ball.  Host side, float64.
+the others, ``noise`` says how far a measurement may lie from the truth, ``silhouette`` finds the
+circle of a ball, and ``colour`` turns spectra into red, green and blue.  Host side, float64.
 """
 
+from jaxrender.imaging.colour import (
+    ILLUMINANTS,
+    colour_matching,
+    rgb_of_reflectance,
+    rgb_weights,
+)
 from jaxrender.imaging.exposure import relative_exposures, to_radiance
 from jaxrender.imaging.masks import (
     Selection,
@@ -20,6 +26,7 @@ from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_n
 from jaxrender.imaging.silhouette import Circle, circle_of
 
 __all__ = [
+    "ILLUMINANTS",
     "SRGB",
     "Curve",
     "Linear",
@@ -27,11 +34,14 @@ __all__ = [
     "Response",
     "Selection",
     "below_black",
+    "colour_matching",
     "dilate",
     "erode",
     "estimate_noise",
     "relative_exposures",
     "response_named",
+    "rgb_of_reflectance",
+    "rgb_weights",
     "saturated",
     "to_radiance",
     "usable_pixels",

@@ -12,6 +12,8 @@
     directional sources for each photograph
 ``meshes``
     triangle meshes
+``measured`` ``merl``
+    measured reflectance: at scattered directions, and the MERL database's tables
 ``jsonfiles``
     what the JSON formats above share
 
@@ -23,22 +25,29 @@ from jaxrender.io.curves import read_curve
 from jaxrender.io.environments import read_environment, write_environment
 from jaxrender.io.images import Image, image_size, read_image, write_image
 from jaxrender.io.lights import read_per_frame_lights
+from jaxrender.io.measured import ScatteredMeasurements, read_cornell
+from jaxrender.io.merl import MerlTable, read_merl, write_merl
 from jaxrender.io.meshes import read_mesh, write_mesh
 
 __all__ = [
     "Capture",
     "Frame",
     "Image",
+    "MerlTable",
+    "ScatteredMeasurements",
     "image_size",
     "read_capture",
+    "read_cornell",
     "read_curve",
     "read_environment",
     "read_image",
     "read_mask",
+    "read_merl",
     "read_mesh",
     "read_per_frame_lights",
     "read_photograph",
     "write_environment",
     "write_image",
+    "write_merl",
     "write_mesh",
 ]
