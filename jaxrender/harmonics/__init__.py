@@ -18,7 +18,6 @@ The harmonics are real and orthonormal over the sphere and carry no Condon-Short
 Y_11 = +0.488603 x, and Y_{l,-m} holds sin(m phi) (T 4.5).  The complex ones carry it (T 2.26).
 """
 
-from jaxrender.harmonics.azimuth import image_from_waves, waves_from_image
 from jaxrender.harmonics.basis import degree_table, evaluate, explicit_basis, real_basis
 from jaxrender.harmonics.circle import (
     analyse_circle,
@@ -81,7 +80,6 @@ __all__ = [
     "evaluate",
     "explicit_basis",
     "flat_index",
-    "image_from_waves",
     "legendre",
     "looked_up",
     "orders",
@@ -102,5 +100,4 @@ __all__ = [
     "synthesise_dense",
     "synthesise_rotations",
     "transfer_of",
-    "waves_from_image",
 ]

@@ -24,7 +24,7 @@ import numpy as np
 
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
-from jaxrender.harmonics import coefficient_count, real_basis
+from jaxrender.harmonics import associated, coefficient_count, real_basis
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra.mirror_frame import Lobe, azimuthal_transfer, mean_transfer
 
@@ -241,7 +241,9 @@ def _meridian(
 def _meridian_on_host(
     angles: Float[np.ndarray, "node"], shape: tuple[int, int]
 ) -> Float[np.ndarray, "node degree order"]:
-    return np.asarray(_meridian(jnp.asarray(angles), shape))
+    table = associated(np.cos(angles), np.sin(angles), shape[0] - 1)[:, : shape[1]]
+    missing = shape[1] - table.shape[1]
+    return np.moveaxis(np.pad(table, ((0, 0), (0, missing), (0, 0))), -1, 0)
 
 
 def _places(degree_count: int, order_count: int) -> tuple[np.ndarray, np.ndarray]:

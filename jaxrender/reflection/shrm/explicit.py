@@ -142,7 +142,7 @@ class LightFieldTable(eqx.Module):
 
     @classmethod
     def of(cls, local: LocalShrm, rule: ViewerRule) -> "LightFieldTable":
-        """Sum the maps for every viewer, first over p and then over q: P terms a texel."""
+        """Sum the maps for every viewer."""
         return cls(_tabulated(jnp.asarray(local.maps), rule, local.order), local.weighted)
 
     def shrm(self, order: int, band_limit: int) -> LocalShrm:
@@ -167,21 +167,16 @@ class LightFieldTable(eqx.Module):
 
 @eqx.filter_jit
 def _tabulated(maps: Array, rule: ViewerRule, order: int) -> Array:
-    around = _viewer_basis(rule, order)
-    # Y_pq(t, f) = Y_p|q|(t, 0) times cos(q f), or sin(|q| f) for q < 0.
-    signed = np.arange(-order, order + 1)
-    turns = np.abs(signed) * (np.arange(rule.columns) * 2 * np.pi / rule.columns)[:, None]
-    waves = np.where(signed < 0, np.sin(turns), np.cos(turns))
-    polar = np.zeros((rule.rows, order + 1, len(signed)))
-    for p in range(order + 1):
-        for q in range(-p, p + 1):
-            polar[:, p, q + order] = around[:, 0, flat_index(p, abs(q))]
-    by_order = []
-    for q in range(-order, order + 1):
-        index = np.array([flat_index(p, q) for p in range(abs(q), order + 1)])
-        factor = jnp.asarray(polar[:, abs(q) :, q + order], maps.dtype)
-        by_order.append(jnp.einsum("rcpd,tp->trcd", maps[:, :, index], factor))
-    return jnp.einsum("qtrcd,fq->tfrcd", jnp.stack(by_order), jnp.asarray(waves, maps.dtype))
+    # One product of (P+1)^2 terms a texel: measured faster than P terms in two steps (T 5.6.2), as
+    # it reads the maps once and writes every result where it belongs.
+    around = jnp.asarray(_viewer_basis(rule, order), maps.dtype)
+    texels = jnp.moveaxis(maps, 2, 0)
+    flat = jnp.matmul(
+        around.reshape(-1, texels.shape[0]),
+        texels.reshape(texels.shape[0], -1),
+        precision="highest",
+    )
+    return flat.reshape(rule.rows, rule.columns, *texels.shape[1:])
 
 
 def _viewer_basis(

@@ -26,7 +26,6 @@ from jaxrender.harmonics import (
     band_limit_of,
     coefficient_count,
     degrees,
-    image_from_waves,
     orders,
     quarter_turn,
     rotate,
@@ -125,23 +124,28 @@ def _prefilter(
     for q in range(second + 1):
         kept = np.arange(q, second + 1)
         if q > first:
-            dark = jnp.zeros((first + 1, 2, len(kept), channels, grid.height), light.dtype)
+            dark = jnp.zeros((grid.height, first + 1, 2, len(kept), channels), light.dtype)
             parts += [dark, dark]
         else:
             even, odd = (jnp.asarray(t, light.dtype) for t in _tables(grid, first, q))
             # [order, degree, trig, outgoing degree, channel]
             product = jnp.stack([cosine, sine], axis=2)[:, :, :, None] * rho[None, :, None, q:, q]
-            parts.append(_einsum("mlr,mltpc->mtpcr", even, product))
+            parts.append(_einsum("mlr,mltpc->rmtpc", even, product))
             turned = jnp.stack([product[:, :, 1], -product[:, :, 0]], axis=2)
-            parts.append(_einsum("mlr,mltpc->mtpcr", odd, turned))
+            parts.append(_einsum("mlr,mltpc->rmtpc", odd, turned))
         places += [kept * (kept + 1) + q, kept * (kept + 1) - q]
     # The map of -0 is that of 0 again, and dark: it is left out.
     del parts[1], places[1]
     order = np.argsort(np.concatenate(places))
-    waves = jnp.concatenate(parts, axis=2)[:, :, order]
+    waves = jnp.concatenate(parts, axis=3)[:, :, :, order]
     count = coefficient_count(second)
-    flat = waves.reshape(first + 1, 2, count * channels, grid.height)
-    return image_from_waves(grid, first, flat).reshape(*grid.shape, count, channels)
+    # Rows stay where they are and maps stay innermost: a product over the waves, and no transposing
+    # of the maps, which are by far the largest array here.
+    flat = waves.reshape(grid.height, 2 * (first + 1), count * channels)
+    angles = np.multiply.outer(grid.azimuths(), np.arange(first + 1))
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(grid.width, -1)
+    maps = _einsum("jw,rwk->rjk", jnp.asarray(around, flat.dtype), flat)
+    return maps.reshape(*grid.shape, count, channels)
 
 
 def _by_order(light: Float[Array, "coefficient channel"]) -> tuple[Array, Array]:
