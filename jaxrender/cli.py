@@ -169,6 +169,10 @@ def prefilter(
     convention: str = "z-up",
     axes: Literal["probe", "world"] = "probe",
     brdf: list[str] | None = None,
+    shrm: bool = False,
+    tolerance: float | None = None,
+    view_degree: int | None = None,
+    degree: int | None = None,
     force: bool = False,
 ) -> int:
     """Filter a light probe for rendering: irradiance coefficients, and a map for each lobe.
@@ -185,19 +189,46 @@ def prefilter(
         Whose axes the results are in: the probe's own, or the scene's.
     brdf
         A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
+    shrm
+        Write of each lobe also a spherical harmonic reflection map, whose texels depend on the
+        viewer (NAME_shrm.nc), and a sphere seen by six viewers (NAME_shrm.png).
+    tolerance
+        Part of a lobe's energy that its reflection map may miss; 0.03 if not given, at which small
+        bright lamps still ring, 0.003 shows none. The degrees that it needs are printed.
+    view_degree
+        Degree P of the viewer's direction, in place of the chosen one: (P + 1)^2 maps; 0 to 12.
+        Lobes of one angle, such as lambertian, have P = 0 in any case.
+    degree
+        Degree F of the light's direction, in place of the chosen one; at most 128, and what the
+        probe carries.
     force
         Replace an earlier result of another probe.
     """
+    options = {"tolerance": tolerance, "view-degree": view_degree, "degree": degree}
+    for name, value in options.items():
+        if value is not None and not shrm:
+            raise InputError(f"--{name} goes with --shrm; add that, or leave --{name} out")
     _set_up_jax()
     from jaxrender.pipelines import prefilter as prefiltering
+    from jaxrender.pipelines.lobe_orders import TOLERANCE, OrdersGoal
     from jaxrender.pipelines.progress import choose
 
     lobes = tuple(brdf) if brdf else prefiltering.DEFAULT_LOBES
+    goal = OrdersGoal(TOLERANCE if tolerance is None else tolerance, view_degree, degree)
     done = prefiltering.prefilter(
-        probe, out, convention, axes, lobes, force=force, progress=choose(sys.stderr)
+        probe,
+        out,
+        convention,
+        axes,
+        lobes,
+        force=force,
+        progress=choose(sys.stderr),
+        shrm=goal if shrm else None,
     )
     for name, row in zip(_HARMONICS, done.coefficients.tolist()):
         _say(f"L{name:4s}" + "".join(f"{value:12.5g}" for value in row))
+    for line in done.reflection:
+        _say(line)
     _say(f"maps: {out}")
     return DONE
 
@@ -210,6 +241,7 @@ def analyze(
     convention: str = "z-up",
     brdf: list[str] | None = None,
     band_limit: int | None = None,
+    tolerance: float | None = None,
     noise: float | None = None,
     samples: int = 12_000,
     figure: Path | None = None,
@@ -234,6 +266,9 @@ def analyze(
         several times.
     band_limit
         The highest degree to look at; 32 for a panorama, chosen from the roughness for a config.
+    tolerance
+        Part of an energy that the orders of light and viewer may leave out, with a panorama; 0.03
+        if not given.
     noise
         Standard deviation of a sample, as a part of the reflected light; the config's, or 0.01.
     samples
@@ -253,6 +288,8 @@ def analyze(
     if subject.suffix.lower() in (".yaml", ".yml"):
         if brdf:
             raise InputError("--brdf goes with a panorama; with a config: --suppose sigma=0.1")
+        if tolerance is not None:
+            raise InputError("--tolerance goes with a panorama; leave it out with a config")
         from jaxrender.pipelines.config import load_run_config
 
         config = load_run_config(_bundled(subject), overrides)
@@ -274,7 +311,15 @@ def analyze(
         lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
         measurement = (0.01 if noise is None else noise, samples)
         limit = 32 if band_limit is None else band_limit
-        found = analysis.analyze(subject, convention, lobes, limit, measurement, figure)
+        found = analysis.analyze(
+            subject,
+            convention,
+            lobes,
+            limit,
+            measurement,
+            figure,
+            tolerance=analysis.TOLERANCE if tolerance is None else tolerance,
+        )
         _say(found.table.rstrip())
     if figure is not None:
         _say(f"figure: {figure}")

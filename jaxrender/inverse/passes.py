@@ -15,7 +15,7 @@ from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.uncertainty import Parameters, to_parameters
 from jaxrender.inverse.weights import robust_weights
-from jaxrender.reflection import view_degree_of
+from jaxrender.reflection import ViewFilter
 from jaxrender.shapes import Float
 
 # Noise is never taken to be less than this part of the mean radiance: exact data have none.
@@ -58,8 +58,7 @@ class FitSettings(NamedTuple):
 
         The thesis's own transfers are kept as they are to be compared, not made up for by sources.
         """
-        keeps_azimuth = view_degree_of(self.transfer) is not None
-        return self.transfer if keeps_azimuth else _MEAN
+        return _MEAN if ViewFilter.named(self.transfer) is None else self.transfer
 
 
 DEFAULTS = FitSettings()

@@ -1,4 +1,4 @@
-"""What a light and a BRDF let through, and which inverse problems that leaves well posed."""
+"""What a light and a BRDF let through, which inverse problems that leaves, and to which orders."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,9 @@ from jaxrender.errors import InputError
 from jaxrender.harmonics import analyse
 from jaxrender.inverse.posedness import RECOVERABLE, Posedness, posedness
 from jaxrender.io import read_environment
+from jaxrender.pipelines.lobe_orders import TOLERANCE, LobeOrders, OrdersGoal, lobe_orders
 from jaxrender.pipelines.lobes import Lobe, lobe_of
+from jaxrender.pipelines.reflection_maps import LightSpectrum, percent
 from jaxrender.shapes import Float
 
 DEFAULT_LOBES = ("lambertian", "microfacet:sigma=0.2", "microfacet:sigma=0.05")
@@ -18,11 +20,13 @@ _DEGREES_SHOWN = (*range(9), 10, 12, 16, 20, 24, 32, 48, 64)
 
 
 class Analysis(NamedTuple):
-    """The table for a terminal, and what it was made from: a verdict for each lobe."""
+    """The table for a terminal, and what it was made from: verdict and orders for each lobe."""
 
     table: str
     lobes: tuple[Lobe, ...]
     verdicts: tuple[Posedness, ...]
+    orders: tuple[LobeOrders | None, ...]
+    """None for a mirror, which no orders hold."""
 
 
 def analyze(
@@ -32,12 +36,16 @@ def analyze(
     band_limit: int = 32,
     measurement: tuple[float, int] = (0.01, 12_000),
     figure: Path | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Analysis:
-    """Compare the spectra of a panorama and of lobes, degree by degree (T 2.4.2, 3.2).
+    """Compare the spectra of a panorama and of lobes, degree by degree (T 2.4.2, 3.2, 5.5).
 
-    ``measurement`` is the relative noise of a sample and the number of samples.  Raises
-    ``InputError`` for a panorama that cannot be used, unknown lobes, and more degrees than texels.
+    ``measurement`` is the relative noise of a sample and the number of samples; ``tolerance`` the
+    part of an energy that orders may leave out.  Raises ``InputError`` for a panorama that cannot
+    be used, unknown lobes, more degrees than texels, and a tolerance outside (0, 1).
     """
+    goal = OrdersGoal(tolerance)
+    goal.check()
     lobes = tuple(lobe_of(specification) for specification in dict.fromkeys(brdfs))
     try:
         environment = read_environment(light, convention)
@@ -45,22 +53,27 @@ def analyze(
         verdicts = tuple(
             posedness(coefficients, lobe.transfer(band_limit), *measurement) for lobe in lobes
         )
+        spectrum = LightSpectrum.of(environment)
+        orders = tuple(None if lobe.brdf is None else lobe_orders(lobe, goal) for lobe in lobes)
+        told = [_orders(spectrum, found, goal) for found in orders]
     except InputError:
         raise
     except ValueError as error:
         raise InputError(f"{light}: {error}") from None
     if figure is not None:
         _draw(figure, light.name, lobes, verdicts)
-    sections = [_section(lobe, verdict) for lobe, verdict in zip(lobes, verdicts)]
+    sections = [
+        _section(lobe, verdict, lines) for lobe, verdict, lines in zip(lobes, verdicts, told)
+    ]
     heading = (
         f"{light.name}, to degree {band_limit}; samples with {100 * measurement[0]:g} % noise: "
         f"{measurement[1]:,}.\n"
         f"Recoverable: a relative standard error below {100 * RECOVERABLE:g} %.\n"
     )
-    return Analysis("\n".join([heading, *sections]), lobes, verdicts)
+    return Analysis("\n".join([heading, *sections]), lobes, verdicts, orders)
 
 
-def _section(lobe: Lobe, verdict: Posedness) -> str:
+def _section(lobe: Lobe, verdict: Posedness, orders: list[str]) -> str:
     band_limit = len(verdict.light) - 1
     lines = [
         f"{lobe.specification}  (about the {lobe.about})",
@@ -78,9 +91,39 @@ def _section(lobe: Lobe, verdict: Posedness) -> str:
     lines += [
         f"  inverse lighting: {_which(verdict.light_recoverable)}",
         f"  inverse BRDF:     {_which(verdict.brdf_recoverable)}",
+        *orders,
         "",
     ]
     return "\n".join(lines)
+
+
+def _orders(light: LightSpectrum, found: LobeOrders | None, goal: OrdersGoal) -> list[str]:
+    """Say which degrees of light and viewer hold all but the tolerance (T 5.16 to 5.19)."""
+    heading = f"  orders for {percent(goal.tolerance)} missing energy: "
+    missing = light.missing()
+    enough = np.flatnonzero(missing < goal.tolerance)
+    alone = (
+        f"F {enough[0]}"
+        if len(enough)
+        else f"beyond degree {light.band_limit}, which leaves {percent(missing[-1])}"
+    )
+    if found is None:
+        return [f"{heading}none for a mirror, which passes every degree (of light alone: {alone})"]
+    first, second = found.spectrum.band_limits
+    if not found.reached:
+        left = percent(found.least_missing)
+        return [
+            f"{heading}above F {first}, P {second}, which leave {left} (of light alone: {alone})"
+        ]
+    orders, (rows, views) = found.orders, found.orders.resolutions
+    explicit = f"{views} x {views} explicit views" if views > 1 else "one explicit view"
+    last = min(orders.light, light.band_limit)
+    return [
+        f"{heading}F {orders.light}, P {orders.viewer} (of light alone: {alone}); maps of {rows} "
+        f"rows, {explicit}",
+        f"  beyond degree {last} of this light: at most {percent(light.beyond(found))} of the "
+        "reflected light's energy",
+    ]
 
 
 def _percent(error: float) -> str:

@@ -1,4 +1,8 @@
-"""A probe prefiltered: nine coefficients for diffuse surfaces, a reflection map for each lobe."""
+"""A probe prefiltered: nine coefficients for diffuse surfaces, a reflection map for each lobe.
+
+The map of a lobe shows it head-on; asked for, a spherical harmonic reflection map (T 5) goes with
+it, whose texels depend on the viewer.
+"""
 
 import json
 from collections.abc import Sequence
@@ -12,10 +16,19 @@ from jaxrender.errors import InputError
 from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, degrees, evaluate, orders
 from jaxrender.io import read_environment, write_image
 from jaxrender.lighting import Environment
-from jaxrender.lighting.layouts import Cross
+from jaxrender.lighting.layouts import Cross, panorama_named
+from jaxrender.pipelines.lobe_orders import OrdersGoal
 from jaxrender.pipelines.lobes import Lobe, lobe_of, significant_degree
 from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.reflection_maps import (
+    LightSpectrum,
+    ReflectionMap,
+    check_lobes,
+    reflection_map,
+)
+from jaxrender.pipelines.shrm_files import read_about, write_shrm
+from jaxrender.pipelines.shrm_layout import ShrmAbout
 from jaxrender.reflection import irradiance_matrix, reflection_maps
 from jaxrender.shapes import Float
 
@@ -35,6 +48,8 @@ class Prefiltered(NamedTuple):
 
     folder: Path
     coefficients: Float[np.ndarray, "9 channel"]
+    reflection: tuple[str, ...] = ()
+    """For each spherical harmonic reflection map what it keeps and what it loses."""
 
 
 def prefilter(
@@ -45,22 +60,31 @@ def prefilter(
     brdfs: Sequence[str] = DEFAULT_LOBES,
     force: bool = False,
     progress: Progress | None = None,
+    shrm: OrdersGoal | None = None,
 ) -> Prefiltered:
     """Write ``irradiance.json``, a map for each lobe (lat-long and cube) and a contact sheet.
 
+    ``shrm`` asks for a spherical harmonic reflection map of each lobe and says of which degrees.
     Raises ``InputError`` for a probe that cannot be used and for lobes that nobody knows.
     """
     progress = progress or SilentProgress()
     lobes = [lobe_of(specification) for specification in dict.fromkeys(brdfs)]
-    settings = json.dumps([convention, axes, [lobe.specification for lobe in lobes]])
+    asked = [] if shrm is None else [shrm]
+    if shrm is not None:
+        shrm.check()
+        check_lobes(lobes)
+    settings = json.dumps([convention, axes, [lobe.specification for lobe in lobes], *asked])
     try:
         digest = fingerprint_of("prefilter", settings, [probe])
         if prepare(out, digest, force) is FolderState.FINISHED:
             progress.note(f"{out}: prefiltered before; reused (--force: anew)")
             document = json.loads((out / "irradiance.json").read_text(encoding="utf-8"))
-            return Prefiltered(out, np.array(document["coefficients"]))
+            found = [_said(lobe, read_about(_shrm_path(out, lobe))) for lobe in lobes if asked]
+            return Prefiltered(out, np.array(document["coefficients"]), tuple(found))
         with progress.stage("read"):
             light = read_environment(probe, convention, axes=axes)
+            if shrm is not None:
+                shrm.check(light.grid.band_limit)
     except ValueError as error:
         raise InputError(str(error)) from None
     with progress.stage("filter"):
@@ -72,6 +96,13 @@ def prefilter(
             )
         coefficients = np.asarray(analyse(grid, radiance, _QUADRATIC))
         maps = [_maps_of(light, lobe) for lobe in lobes]
+        about = ShrmAbout(probe.name, "", axes=axes, convention=convention)
+        try:
+            reflection = [] if shrm is None else _reflection(light, lobes, shrm, about)
+        except InputError:
+            raise
+        except ValueError as error:
+            raise InputError(f"{probe}: {error}") from None
     with progress.stage("write"), result_folder(out, digest, force) as folder:
         document = irradiance_document(coefficients, convention, axes, probe.name)
         text = json.dumps(document, indent=2)
@@ -84,7 +115,10 @@ def prefilter(
         pictures = {"the probe": radiance}
         pictures |= {lobe.specification: latlong for lobe, (latlong, _) in zip(lobes, maps)}
         write_contact_sheet(folder / "contact_sheet.png", pictures, f"{probe.name}, {axes} axes")
-    return Prefiltered(out, coefficients)
+        for lobe, found in zip(lobes, reflection):
+            _write_reflection(folder, lobe, found)
+    said = [_said(lobe, found.about) for lobe, found in zip(lobes, reflection)]
+    return Prefiltered(out, coefficients, tuple(said))
 
 
 def irradiance_document(
@@ -128,3 +162,32 @@ def _maps_of(light: Environment, lobe: Lobe) -> tuple[np.ndarray, np.ndarray]:
     ]
     cube[covered] = np.concatenate(values)
     return np.asarray(latlong), cube
+
+
+def _reflection(
+    light: Environment, lobes: Sequence[Lobe], goal: OrdersGoal, about: ShrmAbout
+) -> list[ReflectionMap]:
+    spectrum = LightSpectrum.of(light)
+    return [reflection_map(spectrum, lobe, goal, about) for lobe in lobes]
+
+
+def _write_reflection(folder: Path, lobe: Lobe, found: ReflectionMap) -> None:
+    """Write a map, and what a sphere looks like with it."""
+    from jaxrender.pipelines.sphere_views import write_sphere_views
+
+    shrm, about = found
+    write_shrm(_shrm_path(folder, lobe), shrm, about)
+    own_from_world = panorama_named(about.convention).world_from_own.T
+    up = (own_from_world if about.axes == "probe" else np.eye(3))[:, 2]
+    title = f"{about.source}, {lobe.specification}: F {shrm.band_limit}, P {shrm.order}"
+    is_diffuse = about.central_direction == "normal"
+    path = _shrm_path(folder, lobe).with_suffix(".png")
+    write_sphere_views(path, shrm, title, about_normal=is_diffuse, up=up)
+
+
+def _shrm_path(folder: Path, lobe: Lobe) -> Path:
+    return folder / f"{lobe.file_name}_shrm.nc"
+
+
+def _said(lobe: Lobe, about: ShrmAbout) -> str:
+    return f"{_shrm_path(Path(), lobe)}: {about.comment}"

@@ -97,6 +97,7 @@ from jaxrender.reflection.shrm import (
     SphereFit,
     ViewerGoal,
     ViewerRule,
+    ViewFilter,
     central_coefficients,
     global_shrm,
     least_rows,
@@ -106,7 +107,6 @@ from jaxrender.reflection.shrm import (
     principal_maps,
     reflect_mirror_light,
     shrm_from_photographs,
-    view_degree_of,
 )
 from jaxrender.reflection.slow_light import reflect_slow_light
 from jaxrender.reflection.subspaces import (
@@ -136,6 +136,7 @@ __all__ = [
     "PrincipalMaps",
     "Shrm",
     "SphereFit",
+    "ViewFilter",
     "ViewerGoal",
     "ViewerRule",
     "central_coefficients",
@@ -147,7 +148,6 @@ __all__ = [
     "principal_maps",
     "reflect_mirror_light",
     "shrm_from_photographs",
-    "view_degree_of",
     "SurfacePoints",
     "convolve_isotropic",
     "evaluate_isotropic",

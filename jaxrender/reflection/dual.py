@@ -8,7 +8,8 @@ point mass left in the slow part contributes its energy times (lobe - azimuthal 
 ``sources_needed`` adds that up, so a split is as fine as the error asked for, and no finer.  With
 the transfer named ``facets`` the slow part's lobe is not its mean but integrated
 (:mod:`.facet_integral`): ten times more accurate where it counts, at more than the mean's cost;
-with ``shrm-P`` it is that of a spherical harmonic reflection map (:mod:`.shrm`).
+with ``azimuthal-P`` some of its azimuth is kept, and with ``shrm-P`` it is that of a spherical
+harmonic reflection map (:mod:`.shrm`).
 
 On concave shapes ``Shadows`` make it T 6.12: transfer vectors instead of harmonics of the normal,
 and the visibilities of R and of the sources.  They depend on geometry and viewpoint only, and are
@@ -42,10 +43,10 @@ from jaxrender.reflection.integral import (
 )
 from jaxrender.reflection.irradiance import irradiance
 from jaxrender.reflection.shrm import (
+    ViewFilter,
     mirror_coefficients_of,
     mirror_light,
     reflect_mirror_light,
-    view_degree_of,
 )
 from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
@@ -219,16 +220,17 @@ def slow_specular(
     """Filter the slow light by the lobe and look it up at R: sum_l h_l(t_o) sum_m L_lm Y_lm(R).
 
     With the transfer ``facets`` integrate it; only then may each sample have its own width.  With
-    ``shrm-P`` keep the azimuth about R and the viewer's direction to degree P (T 5.10).
+    ``shrm-P`` keep the azimuth about R and the viewer's direction to degree P (T 5.10), with
+    ``azimuthal-P`` the azimuth to order P at the exact exit angle.
     """
     if transfer == FACETS:
         return reflect_by_facets(brdf, samples, slow, widths)
     if widths is not None:
         raise ValueError(f"transfer={transfer!r} is for lobes of one width: choose {FACETS!r}")
-    view_degree = view_degree_of(transfer)
-    if view_degree is not None:
-        seen = mirror_light(samples, slow, view_degree)
-        return reflect_mirror_light(brdf, samples.exit_cosines, seen, view_degree)
+    view = ViewFilter.named(transfer)
+    if view is not None:
+        seen = mirror_light(samples, slow, view.degree)
+        return reflect_mirror_light(brdf, samples.exit_cosines, seen, view)
     table = degree_table(jnp.asarray(slow), samples.reflected)
     band_limit = table.shape[1] - 1
     passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)
@@ -300,8 +302,8 @@ def _slow_lobe(
     """Expand the lobe of ``slow_specular`` in harmonics: its column under light Y_lm."""
     if transfer == FACETS:
         return facet_coefficients(brdf, samples, band_limit)
-    view_degree = view_degree_of(transfer)
-    if view_degree is not None:
-        return mirror_coefficients_of(brdf, samples, band_limit, view_degree)
+    view = ViewFilter.named(transfer)
+    if view is not None:
+        return mirror_coefficients_of(brdf, samples, band_limit, view)
     passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, transfer)
     return passed[:, degrees(band_limit)] * real_basis(samples.reflected, band_limit)

@@ -26,7 +26,7 @@ from jaxrender.reflection.integral import (
     integral_columns_by_frame,
 )
 from jaxrender.reflection.irradiance import irradiance
-from jaxrender.reflection.shrm import mirror_light, reflect_mirror_light, view_degree_of
+from jaxrender.reflection.shrm import ViewFilter, mirror_light, reflect_mirror_light
 from jaxrender.reflection.transfer import shadowed_irradiance
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 from jaxrender.spectra import transfer_of_samples
@@ -180,11 +180,11 @@ def _tabulate_slow(
 ) -> _Table:
     """Evaluate slow light: the diffuse column, and the specular one over exit-angle Fresnel."""
     mus, sigmas = knots
-    view_degree = view_degree_of(transfer)
-    if view_degree is None:
+    view = ViewFilter.named(transfer)
+    if view is None:
         seen = degree_table(jnp.asarray(slow), samples.reflected)
     else:
-        seen = mirror_light(samples, slow, view_degree)
+        seen = mirror_light(samples, slow, view.degree)
     if shadows is None:
         diffuse = irradiance(jnp.asarray(slow), samples.normals)
     else:
@@ -194,8 +194,8 @@ def _tabulate_slow(
     def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
         def at(sigma: Float[Array, ""]) -> Float[Array, "sample channel"]:
             brdf = _at_knot(variant, sigma, mu)
-            if view_degree is not None:
-                return reflect_mirror_light(brdf, samples.exit_cosines, seen, view_degree)
+            if view is not None:
+                return reflect_mirror_light(brdf, samples.exit_cosines, seen, view)
             passed = transfer_of_samples(brdf, samples.exit_cosines, seen.shape[1] - 1, transfer)
             return jnp.einsum("sl,slc->sc", passed, seen, precision="highest")
 

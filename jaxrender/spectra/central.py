@@ -131,7 +131,6 @@ def central_spectrum(
     return CentralSpectrum(values[..., None], total[None], weighted)
 
 
-@eqx.filter_jit
 def central_spectrum_of(
     brdf: BRDF, band_limits: tuple[int, int], weighted: bool = False
 ) -> CentralSpectrum:
@@ -139,11 +138,17 @@ def central_spectrum_of(
 
     Raises ``ValueError`` for negative degrees and for an anisotropic BRDF.
     """
+    # Asked outside of what is compiled: whether some models are isotropic depends on their values.
     if not brdf.isotropic:
         raise ValueError(
             f"{type(brdf).__name__} is anisotropic: about R its orders mix; a lobe about its own "
             "tangent is given as a table (tabulated_spectrum)"
         )
+    return _spectrum_of(brdf, band_limits, weighted)
+
+
+@eqx.filter_jit
+def _spectrum_of(brdf: BRDF, band_limits: tuple[int, int], weighted: bool) -> CentralSpectrum:
     amplitudes = jnp.asarray(brdf.amplitudes)
     reach = jnp.asarray(jnp.pi, amplitudes.dtype)
     tail = jnp.asarray(_NARROWEST, amplitudes.dtype)

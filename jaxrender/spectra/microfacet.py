@@ -105,15 +105,19 @@ def transfer_of_samples(
 
 @eqx.filter_jit
 def azimuthal_transfer_of_samples(
-    brdf: Glossy, exit_cosines: Float[AnyArray, "sample"], band_limit: int
+    brdf: Glossy,
+    exit_cosines: Float[AnyArray, "sample"],
+    band_limit: int,
+    order_limit: int | None = None,
 ) -> Float[Array, "sample degree order"]:
-    """Look up h_lq of T 3.43 for many samples, all orders 0 ... F; order 0 is h_l.
+    """Look up h_lq of T 3.43 for many samples, all orders 0 ... F or to a limit; order 0 is h_l.
 
     With them slow light is reflected exactly: see ``reflection.reflect_slow_light``.
     """
 
     def table(knots: Float[Array, "knot"]) -> Float[Array, "knot degree order"]:
-        limits, extent = (band_limit, band_limit), extent_of(brdf, knots.dtype)
+        limits = (band_limit, band_limit if order_limit is None else min(order_limit, band_limit))
+        extent = extent_of(brdf, knots.dtype)
         return azimuthal_transfer(brdf.specular_transfer, knots, limits, *extent)
 
     return _interpolated(table, jnp.asarray(exit_cosines))

@@ -108,10 +108,12 @@ def test_bounces_need_the_refinement():
 
 def test_the_reflection_maps_model_has_its_own_filter():
     chosen = SolveConfig.model_validate({"model": "shrm", "view_degree": 6})
+    azimuthal = SolveConfig.model_validate({"model": "azimuthal"})
+    assert azimuthal.transfer_name == "azimuthal-4"
     assert (chosen.transfer_name, SolveConfig().transfer_name) == ("shrm-6", "exit-cosine")
     with pytest.raises(ValidationError, match="has its own filter; remove transfer"):
         SolveConfig.model_validate({"model": "shrm", "transfer": "gaussian"})
-    with pytest.raises(ValidationError, match="view_degree belongs to model: shrm"):
+    with pytest.raises(ValidationError, match="view_degree belongs to models"):
         SolveConfig.model_validate({"view_degree": 6})
     with pytest.raises(ValidationError, match="less than or equal to 12"):
         SolveConfig.model_validate({"model": "shrm", "view_degree": 13})

@@ -72,10 +72,10 @@ class RunConfig(Section):
             )
         if self.task == "brdf":
             return self
-        if self.solve.model == "shrm":
+        if self.solve.model != "dual":
             raise ValueError(
-                f"solve.model: shrm is for a material under known light, not task {self.task}; "
-                "remove it, or choose task: brdf"
+                f"solve.model: {self.solve.model} is for a material under known light, not task "
+                f"{self.task}; remove it, or choose task: brdf"
             )
         if self.brdf.model not in (*FACET_MODELS, "lambertian"):
             raise ValueError(

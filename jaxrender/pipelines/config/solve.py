@@ -52,10 +52,11 @@ class SolveConfig(Section):
 
     band_limit: Literal["auto"] | WholeNumber = "auto"
     """Highest degree of the light that is kept."""
-    model: Literal["dual", "shrm"] = "dual"
-    """The frequency model of slow light: the lobe's mean about R, or a reflection map's."""
+    model: Literal["dual", "azimuthal", "shrm"] = "dual"
+    """The frequency model of slow light: the lobe's mean about R, its azimuth too, or a reflection
+    map's."""
     view_degree: ViewDegree = _VIEW_DEGREE
-    """P, the degree of the viewer's direction that model shrm keeps."""
+    """P, the highest order about R, and degree of the viewer, of models azimuthal and shrm."""
     transfer: Literal["exit-cosine", "normal-exitance", "gaussian"] = "exit-cosine"
     """How the specular lobe filters each degree, of model dual."""
     refine: Literal["exact", "off"] = "exact"
@@ -84,15 +85,19 @@ class SolveConfig(Section):
     @property
     def transfer_name(self) -> str:
         """What the forward model calls the chosen filter."""
-        return self.transfer if self.model == "dual" else f"shrm-{self.view_degree}"
+        return self.transfer if self.model == "dual" else f"{self.model}-{self.view_degree}"
 
     @model_validator(mode="after")
     def _one_filter(self) -> SolveConfig:
         # By value, since a config written out in full names every key.
-        if self.model == "shrm" and self.transfer != "exit-cosine":
-            raise ValueError("model shrm has its own filter; remove transfer, or the model")
+        if self.model != "dual" and self.transfer != "exit-cosine":
+            raise ValueError(
+                f"model {self.model} has its own filter; remove transfer, or the model"
+            )
         if self.model == "dual" and self.view_degree != _VIEW_DEGREE:
-            raise ValueError("view_degree belongs to model: shrm; remove it, or choose that model")
+            raise ValueError(
+                "view_degree belongs to models azimuthal and shrm; remove it, or choose one of them"
+            )
         return self
 
     @model_validator(mode="after")

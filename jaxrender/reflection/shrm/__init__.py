@@ -15,11 +15,11 @@
 """
 
 from jaxrender.reflection.shrm.columns import (
+    ViewFilter,
     mirror_coefficients_of,
     mirror_light,
     reflect_mirror_light,
     specular_spectrum,
-    view_degree_of,
 )
 from jaxrender.reflection.shrm.explicit import (
     AzimuthalTexture,
@@ -48,6 +48,7 @@ __all__ = [
     "PrincipalMaps",
     "Shrm",
     "SphereFit",
+    "ViewFilter",
     "ViewerGoal",
     "ViewerRule",
     "blending_shares",
@@ -64,5 +65,4 @@ __all__ = [
     "reflect_mirror_light",
     "shrm_from_photographs",
     "specular_spectrum",
-    "view_degree_of",
 ]

@@ -146,8 +146,13 @@ def least_rows(band_limit: int, order: int) -> int:
 def _summed(
     maps: Float[Array, "row column outgoing channel"], around: Float[Array, "outgoing"]
 ) -> Float[Array, "row column channel"]:
-    # Written out, so that it is one pass over the maps.
-    return jnp.sum(maps * around[None, None, :, None], axis=2)
+    # One product over the maps as they lie, each channel on its own: as a sum over the third axis
+    # it takes three to ten times as long.
+    count, channels = maps.shape[2:]
+    by_channel = around[:, None, None] * jnp.eye(channels, dtype=maps.dtype)[None]
+    flat = maps.reshape(-1, count * channels)
+    summed = jnp.matmul(flat, by_channel.reshape(-1, channels), precision="highest")
+    return summed.reshape(*maps.shape[:2], channels)
 
 
 def _looked_up(shrm: Shrm, centres: Float[Array, "point 3"]) -> Array:
