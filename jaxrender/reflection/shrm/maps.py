@@ -5,7 +5,8 @@
 R is the central direction, for most BRDFs the reflected one.  A *local* map has o in the frame of
 its texel, Rz(beta) Ry(alpha) with R as third axis; a *global* one in the world, so that for a
 distant viewer all harmonics are evaluated once and the map becomes a plain reflection map (T 5.35).
-``weighted`` maps hold B cos t_o, for BRDFs that rise as 1 / cos t_o (see ``spectra.central``).
+``weighted`` maps hold B cos t_o, for BRDFs that rise as 1 / cos t_o (see ``spectra.central``); they
+are divided by it where they are evaluated, though by no less than ``LEAST_COSINE``.
 """
 
 import abc
@@ -28,8 +29,9 @@ from jaxrender.harmonics import (
 )
 from jaxrender.shapes import AnyArray, Array, Directions, Float
 
-# Below this cosine of the exit angle a weighted map is divided by it, not by less.
-_LEAST_COSINE = 1e-3
+# Below this cosine of the exit angle a weighted map is divided by it, not by less: what is cut off
+# at degree P does not vanish towards grazing exit as the cosine does, and would glare.
+LEAST_COSINE = 0.1
 
 Maps = Float[AnyArray, "row column outgoing channel"]
 
@@ -132,9 +134,9 @@ class GlobalShrm(Shrm):
 def exit_cosine(
     centres: Float[AnyArray, "*batch 3"], outgoing: Float[AnyArray, "*batch 3"]
 ) -> Float[Array, "*batch"]:
-    """cos t_o = cos(t'_o / 2) from the reflected and the outgoing direction, not below .001."""
+    """cos t_o = cos(t'_o / 2) from the reflected and the outgoing direction, not below .1."""
     squared = (1 + dot(centres, outgoing)) / 2
-    return jnp.sqrt(jnp.maximum(squared, _LEAST_COSINE**2))
+    return jnp.sqrt(jnp.maximum(squared, LEAST_COSINE**2))
 
 
 def least_rows(band_limit: int, order: int) -> int:
