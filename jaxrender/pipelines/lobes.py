@@ -18,8 +18,13 @@ from jaxrender.shapes import Float
 from jaxrender.spectra import spectrum_of
 
 _MIRROR = "mirror"
+_PHYSICAL = {"fresnel": "half", "masking": "smith", "sigma": 0.2, "mu": None}
+# Names that a config has for variants of a model.
+_VARIANTS = {"ggx": "microfacet", "beckmann": "microfacet"}
 # What a name alone means.
 _DEFAULTS: dict[str, dict[str, Any]] = {
+    "ggx": {"distribution": "ggx", **_PHYSICAL},
+    "beckmann": {"distribution": "beckmann", **_PHYSICAL},
     "phong": {"exponent": 32.0},
     "blinn-phong": {"exponent": 128.0},
     "microfacet": {"sigma": 0.1, "mu": None},
@@ -47,7 +52,12 @@ class Lobe(NamedTuple):
     @property
     def file_name(self) -> str:
         """The specification without what file systems mind."""
-        given = {name: value for name, value in self.parameters.items() if value is not None}
+        fixed = _DEFAULTS[self.model] if self.model in _VARIANTS else {}
+        given = {
+            name: value
+            for name, value in self.parameters.items()
+            if value is not None and (name == "sigma" or fixed.get(name) != value)
+        }
         texts = (v if isinstance(v, str) else f"{float(np.ravel(v)[0]):g}" for v in given.values())
         return "_".join([self.model, *(f"{name}_{text}" for name, text in zip(given, texts))])
 
@@ -64,7 +74,7 @@ def lobe_of(specification: str) -> Lobe:
     place = f"--brdf {specification}"
     model, _, rest = specification.partition(":")
     model = model.strip().lower()
-    known = [*BRDFS, _MIRROR]
+    known = [*BRDFS, *_VARIANTS, _MIRROR]
     if model not in known:
         near = difflib.get_close_matches(model, known, n=1)
         meant = f", did you mean {near[0]!r}?" if near else ";"
@@ -72,19 +82,20 @@ def lobe_of(specification: str) -> Lobe:
             f"{place}: no BRDF is named {model!r}{meant} choose one of {', '.join(known)}"
         )
     parameters = dict(_DEFAULTS.get(model, {}))
+    kind = _VARIANTS.get(model, model)
     for pair in filter(None, (part.strip() for part in rest.split(","))):
         name, _, text = (part.strip() for part in pair.partition("="))
-        parameters[name] = _value(place, model, (name, text))
+        parameters[name] = _value(place, kind, (name, text))
     if model == _MIRROR:
         if parameters:
             raise InputError(f"{place}: a mirror has no parameters; leave them out")
         return Lobe(specification, model, parameters, None)
-    fields = {field.name for field in dataclasses.fields(BRDFS[model])}
+    fields = {field.name for field in dataclasses.fields(BRDFS[kind])}
     amplitudes = {name: np.array([value]) for name, value in _AMPLITUDES.items() if name in fields}
     if model == "lambertian" or "ks" not in fields:
         amplitudes["kd"] = np.ones(1)
     try:
-        brdf = brdf_named(model, **{**amplitudes, **parameters})
+        brdf = brdf_named(kind, **{**amplitudes, **parameters})
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
     if not brdf.isotropic:

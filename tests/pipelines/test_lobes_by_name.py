@@ -24,6 +24,10 @@ def test_specifications_are_models_at_amplitude_one():
     np.testing.assert_allclose(ggx.transfer(5), np.asarray(spectrum_of(model, 5))[1])
     assert ggx.file_name == "torrance-sparrow_roughness_0.3_distribution_ggx"
     np.testing.assert_allclose(lobe_of("mirror").transfer(3), 1)
+    named = lobe_of("ggx:sigma=0.3,mu=1.5")
+    assert named.file_name == "ggx_sigma_0.3_mu_1.5"
+    spelled = "microfacet:sigma=0.3,mu=1.5,distribution=ggx,masking=smith,fresnel=half"
+    np.testing.assert_array_equal(named.transfer(5), lobe_of(spelled).transfer(5))
 
 
 def test_significant_degrees():
