@@ -72,6 +72,11 @@ def calls(degree: int) -> dict[str, Callable]:
     few = degree // 4
     isotropic = jnp.ones((degree + 1, few + 1, few + 1, 1))
     points = reflection.SurfacePoints(*(rng.uniform(0.2, 1, POINTS) for _ in range(3)), outgoing)
+    lobe = spectra.FacetLobe(0.2, 1.5)
+    spectrum = spectra.CentralSpectrum(jnp.ones((degree + 1, 4, 4, 1)), jnp.ones(1))
+    fine = harmonics.LatLongGrid(128, 256)
+    local = reflection.LocalShrm(rng.uniform(size=(128, 256, 16, 3)), fine, degree)
+    view = reflection.ViewFilter(4, False)
     return {
         "real_basis": partial(harmonics.real_basis, directions, degree),
         "complex_basis": partial(harmonics.complex_basis, directions, degree),
@@ -116,6 +121,21 @@ def calls(degree: int) -> dict[str, Callable]:
         ),
         "outgoing_coefficients": partial(spectra.outgoing_coefficients, glossy, cosines, degree),
         "isotropic_coefficients": partial(spectra.isotropic_coefficients, glossy, (degree, few)),
+        "central_spectrum": partial(
+            spectra.central_spectrum, lobe, (degree, 3), *lobe.extent, weighted=True
+        ),
+        "central_spectrum_of": partial(
+            spectra.central_spectrum_of, glossy, (degree, 3), weighted=True
+        ),
+        "local_shrm": partial(reflection.local_shrm, coefficients, spectrum, fine),
+        "global_shrm": partial(reflection.global_shrm, local),
+        "LocalShrm.at": partial(local.at, samples.reflected, samples.outgoing),
+        "mirror_light and its column": lambda: reflection.reflect_mirror_light(
+            glossy,
+            samples.exit_cosines,
+            reflection.mirror_light(samples, coefficients, 4),
+            view,
+        ),
         "irradiance": partial(reflection.irradiance, coefficients, normals),
         "quadratic_irradiance": partial(reflection.quadratic_irradiance, matrix, normals),
         "reflection_maps": partial(

@@ -19,6 +19,7 @@ reflected light they give is B cos t_o.
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -153,20 +154,18 @@ def _spectrum_of(brdf: BRDF, band_limits: tuple[int, int], weighted: bool) -> Ce
     reach = jnp.asarray(jnp.pi, amplitudes.dtype)
     tail = jnp.asarray(_NARROWEST, amplitudes.dtype)
 
-    def of_channel(weights: Float[Array, "lobe"]) -> CentralSpectrum:
+    def of_channel(weights: Float[Array, "lobe"]) -> tuple[Array, Array]:
         def lobe(incoming: Components, outgoing: Components) -> Array:
             everywhere = Components(*(jnp.broadcast_to(c, incoming.z.shape) for c in outgoing))
             values = brdf.transfer(incoming, everywhere)
             return sum((w * v for w, v in zip(weights, values)), start=jnp.zeros((), reach.dtype))
 
-        return central_spectrum(lobe, band_limits, reach, tail, weighted)
+        found = central_spectrum(lobe, band_limits, reach, tail, weighted)
+        return jnp.asarray(found.coefficients)[..., 0], jnp.asarray(found.energy)[0]
 
-    each = [of_channel(amplitudes[:, c]) for c in range(amplitudes.shape[1])]
-    return CentralSpectrum(
-        jnp.concatenate([one.coefficients for one in each], axis=-1),
-        jnp.concatenate([one.energy for one in each]),
-        weighted,
-    )
+    # The lobes are evaluated once for all channels, and traced once.
+    coefficients, energy = jax.vmap(of_channel, in_axes=1, out_axes=(-1, 0))(amplitudes)
+    return CentralSpectrum(coefficients, energy, weighted)
 
 
 class CentralTable(NamedTuple):

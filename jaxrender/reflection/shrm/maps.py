@@ -17,7 +17,6 @@ import numpy as np
 
 from jaxrender.geometry import dot
 from jaxrender.harmonics import (
-    CubeGrid,
     Grid,
     LatLongGrid,
     band_limit_of,
@@ -76,10 +75,11 @@ class Shrm(eqx.Module):
 
         Bilinear between texels; both kinds of map are second order in their size.
         """
-        values = _looked_up(self, jnp.asarray(centres))
-        around = real_basis(self.viewer(centres, outgoing), self.order)
-        found = jnp.einsum("xkc,xk->xc", values, around, precision="highest")
-        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+        directions = jnp.asarray(centres), jnp.asarray(outgoing)
+        if isinstance(self.grid, LatLongGrid):
+            return _evaluated(self, *directions)
+        values = _between_texels(self, np.asarray(centres))
+        return _summed_at(self, values, *directions)
 
 
 class LocalShrm(Shrm):
@@ -157,15 +157,35 @@ def _summed(
     return summed.reshape(*maps.shape[:2], channels)
 
 
-def _looked_up(shrm: Shrm, centres: Float[Array, "point 3"]) -> Array:
-    """Interpolate all maps at central directions."""
+@eqx.filter_jit
+def _evaluated(
+    shrm: Shrm, centres: Float[Array, "point 3"], outgoing: Float[Array, "point 3"]
+) -> Float[Array, "point channel"]:
+    """Interpolate all maps of a latitude-longitude grid and sum them."""
     maps = jnp.asarray(shrm.maps)
     rest = maps.shape[2:]
-    if isinstance(shrm.grid, LatLongGrid):
-        signs = np.broadcast_to(shrm._signs()[:, None], rest).reshape(-1)
-        found = looked_up(over_poles(maps.reshape(*maps.shape[:2], -1), signs), centres)
-        return found.reshape(-1, *rest)
-    assert isinstance(shrm.grid, CubeGrid), "only these two kinds of grid are made"
-    index, share = shrm.grid.neighbours(np.asarray(centres))
-    corners = maps.reshape(-1, *rest)[index]
+    signs = np.broadcast_to(shrm._signs()[:, None], rest).reshape(-1)
+    values = looked_up(over_poles(maps.reshape(*maps.shape[:2], -1), signs), centres)
+    return _summed_at(shrm, values.reshape(-1, *rest), centres, outgoing)
+
+
+@eqx.filter_jit
+def _summed_at(
+    shrm: Shrm,
+    values: Float[Array, "point outgoing channel"],
+    centres: Float[Array, "point 3"],
+    outgoing: Float[Array, "point 3"],
+) -> Float[Array, "point channel"]:
+    around = real_basis(shrm.viewer(centres, outgoing), shrm.order)
+    found = jnp.einsum("xkc,xk->xc", values, around, precision="highest")
+    return found / exit_cosine(centres, outgoing)[:, None] if shrm.weighted else found
+
+
+def _between_texels(
+    shrm: Shrm, centres: Float[np.ndarray, "point 3"]
+) -> Float[Array, "point outgoing channel"]:
+    """Interpolate all maps where only the host knows the neighbours: a cube's."""
+    maps = jnp.asarray(shrm.maps)
+    index, share = shrm.grid.neighbours(centres)
+    corners = maps.reshape(-1, *maps.shape[2:])[index]
     return jnp.sum(jnp.asarray(share, maps.dtype)[:, :, None, None] * corners, axis=1)
