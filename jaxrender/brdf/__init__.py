@@ -42,11 +42,11 @@ from jaxrender.brdf.fresnel import (
     normalised_fresnel,
     schlick_fresnel,
 )
-from jaxrender.brdf.glossy import Glossy, ShapeParameter
+from jaxrender.brdf.glossy import Glossy, ShapeParameter, WithoutIndex
 from jaxrender.brdf.he_torrance import HeTorrance
 from jaxrender.brdf.isotropic_table import HalfDifference, IsotropicTable, half_difference
 from jaxrender.brdf.kajiya_kay import KajiyaKay
-from jaxrender.brdf.lafortune import Lafortune
+from jaxrender.brdf.lafortune import CosineLobe, Lafortune
 from jaxrender.brdf.lambertian import Lambertian
 from jaxrender.brdf.masking import (
     FACET_MASKINGS,
@@ -78,6 +78,7 @@ __all__ = [
     "Beckmann",
     "BlinnPhong",
     "CookTorrance",
+    "CosineLobe",
     "Distribution",
     "Gaussian",
     "Glossy",
@@ -97,6 +98,7 @@ __all__ = [
     "TorranceSparrow",
     "TrowbridgeReitz",
     "Ward",
+    "WithoutIndex",
     "brdf_named",
     "conductor_fresnel",
     "directional_albedo",

@@ -61,6 +61,11 @@ class BlinnPhong(WithoutIndex):
         """Twice the half angle at which the power has vanished."""
         return 2 * jnp.arccos(jnp.exp(-_NEGLIGIBLE / jnp.asarray(self.exponent)))
 
+    @property
+    def energy(self) -> float:
+        """One: ks is about the lobe's albedo at normal exitance."""
+        return 1.0
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:

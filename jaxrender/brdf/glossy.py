@@ -69,6 +69,11 @@ class Glossy(BRDF):
     def reach(self) -> Float[Array, ""] | None:
         """The angle from R (radians) beyond which the lobe is negligible; None: it has a tail."""
 
+    @property
+    @abc.abstractmethod
+    def energy(self) -> Scalar:
+        """About the lobe's albedo at normal exitance: 1 for a metal where ks is an albedo."""
+
     @abc.abstractmethod
     def as_metal(self) -> "Glossy":
         """Drop the Fresnel ratio, where it is a factor that the caller multiplies by himself."""

@@ -4,16 +4,31 @@ rho = kd + sum_j ks_j max(C_xj x_i x_o + C_yj y_i y_o + C_zj z_i z_o, 0)^n_j
 
 C = (-1, -1, 1) is Phong's mirror lobe (as a BRDF), (1, 1, 1) a retro-reflector; unequal x and y
 are anisotropic, and a C_z smaller than the others moves the peak towards grazing.
+
+``CosineLobe`` is the model with one lobe (-1, -1, C_z), which a fit can recover.
 """
 
+from typing import ClassVar
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
 from jaxrender.brdf.half_vector import are_visible, power
-from jaxrender.brdf.parameters import matching, refuse_outside, share_of_energy_is_bounded
+from jaxrender.brdf.parameters import (
+    Scalar,
+    as_scalar,
+    matching,
+    refuse_outside,
+    share_of_energy_is_bounded,
+)
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
+
+# Beyond the angle whose cosine is exp(-25 / n) the power n is below exp(-25).
+_NEGLIGIBLE = 25.0
 
 
 class Lafortune(BRDF):
@@ -76,3 +91,68 @@ class Lafortune(BRDF):
             lobe = power(cx * x + cy * y + cz * z, exponent) * incoming.z
             lobes.append(jnp.where(visible, lobe, 0))
         return jnp.where(visible, incoming.z, 0), *lobes
+
+
+class CosineLobe(WithoutIndex):
+    """One isotropic lobe (-1, -1, ``c_z``) of an ``exponent`` n >= 0 over kd; c_z = 1 is Phong's.
+
+    ``ks`` in 1/sr is the value where the generalised cosine is 1.
+    """
+
+    # With c_z = 1 the power of R . w_i, as Phong's: n = 1 / (2 sigma^2).
+    shape: ClassVar[ShapeParameter] = ShapeParameter("exponent", 0.5, -2.0)
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    exponent: Scalar = eqx.field(converter=as_scalar)
+    c_z: Scalar = eqx.field(converter=as_scalar, default=1.0)
+
+    def __check_init__(self):
+        refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower")
+        refuse_outside("c_z", self.c_z, "(0, inf)", "1 is Phong's lobe, measured ones have .8 to 1")
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """When pi kd + ks 2 pi max(1, C_z)^n / (n + 2) is at most 1, as of ``Lafortune``."""
+        longest = np.maximum(1.0, self.c_z)
+        bound = 2 * np.pi * longest**self.exponent / (self.exponent + 2)
+        return share_of_energy_is_bounded(np.pi * self.kd, self.ks * bound)
+
+    @property
+    def isotropic(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def reach(self) -> Float[Array, ""]:
+        """The angle at which the power has vanished, and how far the axis may be off R."""
+        exponent, c_z = jnp.asarray(self.exponent), jnp.asarray(self.c_z)
+        # Seen at t the axis is at arctan(tan t / C_z); furthest from t where tan t = sqrt(C_z).
+        off = jnp.arctan(jnp.abs(1 - c_z) / (2 * jnp.sqrt(c_z)))
+        return jnp.arccos(jnp.exp(-_NEGLIGIBLE / exponent)) + off
+
+    @property
+    def energy(self) -> Scalar:
+        """The lobe's albedo at normal exitance, 2 pi C_z^n / (n + 2)."""
+        return 2 * np.pi * self.c_z**self.exponent / (self.exponent + 2)
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
+        visible = are_visible(incoming, outgoing)
+        lobe = self.specular_transfer(incoming, outgoing)
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
+
+    def specular_transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate the lobe times cos t_i."""
+        x, y, z = (jnp.asarray(a * b) for a, b in zip(incoming, outgoing, strict=True))
+        exponent, c_z = matching(self.exponent, z), matching(self.c_z, z)
+        return power(c_z * z - x - y, exponent) * incoming.z

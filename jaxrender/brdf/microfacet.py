@@ -115,6 +115,11 @@ class Microfacet(Glossy):
         end = _REACH * jnp.asarray(self.sigma)
         return 2 * (end if self.distribution == "gaussian" else jnp.arctan(end))
 
+    @property
+    def energy(self) -> float:
+        """One: ks is about the lobe's albedo at normal exitance."""
+        return 1.0
+
     def with_variant(self, fresnel: str, masking: str) -> "Microfacet":
         """Choose another Fresnel angle and masking of the same distribution."""
         return dataclasses.replace(self, fresnel=fresnel, masking=masking)

@@ -67,6 +67,11 @@ class Phong(WithoutIndex):
         """The angle from R at which the power has vanished, at most a right one."""
         return jnp.arccos(jnp.exp(-_NEGLIGIBLE / jnp.asarray(self.exponent)))
 
+    @property
+    def energy(self) -> float:
+        """One: ks is about the lobe's albedo at normal exitance."""
+        return 1.0
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:

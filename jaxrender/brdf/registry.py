@@ -10,10 +10,10 @@ import numpy as np
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
-from jaxrender.brdf.glossy import Glossy, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.he_torrance import HeTorrance
 from jaxrender.brdf.kajiya_kay import KajiyaKay
-from jaxrender.brdf.lafortune import Lafortune
+from jaxrender.brdf.lafortune import CosineLobe, Lafortune
 from jaxrender.brdf.lambertian import Lambertian
 from jaxrender.brdf.microfacet import Microfacet
 from jaxrender.brdf.mixture import Mixture
@@ -39,18 +39,29 @@ BRDFS: dict[str, type[BRDF]] = {
     "mixture": Mixture,
 }
 
-# Those that a fit knows by one number for the lobe; the width that it is made with does not matter.
-SIMPLE_GLOSSY = {name: model for name, model in BRDFS.items() if issubclass(model, WithoutIndex)}
+# Those that a fit knows by one number for the lobe and perhaps an index; Microfacet has variants
+# besides.  Of Lafortune's model one lobe.  Cook and Torrance's has a lobe for each channel, but if
+# all have one real index it is Torrance and Sparrow's with other facets.
+_OF_ONE_LOBE: dict[str, type[Glossy]] = {"cook-torrance": TorranceSparrow, "lafortune": CosineLobe}
+_FACETS = {"cook-torrance": {"distribution": "beckmann"}}
+SIMPLE_GLOSSY: dict[str, type[Glossy]] = {
+    name: model
+    for name, model in {**BRDFS, **_OF_ONE_LOBE}.items()
+    if issubclass(model, Glossy) and model is not Microfacet
+}
+# The width that such a model is made with does not matter.
 _ANY_WIDTH = 0.1
 
 
-def simple_glossy_named(name: str, channels: int = 3) -> Glossy:
-    """Make a black model of ``SIMPLE_GLOSSY``, to be given amplitudes and width."""
+def simple_glossy_named(name: str, channels: int = 3, **choices: Any) -> Glossy:
+    """Make a black model of ``SIMPLE_GLOSSY``, to be given amplitudes, width and index.
+
+    ``choices`` are numbers that are not searched for, such as ``c_z`` of lafortune.
+    """
     model, black = SIMPLE_GLOSSY[name], np.zeros(channels)
     number = model.shape.of_width(_ANY_WIDTH)
-    found = brdf_named(name, kd=black, ks=black, **{model.shape.name: number})
-    assert isinstance(found, Glossy)
-    return found
+    given: dict[str, Any] = {"kd": black, "ks": black, model.shape.name: number}
+    return model(**{**given, **_FACETS.get(name, {}), **choices})
 
 
 def brdf_named(name: str, **parameters: Any) -> BRDF:

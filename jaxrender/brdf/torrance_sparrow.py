@@ -7,13 +7,15 @@ masking="smith"`` is today's.  Unlike in T 6.2 (``Microfacet``), F is the reflec
 is 1 for a clean surface; and G keeps the albedo below 1.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.distributions import Distribution
 from jaxrender.brdf.facets import distribution_named, facet_transfer, facets_conserve_energy
 from jaxrender.brdf.fresnel import fresnel, head_on_reflectance, schlick_fresnel
+from jaxrender.brdf.glossy import Glossy, ShapeParameter
 from jaxrender.brdf.half_vector import are_visible, lifted
 from jaxrender.brdf.masking import FACET_MASKINGS
 from jaxrender.brdf.parameters import (
@@ -28,14 +30,20 @@ from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 FACET_FRESNELS = ("exact", "schlick")
+# The exponential distributions are below exp(-25) of their peak beyond this many widths of the half
+# angle (Gaussian) or of its tangent (Beckmann).
+_REACH = 5.0
 
 
-class TorranceSparrow(BRDF):
+class TorranceSparrow(Glossy):
     """Microfacets of a refractive index ``mu`` over a Lambertian base; ``mu=None`` sets F = 1.
 
     ``roughness`` in (0, 1] is the distribution's width along the tangent, ``roughness_y`` across
     it (``None``: the same).  Raises ``ValueError`` for values outside and unlisted names.
     """
+
+    # The roughness; of an anisotropic distribution that along +X.
+    shape: ClassVar[ShapeParameter] = ShapeParameter("roughness")
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -58,9 +66,9 @@ class TorranceSparrow(BRDF):
         return distribution_named(self.distribution, self.roughness, self.roughness_y)
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The clamped cosine's and the facets': kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
+    def sigma(self) -> Scalar:
+        """The roughness, as a lobe's width."""
+        return self.roughness
 
     @property
     def reciprocal(self) -> bool:
@@ -77,18 +85,49 @@ class TorranceSparrow(BRDF):
         """Unless the roughness differs along and across the tangent."""
         return self.roughness_y is None or bool(self.roughness_y == self.roughness)
 
+    @property
+    def fresnel_is_factor(self) -> bool:
+        """Only where there is none: it is taken at the half angle."""
+        return self.mu is None
+
+    @property
+    def reach(self) -> Float[Array, ""] | None:
+        """Twice the half angle at which the distribution ends; GGX has a tail."""
+        if self.distribution == "ggx":
+            return None
+        widths = (
+            (self.roughness,) if self.roughness_y is None else (self.roughness, self.roughness_y)
+        )
+        end = _REACH * jnp.max(jnp.stack([jnp.asarray(width) for width in widths]))
+        return 2 * (end if self.distribution == "gaussian" else jnp.arctan(end))
+
+    @property
+    def energy(self) -> Scalar:
+        """The facets' reflectance head-on, F(mu, 0)."""
+        return 1.0 if self.mu is None else head_on_reflectance(self.mu)
+
+    def as_metal(self) -> "TorranceSparrow":
+        """Have no factor to drop: the reflectance belongs to the lobe."""
+        return self
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Evaluate the clamped cosine and F D G / (4 cos t_o)."""
         visible = are_visible(incoming, outgoing)
+        lobe = self.specular_transfer(incoming, outgoing)
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
+
+    def specular_transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate F D G / (4 cos t_o)."""
         lobe, cosine = facet_transfer(
             self.facets(), self.masking, lifted(incoming), lifted(outgoing)
         )
-        if self.mu is not None:
-            mu = matching(self.mu, cosine)
-            exact = self.fresnel == "exact"
-            lobe = lobe * (
-                fresnel(mu, cosine) if exact else schlick_fresnel(head_on_reflectance(mu), cosine)
-            )
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
+        if self.mu is None:
+            return lobe
+        mu = matching(self.mu, cosine)
+        if self.fresnel == "exact":
+            return lobe * fresnel(mu, cosine)
+        return lobe * schlick_fresnel(head_on_reflectance(mu), cosine)

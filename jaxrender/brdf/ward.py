@@ -92,6 +92,11 @@ class Ward(WithoutIndex):
         """Twice the half angle whose tangent is five times the roughness."""
         return 2 * jnp.arctan(_REACH * jnp.asarray(self.roughness))
 
+    @property
+    def energy(self) -> float:
+        """One: ks is about the lobe's albedo at normal exitance."""
+        return 1.0
+
     def transfer(
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
+from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
@@ -22,7 +22,13 @@ from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result
 from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import read_result
-from jaxrender.pipelines.scene import fault_of, known_light, shape_of, sources_of_frame
+from jaxrender.pipelines.scene import (
+    fault_of,
+    known_light,
+    shape_of,
+    simple_material,
+    sources_of_frame,
+)
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.subject import Subject, subject_of
 from jaxrender.reflection import (
@@ -89,11 +95,9 @@ def material_of(brdf: dict) -> Glossy:
     kd = np.array(brdf["kd"], float)
     if brdf["model"] == "lambertian":
         return Microfacet(kd, np.zeros_like(kd), 0.1, None)
-    ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
     if brdf["model"] in SIMPLE_GLOSSY:
-        lobe = simple_glossy_named(brdf["model"])
-        width = lobe.shape.width_of(float(brdf[lobe.shape.name]))
-        return lobe.with_roughness(width).with_amplitudes(kd, ks)
+        return simple_material(brdf["model"], brdf)
+    ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
     mu = None if brdf["mu"] == "none" else float(brdf["mu"])
     choices = brdf["fresnel"], brdf["masking"], distribution_of(brdf["model"])
     return Microfacet(kd, ks, float(brdf["sigma"]), mu, *choices)

@@ -12,7 +12,7 @@ import h5netcdf
 import numpy as np
 
 from jaxrender import __version__
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Microfacet, WithoutIndex
 from jaxrender.errors import InputError
 from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
@@ -21,6 +21,7 @@ from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.uncertainty import Parameters, in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
+from jaxrender.pipelines.config.brdf import chosen_numbers_of
 from jaxrender.pipelines.deviation import write_covariance
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
@@ -68,6 +69,9 @@ def result_of(finding: Finding) -> dict[str, Any]:
     if finding.model != "lambertian":
         if isinstance(fit.brdf, Microfacet):
             result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
+        result["brdf"] |= {
+            name: float(getattr(fit.brdf, name)) for name in chosen_numbers_of(finding.model)
+        }
         sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
         result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
     if finding.comparison is not None:
@@ -290,8 +294,9 @@ def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
 
 def _values(finding: Finding, parameters: Parameters, metal: bool = True) -> dict[str, Any]:
     values = {name: _plain(_shared(finding, name, parameters)) for name in _names(finding)}
-    facets = isinstance(finding.fit.brdf, Microfacet)
-    if metal and facets and finding.model != "lambertian" and finding.fit.brdf.mu is None:
+    brdf = finding.fit.brdf
+    indexed = finding.model != "lambertian" and not isinstance(brdf, WithoutIndex)
+    if metal and indexed and brdf.mu is None:
         values["mu"] = "none"
     return values
 

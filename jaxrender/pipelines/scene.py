@@ -4,9 +4,10 @@ Configs are data that know no run-time class; here is where they meet.  What a c
 ``ValueError`` is, at this boundary, the config's fault, and said so as ``InputError``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +27,19 @@ from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
 from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import BrdfConfig, distribution_of
+from jaxrender.pipelines.config.brdf import (
+    BrdfConfig,
+    chosen_numbers_of,
+    distribution_of,
+    numbers_of,
+)
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
 from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
+
+# The index that the lobe of a fit is made with does not matter.
+_ANY_INDEX = 1.5
 
 
 @contextmanager
@@ -62,9 +71,7 @@ def shape_of(geometry: GeometryConfig) -> Shape:
 def true_material(brdf: RecipeBrdfConfig) -> Glossy:
     """Build the material that a recipe states; Lambertian is a microfacet without specular part."""
     if brdf.model in SIMPLE_GLOSSY:
-        lobe = simple_glossy_named(brdf.model)
-        lobe = lobe.with_roughness(lobe.shape.width_of(float(getattr(brdf, lobe.shape.name))))
-        return lobe.with_amplitudes(np.array(brdf.kd, float), np.array(brdf.ks, float))
+        return simple_material(brdf.model, dict(brdf))
     mu = None if brdf.mu == "none" else float(brdf.mu)
     with fault_of("brdf"):
         return Microfacet(
@@ -80,13 +87,27 @@ def true_material(brdf: RecipeBrdfConfig) -> Glossy:
 
 def lobe_of(brdf: BrdfConfig) -> Glossy:
     """Build the lobe of any model that is to be fitted; its numbers do not matter."""
-    simple = brdf.model in SIMPLE_GLOSSY
-    return simple_glossy_named(brdf.model) if simple else variant_of(brdf)
+    if brdf.model not in SIMPLE_GLOSSY:
+        return variant_of(brdf)
+    chosen = {name: getattr(brdf, name) for name in chosen_numbers_of(brdf.model)}
+    lobe = simple_glossy_named(brdf.model, **chosen)
+    return lobe.with_roughness(lobe.sigma, None if brdf.mu == "none" else _ANY_INDEX)
+
+
+def simple_material(model: str, numbers: Mapping[str, Any]) -> Glossy:
+    """Build a material of a model without variants from its own numbers by name."""
+    chosen: dict[str, Any] = {name: float(numbers[name]) for name in chosen_numbers_of(model)}
+    lobe = simple_glossy_named(model, **chosen)
+    width = lobe.shape.width_of(float(numbers[lobe.shape.name]))
+    mu = numbers["mu"] if "mu" in numbers_of(model) else None
+    lobe = lobe.with_roughness(width, None if mu in (None, "none") else float(mu))
+    kd = np.array(numbers["kd"], float)
+    return lobe.with_amplitudes(kd, np.broadcast_to(np.array(numbers["ks"], float), kd.shape))
 
 
 def variant_of(brdf: BrdfConfig) -> Microfacet:
     """Build the microfacet lobe that is to be fitted; its numbers do not matter."""
-    mu = None if brdf.mu == "none" or brdf.model == "lambertian" else 1.5
+    mu = None if brdf.mu == "none" or brdf.model == "lambertian" else _ANY_INDEX
     choices = brdf.fresnel, brdf.masking, distribution_of(brdf.model)
     return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, *choices)
 
@@ -104,7 +125,7 @@ def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
             free_scale=config.lighting.free_scale,
         )
     shape = SIMPLE_GLOSSY.get(brdf.model, Microfacet).shape
-    metal = brdf.model in SIMPLE_GLOSSY or brdf.mu == "none"
+    metal = "mu" not in numbers_of(brdf.model) or brdf.mu == "none"
     width = _as_width(getattr(brdf, shape.name), shape)
     return MicrofacetUnknowns(
         kd=_unknown("kd", brdf.kd, Unknown),

@@ -29,7 +29,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, to_latlong
 from jaxrender.pipelines.config import RecipeConfig
-from jaxrender.pipelines.config.brdf import FACET_MODELS
+from jaxrender.pipelines.config.brdf import FACET_MODELS, chosen_numbers_of, numbers_of
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
@@ -241,8 +241,9 @@ def _write_config(
         brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
     if recipe.brdf.model in FACET_MODELS:
         brdf |= {"fresnel": recipe.brdf.fresnel, "masking": recipe.brdf.masking}
-        if recipe.brdf.mu == "none":
-            brdf["mu"] = "none"
+    if "mu" in numbers_of(recipe.brdf.model) and recipe.brdf.mu == "none":
+        brdf["mu"] = "none"
+    brdf |= {name: getattr(recipe.brdf, name) for name in chosen_numbers_of(recipe.brdf.model)}
     config = {
         "task": "brdf" if recipe.texture is None else "texture",
         "capture": {"transforms": "transforms.json", "geometry": geometry},

@@ -71,10 +71,13 @@ def normal_exitance_transfer(
 def gaussian_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
-    """Compute the thesis's F exp(-(sigma l)^2) (T 3.51, 6.6, 6.7), whatever the distribution."""
+    """Compute the thesis's F exp(-(sigma l)^2) (T 3.51, 6.6, 6.7), whatever the distribution.
+
+    Where ks is not the lobe's albedo, times the lobe's own (``Glossy.energy``).
+    """
     cosines = jnp.asarray(exit_cosines)
     degrees = jnp.arange(band_limit + 1, dtype=cosines.dtype)
-    gaussian = jnp.exp(-((brdf.sigma * degrees) ** 2))
+    gaussian = jnp.asarray(brdf.energy, cosines.dtype) * jnp.exp(-((brdf.sigma * degrees) ** 2))
     return gaussian[None, :] * normalised_fresnel(brdf.mu, cosines)[:, None]
 
 

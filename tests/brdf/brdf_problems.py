@@ -6,6 +6,7 @@ import numpy as np
 from jaxrender.brdf import (
     BlinnPhong,
     CookTorrance,
+    CosineLobe,
     HeTorrance,
     KajiyaKay,
     Lafortune,
@@ -66,6 +67,7 @@ MODELS = {
         True,
         False,
     ),
+    "lafortune one lobe": (CosineLobe(KD, KS, 15.5, 0.9), True, True, True),
     "kajiya-kay": (KajiyaKay(KD, KS, 20.0), False, False, False),
     "poulin-fournier": (PoulinFournier(KD, KS, 40.0, 2.4, 0.7), True, True, False),
     "mixture": (

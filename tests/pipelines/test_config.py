@@ -165,6 +165,7 @@ def test_defaults():
         "sigma": "free",
         "roughness": "free",
         "exponent": "free",
+        "c_z": 1.0,
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
@@ -466,8 +467,8 @@ VALUES = {
     ("samples.min_cosine", ".nan"): "found nan, accepted: a number between 0 and 1, both excluded",
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",
     ("brdf.model", "plastic"): (
-        "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'ward', 'phong', "
-        "'blinn-phong' or 'lambertian'"
+        "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'torrance-sparrow', "
+        "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune' or 'lambertian'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"

@@ -2,9 +2,12 @@
 
 - Every glossy model of ``brdf/`` that a fit knows by its name can be named, by the key that is its
   own field; a key that no model asked for has is refused, with the keys that there are.
+- torrance-sparrow and cook-torrance have an index as the microfacets do; cook-torrance is
+  ``CookTorrance`` with that index in all channels; lafortune is ``Lafortune`` with one lobe, whose
+  C_z is stated and not searched for.
 - Bounds of an exponent become bounds of a width, the other way around; fixed stays fixed.
 - A model that is compared with another takes what is said of the parameters that it has; Fresnel
-  and masking go along within a kind.
+  and masking go along within a kind, ks where it is a weight of the same thing.
 - What only known light can do is refused elsewhere.
 """
 
@@ -12,11 +15,21 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Microfacet, Phong, Ward
+from jaxrender.brdf import (
+    SIMPLE_GLOSSY,
+    CookTorrance,
+    CosineLobe,
+    Lafortune,
+    Microfacet,
+    Phong,
+    TorranceSparrow,
+    Ward,
+)
 from jaxrender.pipelines.config import BrdfConfig, RunConfig, SolveConfig
 from jaxrender.pipelines.config.brdf import _KEYS, FACET_MODELS
+from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
 from jaxrender.pipelines.render import material_of
-from jaxrender.pipelines.scene import lobe_of, unknowns_of
+from jaxrender.pipelines.scene import lobe_of, true_material, unknowns_of
 
 
 def run(brdf, **more):
@@ -48,6 +61,15 @@ def test_the_models_of_the_config_are_those_of_the_brdfs():
         ({"model": "ward", "roughness": 1.5}, "every value here must be at most 1"),
         ({"model": "lambertian", "compare": ["ggx"], "sigma": 2}, "found sigma 2.0 with model ggx"),
         ({"compare": ["gxx"]}, "Input should be"),
+        (
+            {"model": "torrance-sparrow", "sigma": 0.1},
+            "found sigma with model torrance-sparrow, which has kd, ks, mu, roughness",
+        ),
+        ({"model": "cook-torrance", "roughness": 1.5}, "every value here must be at most 1"),
+        ({"model": "torrance-sparrow", "masking": "smith"}, "found masking with model"),
+        ({"model": "torrance-sparrow", "mu": 0.9}, "every value here must be above 1"),
+        ({"model": "phong", "c_z": 0.9}, "found c_z with model phong, which has kd, ks, exponent"),
+        ({"model": "lafortune", "c_z": 0}, "greater than 0"),
     ],
 )
 def test_foreign_keys_are_refused(brdf, fault):
@@ -128,3 +150,63 @@ def test_a_result_gives_its_material_back():
     assert (float(ward.roughness), float(phong.exponent)) == pytest.approx((0.23, 17.0))
     np.testing.assert_array_equal(ward.ks, np.full(3, 0.1))
     np.testing.assert_array_equal(phong.kd, kd)
+
+
+def test_facets_with_a_reflectance_have_an_index_or_none():
+    config = run({"model": "torrance-sparrow", "mu": {"bounds": [1.2, 2]}, "roughness": 0.2})
+    lobe, unknowns = lobe_of(config.brdf), unknowns_of(config, 1)
+    assert lobe.mu is not None
+    assert (unknowns.mu.lower, unknowns.mu.upper) == (1.2, 2)
+    assert unknowns.sigma.fixed == (0.2,)
+    metal = run({"model": "cook-torrance", "mu": "none", "compare": ["ggx", "torrance-sparrow"]})
+    assert lobe_of(metal.brdf).mu is None
+    assert unknowns_of(metal, 1).mu is None
+    for model in metal.brdf.models:
+        assert lobe_of(metal.brdf.as_model(model)).mu is None
+
+
+def test_ks_goes_along_where_it_means_the_same():
+    brdf = BrdfConfig(model="torrance-sparrow", compare=("cook-torrance", "ggx"), ks=1.0, kd=0.1)
+    clean, other = (brdf.as_model(name) for name in brdf.models[1:])
+    assert (clean.ks.fixed, clean.kd.fixed) == (1.0, 0.1)
+    assert (other.ks.free, other.kd.fixed) == (True, 0.1)
+
+
+def test_a_stated_number_of_the_lobe_goes_through():
+    brdf = BrdfConfig.model_validate({"model": "ward", "compare": ["lafortune"], "c_z": 0.9})
+    lobe = lobe_of(brdf.as_model("lafortune"))
+    assert isinstance(lobe, CosineLobe)
+    assert float(lobe.c_z) == pytest.approx(0.9)
+
+
+def at_some_directions(brdf):
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(2, 50, 3))
+    directions[..., 2] = np.abs(directions[..., 2])
+    return brdf.evaluate(*directions / np.linalg.norm(directions, axis=-1, keepdims=True))
+
+
+@pytest.mark.parametrize(
+    ("stated", "twin"),
+    [
+        ({"model": "torrance-sparrow", "ks": 1.0, "roughness": 0.3, "mu": 1.5}, "torrance-sparrow"),
+        ({"model": "cook-torrance", "ks": 0.7, "roughness": 0.3, "mu": 1.5}, "cook-torrance"),
+        ({"model": "lafortune", "ks": 0.6, "exponent": 9.5, "c_z": 0.9}, "lafortune"),
+    ],
+)
+def test_recipe_and_result_make_the_model_of_the_registry(stated, twin):
+    kd = np.array([0.1, 0.2, 0.3])
+    ks = np.full(3, stated["ks"])
+    twins = {
+        "torrance-sparrow": TorranceSparrow(kd, ks, 0.3, 1.5),
+        "cook-torrance": CookTorrance(kd, ks, 0.3, np.full(3, 1.5), np.zeros(3)),
+        "lafortune": Lafortune(kd, ks[None], np.array([[-1, -1, 0.9]]), np.array([9.5])),
+    }
+    expected = at_some_directions(twins[twin])
+    recipe = RecipeBrdfConfig.model_validate({**stated, "kd": kd.tolist()})
+    for made in (true_material(recipe), material_of({**stated, "kd": kd.tolist()})):
+        np.testing.assert_allclose(at_some_directions(made), expected, rtol=1e-9)
+    with pytest.raises(ValidationError, match="missing: ks"):
+        RecipeBrdfConfig.model_validate(
+            {key: value for key, value in stated.items() if key != "ks"} | {"kd": kd.tolist()}
+        )

@@ -24,7 +24,8 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     head_on = np.ones(1)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     band_limit = band_limit_of(len(coefficients))
-    transfer = np.asarray(_looked_up(lobe, head_on, band_limit))[0]
+    # Of an energy of one, whatever a model's ks means.
+    transfer = np.asarray(_looked_up(lobe, head_on, band_limit))[0] / float(lobe.energy)
     radiance = np.asarray(foreseen.data.radiance)
     level = np.sqrt(np.mean(radiance**2, keepdims=True))
     deviation = np.asarray(noise.standard_deviation(level))

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
+from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import TYPICAL_MATERIAL, TYPICAL_NOISE, Supposed
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import distribution_of, numbers_of
-from jaxrender.pipelines.scene import fault_of
+from jaxrender.pipelines.config.brdf import chosen_numbers_of, distribution_of, numbers_of
+from jaxrender.pipelines.scene import fault_of, simple_material
 
 _NAMES = ("kd", "ks", "sigma", "mu", "roughness", "exponent")
 
@@ -45,6 +45,9 @@ def supposition_of(
         sources = {"kd": sources["kd"]}
     with fault_of("--suppose" if told else "brdf"):
         brdf = _material(config, values)
+    if sources.get("ks") == "typical":
+        # An albedo, whatever the model's ks means.
+        brdf = brdf.with_amplitudes(brdf.kd, np.asarray(brdf.ks) / float(brdf.energy))
     model, of_noise = _noise(config, recipe, noise)
     words: dict[str, list[str]] = {}
     for name, source in {**sources, "noise": of_noise}.items():
@@ -64,9 +67,8 @@ def _material(config: RunConfig, values: dict) -> Glossy:
         np.broadcast_to(np.asarray(values[name], float), (3,)).copy() for name in ("kd", "ks")
     )
     if config.brdf.model in SIMPLE_GLOSSY:
-        lobe = simple_glossy_named(config.brdf.model)
-        number = float(np.mean(np.asarray(values[lobe.shape.name], float)))
-        return lobe.with_roughness(lobe.shape.width_of(number)).with_amplitudes(kd, ks)
+        chosen = {name: getattr(config.brdf, name) for name in chosen_numbers_of(config.brdf.model)}
+        return simple_material(config.brdf.model, {**values, **chosen, "kd": kd, "ks": ks})
     choices = config.brdf.fresnel, config.brdf.masking, distribution_of(config.brdf.model)
     sigma = float(np.mean(np.asarray(values["sigma"], float)))
     return Microfacet(kd, ks, sigma, values["mu"], *choices)
@@ -87,8 +89,8 @@ def _one(name: str, config: RunConfig, recipe: RecipeConfig | None, told: dict):
         if value == "none":
             return None, "from the recipe"
         return value if name in ("kd", "ks") else float(value), "from the recipe"
-    if config.brdf.model in SIMPLE_GLOSSY and name not in ("kd", "ks"):
-        shape = SIMPLE_GLOSSY[config.brdf.model].shape
+    shape = SIMPLE_GLOSSY.get(config.brdf.model, Microfacet).shape
+    if name == shape.name:
         return float(shape.of_width(TYPICAL_MATERIAL.sigma)), "typical"
     typical = getattr(TYPICAL_MATERIAL, name)
     return typical if name in ("kd", "ks") else float(typical), "typical"

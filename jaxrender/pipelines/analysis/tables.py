@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, Microfacet
+from jaxrender.brdf import Glossy, WithoutIndex
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
 from jaxrender.inverse.next_best import Suggestion
@@ -45,7 +45,7 @@ def _heading(found: ConfigAnalysis) -> str:
     material = [f"kd {_values(brdf.kd)}"]
     if np.any(np.asarray(brdf.ks)):
         material += [f"ks {_values(brdf.ks)}", f"{brdf.shape.name} {_own_number(brdf):.3g}"]
-        if isinstance(brdf, Microfacet):
+        if not isinstance(brdf, WithoutIndex):
             mu = "none (metal)" if brdf.mu is None else f"{float(brdf.mu):.3g}"
             material.append(f"mu {mu}")
     lines = [

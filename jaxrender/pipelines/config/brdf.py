@@ -13,9 +13,20 @@ from jaxrender.pipelines.config.parameter import (
     numbers_at_most,
     one_number,
 )
-from jaxrender.pipelines.config.values import Accepts, Section, Switch
+from jaxrender.pipelines.config.values import Accepts, Positive, Section, Switch
 
-Model = Literal["microfacet", "ggx", "beckmann", "ward", "phong", "blinn-phong", "lambertian"]
+Model = Literal[
+    "microfacet",
+    "ggx",
+    "beckmann",
+    "torrance-sparrow",
+    "cook-torrance",
+    "ward",
+    "phong",
+    "blinn-phong",
+    "lafortune",
+    "lambertian",
+]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
@@ -33,12 +44,23 @@ _GLOSS = ("ks", "ks_per_channel")
 _FACETS = (*_GLOSS, "sigma", "mu", "fresnel", "masking")
 _KEYS = {
     **dict.fromkeys(("microfacet", "ggx", "beckmann"), _FACETS),
+    "torrance-sparrow": (*_GLOSS, "roughness", "mu"),
+    "cook-torrance": (*_GLOSS, "roughness", "mu"),
     "ward": (*_GLOSS, "roughness"),
     "phong": (*_GLOSS, "exponent"),
     "blinn-phong": (*_GLOSS, "exponent"),
+    "lafortune": (*_GLOSS, "exponent", "c_z"),
     "lambertian": (),
 }
 FACET_MODELS = tuple(model for model, keys in _KEYS.items() if keys == _FACETS)
+# What ks is a weight of, where it is not about the lobe's albedo.
+_KS_WEIGHS = {
+    "torrance-sparrow": "reflectance",
+    "cook-torrance": "reflectance",
+    "lafortune": "cosine",
+}
+# What is chosen, not searched for.
+_CHOICES = ("ks_per_channel", "fresnel", "masking", "c_z")
 _SPECULAR_KEYS = tuple(dict.fromkeys(key for keys in _KEYS.values() for key in keys))
 
 
@@ -53,7 +75,7 @@ Roughness = Annotated[
     AfterValidator(numbers_above(0.0)),
     Accepts("'free', a number above 0, {fixed}, or {bounds, start}"),
 ]
-_WardRoughness = Annotated[Roughness, AfterValidator(numbers_at_most(1.0))]
+_SlopeRoughness = Annotated[Roughness, AfterValidator(numbers_at_most(1.0))]
 Exponent = Annotated[
     Parameter,
     AfterValidator(one_number),
@@ -78,13 +100,17 @@ class BrdfConfig(Section):
     kd: Reflectance = Parameter()
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
     ks: Reflectance = Parameter()
-    """Specular weight."""
+    """Specular weight: times the Fresnel reflectance of torrance-sparrow and cook-torrance (1 for a
+    clean surface), times the power of lafortune's cosine (in 1/sr)."""
     sigma: Roughness = Parameter()
     """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1."""
-    roughness: _WardRoughness = Parameter()
-    """Roughness of ward: the slopes' deviation times the root of 2, above 0 and at most 1."""
+    roughness: _SlopeRoughness = Parameter()
+    """Of ward and cook-torrance the slopes' deviation times the root of 2, of torrance-sparrow the
+    facets' angle in radians at 1/e; above 0 and at most 1."""
     exponent: Exponent = Parameter()
-    """Exponent of phong (of the cosine to R) and blinn-phong (of that to the half vector)."""
+    """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
+    c_z: Positive = 1.0
+    """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
     mu: RefractiveIndex = Parameter()
     """Refractive index, above 1; none for metals (F = 1)."""
     ks_per_channel: Switch = False
@@ -104,10 +130,13 @@ class BrdfConfig(Section):
     def as_model(self, model: str) -> BrdfConfig:
         """Take another model, with what is said of the parameters that it has.
 
-        Fresnel angle and masking go along where both are the thesis's or both are of physics.
+        Fresnel angle and masking go along where both are the thesis's or both are of physics, and
+        ks where it is the weight of the same thing.
         """
         same_kind = (model in PHYSICAL_MODELS) == (self.model in PHYSICAL_MODELS)
         kept = {"kd", *_KEYS[model]} - (set() if same_kind else {"fresnel", "masking"})
+        if _KS_WEIGHS.get(model) != _KS_WEIGHS.get(self.model):
+            kept -= {"ks"}
         fields = {key: getattr(self, key) for key in kept}
         return BrdfConfig.model_validate({**fields, "model": model, "gauge": self.gauge})
 
@@ -146,8 +175,12 @@ def refuse_foreign_keys(section: Section) -> None:
 
 def numbers_of(model: str) -> tuple[str, ...]:
     """List the numbers beside kd that make up a material of a model."""
-    choices = ("ks_per_channel", "fresnel", "masking")
-    return tuple(key for key in _KEYS[model] if key not in choices)
+    return tuple(key for key in _KEYS[model] if key not in _CHOICES)
+
+
+def chosen_numbers_of(model: str) -> tuple[str, ...]:
+    """List the numbers of a model that a config states and no fit searches for."""
+    return tuple(key for key in _KEYS[model] if key == "c_z")
 
 
 def with_defaults_of_model(given: Any) -> Any:

@@ -35,7 +35,7 @@ from jaxrender.pipelines.config.values import (
 TrueIndex = Annotated[
     float, Strict(), Field(gt=1, allow_inf_nan=False), Accepts("a number above 1")
 ]
-WardRoughness = Annotated[
+SlopeRoughness = Annotated[
     float, Strict(), Field(gt=0, le=1, allow_inf_nan=False), Accepts("a number above 0, up to 1")
 ]
 
@@ -48,13 +48,17 @@ class RecipeBrdfConfig(Section):
     kd: Rgb
     """Diffuse BRDF value (albedo / pi), 1/sr."""
     ks: Rgb = (0.0, 0.0, 0.0)
-    """Specular weight."""
+    """Specular weight: times the Fresnel reflectance of torrance-sparrow and cook-torrance (1 for a
+    clean surface), times the power of lafortune's cosine (in 1/sr)."""
     sigma: Positive = 0.1
     """Surface roughness; of ggx what is called alpha, up to 1."""
-    roughness: WardRoughness = 0.2
-    """Roughness of ward: the slopes' deviation times the root of 2, up to 1."""
+    roughness: SlopeRoughness = 0.2
+    """Of ward and cook-torrance the slopes' deviation times the root of 2, of torrance-sparrow the
+    facets' angle in radians at 1/e; up to 1."""
     exponent: Positive = 50.0
-    """Exponent of phong (of the cosine to R) and blinn-phong (of that to the half vector)."""
+    """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
+    c_z: Positive = 1.0
+    """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
     mu: Literal["none"] | TrueIndex = 1.5
     """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"

@@ -16,6 +16,7 @@ _MEANINGS = {
     "sigma": ("σ", "", "roughness: how wide the highlight is [radians]"),
     "roughness": ("α", "", "roughness: how wide the highlight is"),
     "exponent": ("s", "", "exponent: the larger, the narrower the highlight"),
+    "c_z": ("C", "z", "how far the highlight is off the mirror direction: 1 is not at all"),
     "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
 }
 _SHAPES = ("sigma", "roughness", "exponent")
@@ -131,7 +132,7 @@ def _values(contents: Contents, what: str, name: str) -> list[float]:
     key = {"value": "brdf", "interval": "interval90", "error": "standard_error"}[what]
     if name in result.get(key, {}):
         return numbers(result[key][name])
-    if fitted is None:
+    if fitted is None or not hasattr(fitted.value, name):
         return []
     if what == "interval":
         pair = np.stack([np.asarray(getattr(p, name)) for p in (fitted.lower, fitted.upper)], -1)
