@@ -5,8 +5,9 @@ The packages follow the theory, and each imports only from those above it in thi
 
 ``shapes`` ``errors``
     array types and the glossary of axis words; the error for input that can be mended
-``harmonics`` ``geometry`` ``imaging``
-    functions on the sphere; directions, cameras and surfaces; pixels as measurements
+``harmonics`` ``wavelets`` ``geometry`` ``imaging``
+    functions on the sphere; wavelets over any number of axes; directions, cameras and surfaces;
+    pixels as measurements
 ``brdf`` ``lighting``
     reflectance and incoming radiance as functions of direction
 ``spectra`` ``io``
@@ -34,6 +35,7 @@ _PACKAGES = (
     "pipelines",
     "reflection",
     "spectra",
+    "wavelets",
 )
 
 __all__ = ["__version__", *_PACKAGES]

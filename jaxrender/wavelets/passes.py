@@ -1,0 +1,128 @@
+"""One step along long axes, as sums of shifted slices: what makes ``transform`` fast.
+
+A pass reads an array that was first extended around its seam, so that every tap is a plain slice,
+and writes both halves, or all samples, in one sweep.  Extension and pass are programs of their own:
+seeing both, XLA would look for the seam again at every tap (measured two to three times slower).
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.shapes import Array, Float
+from jaxrender.wavelets.filters import Wavelet
+
+# Filters of two taps need no extension; along two axes at once they still read only four samples.
+_TAPS_OF_A_PAIR = 2
+
+
+def analyse_by_passes(wavelet: Wavelet, values: Array, axes: tuple[int, ...]) -> Array:
+    """Return one level along these axes, none shorter than the filters."""
+    weights, first = _analysis_weights(wavelet)
+    after = weights.shape[0] - 2 + first
+    for group in _groups(wavelet, axes):
+        if after - first > 0:
+            values = _extended(values, group[0], -first, after)
+        values = _analysis_pass(wavelet, values, group)
+    return values
+
+
+def synthesise_by_passes(wavelet: Wavelet, coefficients: Array, axes: tuple[int, ...]) -> Array:
+    """Undo ``analyse_by_passes``."""
+    weights, first = _synthesis_weights(wavelet)
+    after = weights.shape[0] - 1 + first
+    for group in _groups(wavelet, axes):
+        if after - first > 0:
+            coefficients = _extended_halves(coefficients, group[0], -first, after)
+        coefficients = _synthesis_pass(wavelet, coefficients, group)
+    return coefficients
+
+
+def _groups(wavelet: Wavelet, axes: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Return the axes of each pass."""
+    together = 2 if len(wavelet.analysis_low) <= _TAPS_OF_A_PAIR else 1
+    return [axes[start : start + together] for start in range(0, len(axes), together)]
+
+
+def _analysis_weights(wavelet: Wavelet) -> tuple[Float[np.ndarray, "tap half"], int]:
+    """Return what samples 2i + k + first count in both halves, and first; idle taps left out."""
+    weights = np.array([wavelet.analysis_low, wavelet.analysis_high]).T
+    used = np.flatnonzero(weights.any(axis=1))
+    return weights[used[0] : used[-1] + 1], wavelet.first + int(used[0])
+
+
+def _synthesis_weights(wavelet: Wavelet) -> tuple[Float[np.ndarray, "tap half parity"], int]:
+    """Return what coefficients i + k + first of both halves count in samples 2i and 2i + 1."""
+    filters = np.array([wavelet.synthesis_low, wavelet.synthesis_high])
+    taps = filters.shape[1]
+    weights = np.zeros((2 * taps, 2, 2))
+    for tap in range(taps):
+        # Coefficient j reaches sample 2j + tap + wavelet.first.
+        shift, parity = divmod(tap + wavelet.first, 2)
+        weights[taps - shift, :, parity] = filters[:, tap]
+    used = np.flatnonzero(weights.any(axis=(1, 2)))
+    return weights[used[0] : used[-1] + 1], int(used[0]) - taps
+
+
+@partial(jax.jit, static_argnums=(1, 2, 3))
+def _extended(values: Array, axis: int, before: int, after: int) -> Array:
+    """Return an array that goes on periodically for some samples on either side of one axis."""
+    size = values.shape[axis]
+    head = jax.lax.slice_in_dim(values, size - before, size, axis=axis)
+    tail = jax.lax.slice_in_dim(values, 0, after, axis=axis)
+    return jnp.concatenate([head, values, tail], axis)
+
+
+@partial(jax.jit, static_argnums=(1, 2, 3))
+def _extended_halves(coefficients: Array, axis: int, before: int, after: int) -> Array:
+    """Return the same of averages and details, each on its own."""
+    halves = jnp.split(coefficients, 2, axis)
+    return jnp.concatenate([_extended(half, axis, before, after) for half in halves], axis)
+
+
+@partial(jax.jit, static_argnums=(0, 2))
+def _analysis_pass(wavelet: Wavelet, values: Array, axes: tuple[int, ...]) -> Array:
+    weights, _ = _analysis_weights(wavelet)
+    for axis in axes:
+        size = values.shape[axis] - len(weights) + 2
+        shape = (*values.shape[:axis], 2, size // 2, *values.shape[axis + 1 :])
+        terms = [
+            _spread(jax.lax.slice_in_dim(values, k, k + size - 1, 2, axis), tap, shape, axis)
+            for k, tap in enumerate(weights)
+        ]
+        values = _total(terms).reshape(*shape[:axis], size, *shape[axis + 2 :])
+    return values
+
+
+@partial(jax.jit, static_argnums=(0, 2))
+def _synthesis_pass(wavelet: Wavelet, coefficients: Array, axes: tuple[int, ...]) -> Array:
+    weights, _ = _synthesis_weights(wavelet)
+    values = coefficients
+    for axis in axes:
+        halves = jnp.split(values, 2, axis)
+        size = halves[0].shape[axis] - len(weights) + 1
+        shape = (*values.shape[:axis], size, 2, *values.shape[axis + 1 :])
+        terms = [
+            _spread(jax.lax.slice_in_dim(half, k, k + size, 1, axis), tap, shape, axis + 1)
+            for taps, half in zip(np.swapaxes(weights, 0, 1), halves, strict=True)
+            for k, tap in enumerate(taps)
+            if tap.any()
+        ]
+        values = _total(terms).reshape(*shape[:axis], 2 * size, *shape[axis + 2 :])
+    return values
+
+
+def _spread(values: Array, weights: np.ndarray, shape: tuple[int, ...], axis: int) -> Array:
+    """Return the values times each of two weights, along a new axis."""
+    others = tuple(place for place in range(len(shape)) if place != axis)
+    spread = jax.lax.broadcast_in_dim(values, shape, others)
+    return spread * jax.lax.broadcast_in_dim(jnp.asarray(weights, values.dtype), shape, (axis,))
+
+
+def _total(terms: list[Array]) -> Array:
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
