@@ -9,8 +9,8 @@ and one rule for all keeps their orders comparable.  What a weighted map misses 
 t_o and shows towards grazing: a sphere of sigma .2 under Grace Cathedral is off by 5 % where cos
 t_o is above .5 and by 22 % from there to .15 at a tolerance of 3 %, by 1.6 and 12 % at 1 %.
 
-The clamped cosine is radially symmetric about
-the normal, and an unclipped Phong lobe without base about R: both are exact with P = 0.
+The clamped cosine is radially symmetric about the normal, and an unclipped Phong lobe without base
+about R: both are exact with P = 0.
 """
 
 from typing import NamedTuple
