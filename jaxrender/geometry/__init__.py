@@ -1,7 +1,8 @@
 """Where things are and which way they face.
 
-``directions`` and ``frames`` are device side (jit-able, differentiable): unit vectors, angles,
-mirror and half-way directions, and the rotations between a surface point's frame and the world.
+``directions``, ``frames`` and ``embeddings`` are device side (jit-able, differentiable): unit
+vectors, angles, mirror and half-way directions, the rotations between a surface point's frame and
+the world, and the hemisphere as a unit square.
 The rest is host side in float64.  ``cameras`` turn pixels into rays; a ``Shape`` (``hits``) answers
 where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by Embree (``tracing``;
 its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts the two together:
@@ -22,6 +23,7 @@ from jaxrender.geometry.directions import (
     squared_acute_angle,
     squared_angle,
 )
+from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
 from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_local
 from jaxrender.geometry.hits import Hits, Shape
 from jaxrender.geometry.mesh import Mesh
@@ -38,8 +40,12 @@ from jaxrender.geometry.visibility import (
 )
 
 __all__ = [
+    "EMBEDDINGS",
+    "NUSSELT",
+    "POLAR",
     "Camera",
     "Components",
+    "Embedding",
     "Hits",
     "Mesh",
     "Orthographic",
