@@ -20,6 +20,12 @@
     a weighted sum of any of these
 ``isotropic_table`` ``scattered``
     measured reflectance: a table over half and difference angles, fitted to scattered measurements
+``tabulated`` ``reconstruction`` ``table_cells`` ``polar_isotropic_table``
+    tables over two directions, and what is between their samples
+``nearest``
+    the nearest table that is reciprocal, isotropic, separable or conserves energy
+``wavelet``
+    a coefficient tree over pairs of directions
 ``registry`` ``properties``
     every model by its name; reciprocity and albedo, measured
 """
@@ -57,14 +63,32 @@ from jaxrender.brdf.masking import (
 )
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
+from jaxrender.brdf.nearest import (
+    Nearest,
+    nearest_energy_conserving,
+    nearest_isotropic,
+    nearest_reciprocal,
+    nearest_separable,
+)
 from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.phong import Phong
+from jaxrender.brdf.polar_isotropic_table import PolarIsotropicTable
 from jaxrender.brdf.poulin_fournier import PoulinFournier
-from jaxrender.brdf.properties import directional_albedo, max_albedo, reciprocity_error
+from jaxrender.brdf.properties import (
+    directional_albedo,
+    isotropy_error,
+    max_albedo,
+    reciprocity_error,
+    separability_error,
+)
+from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
 from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
 from jaxrender.brdf.scattered import ScatteredFit, fit_isotropic_table
+from jaxrender.brdf.table_cells import Masked, masked
+from jaxrender.brdf.tabulated import TabulatedBRDF
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
+from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
     "BRDF",
@@ -73,6 +97,7 @@ __all__ = [
     "FACET_MASKINGS",
     "FRESNEL_ANGLES",
     "MASKINGS",
+    "RECONSTRUCTIONS",
     "SIMPLE_GLOSSY",
     "WARD_NORMALISATIONS",
     "Beckmann",
@@ -88,16 +113,21 @@ __all__ = [
     "KajiyaKay",
     "Lafortune",
     "Lambertian",
+    "Masked",
     "Microfacet",
     "Mixture",
+    "Nearest",
     "OrenNayar",
     "Phong",
+    "PolarIsotropicTable",
     "PoulinFournier",
     "ScatteredFit",
     "ShapeParameter",
+    "TabulatedBRDF",
     "TorranceSparrow",
     "TrowbridgeReitz",
     "Ward",
+    "WaveletBRDF",
     "WithoutIndex",
     "brdf_named",
     "conductor_fresnel",
@@ -106,11 +136,18 @@ __all__ = [
     "fresnel",
     "half_difference",
     "head_on_reflectance",
+    "isotropy_error",
+    "masked",
     "max_albedo",
     "microfacet_distribution",
+    "nearest_energy_conserving",
+    "nearest_isotropic",
+    "nearest_reciprocal",
+    "nearest_separable",
     "normalised_fresnel",
     "reciprocity_error",
     "schlick_fresnel",
+    "separability_error",
     "simple_glossy_named",
     "smith_facet_masking",
     "smith_masking",

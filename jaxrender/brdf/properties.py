@@ -1,4 +1,4 @@
-"""What a BRDF does, measured: reciprocity and the share of the light that leaves again.
+"""What a BRDF does, measured: reciprocity, isotropy, separability, the light that leaves again.
 
 Host side: numbers to look at, in tests and reports.  Directions are local, +Z the normal.
 """
@@ -82,6 +82,60 @@ def max_albedo(
     around = np.linspace(0, np.pi / 2, 1 if brdf.isotropic else azimuths)
     albedos = [directional_albedo(brdf, cosines, "incoming", a, nodes) for a in around]
     return float(np.max(albedos))
+
+
+def isotropy_error(brdf: BRDF, polars: int = 12, azimuths: int = 24) -> float:
+    """Find the rms of rho minus its mean over turns about the normal, as a share of rho's rms.
+
+    Over pairs of directions weighted by their projected solid angles, ``polars`` Gauss nodes in
+    sin^2 t by ``azimuths``; lobes narrower than the nodes' distances may be missed.
+    """
+    values = _pairwise(brdf, polars, azimuths)
+    turned = [np.roll(values, (turn, turn), axis=(1, 3)) for turn in range(azimuths)]
+    weights = _polar_nodes(polars)[1]
+    mean = sum(turned[1:], turned[0]) / azimuths
+    return float(np.sqrt(_energy(values - mean, weights) / (_energy(values, weights) or 1)))
+
+
+def separability_error(brdf: BRDF, polars: int = 12, azimuths: int = 24) -> float:
+    """Find the share of rho's energy that the best product f(w_i) g(w_r) in each channel misses.
+
+    Energy is int int rho^2 cos t_i cos t_r dw_i dw_r over the nodes of ``isotropy_error``; 0 for a
+    product, and near 1 for a mirror.
+    """
+    values = _pairwise(brdf, polars, azimuths)
+    across = np.sqrt(np.repeat(_polar_nodes(polars)[1], azimuths))[:, None]
+    matrices = values.reshape(len(across), len(across), -1) * across[:, None] * across
+    strengths = np.linalg.svd(np.moveaxis(matrices, -1, 0), compute_uv=False) ** 2
+    whole = strengths.sum()
+    return float(max(1 - strengths[:, 0].sum() / whole, 0)) if whole > 0 else 0.0
+
+
+def _polar_nodes(count: int) -> tuple[Float[np.ndarray, "node"], Float[np.ndarray, "node"]]:
+    """Gauss nodes of sin^2 t in [0, 1], over which projected solid angle is even, and weights."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    return (x + 1) / 2, w / 2
+
+
+def _pairwise(
+    brdf: BRDF, polars: int, azimuths: int
+) -> Float[np.ndarray, "polar_i azimuth_i polar_r azimuth_r channel"]:
+    squares = _polar_nodes(polars)[0]
+    cosine, turn = np.meshgrid(
+        np.sqrt(1 - squares), 2 * np.pi * np.arange(azimuths) / azimuths, indexing="ij"
+    )
+    sine = np.sqrt(1 - cosine**2)
+    nodes = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1).reshape(-1, 3)
+    pairs = np.repeat(nodes, len(nodes), axis=0), np.tile(nodes, (len(nodes), 1))
+    found = np.asarray(_evaluate(brdf, *pairs), float)
+    return found.reshape(polars, azimuths, polars, azimuths, -1)
+
+
+def _energy(
+    values: Float[np.ndarray, "polar_i azimuth_i polar_r azimuth_r channel"],
+    weights: Float[np.ndarray, "polar"],
+) -> float:
+    return float(np.einsum("iajbc,i,j->", values**2, weights, weights, optimize=True))
 
 
 def _random_directions(

@@ -10,8 +10,22 @@
     the same by a matrix for every step
 ``threshold``
     the largest coefficients, by fraction, count or error, and what leaving out the others costs
+``tree``
+    the coefficients that are left, as flat sorted arrays; ``nodes`` says how they are numbered
+``traversal``
+    a tree at points, from the root down, over the ``supports`` of its functions
+``cells``
+    the same for Haar's wavelet, quickly, for one tree or many
+``hashing``
+    the same from a table of coefficients, the trees' twin
+``importance``
+    coefficients in order of importance, and bounds on what stopping early leaves out
+``algebra``
+    sums, multiples and other resolutions of trees
 """
 
+from jaxrender.wavelets.algebra import resampled, scaled, weighted_sum
+from jaxrender.wavelets.cells import CellForest
 from jaxrender.wavelets.dense import (
     analyse_nonstandard_dense,
     analyse_standard_dense,
@@ -28,6 +42,10 @@ from jaxrender.wavelets.filters import (
     linear_spline,
     wavelet_named,
 )
+from jaxrender.wavelets.hashing import CoefficientHash
+from jaxrender.wavelets.importance import Importance, importance, most_important
+from jaxrender.wavelets.nodes import Entries
+from jaxrender.wavelets.supports import is_stepwise
 from jaxrender.wavelets.threshold import Thresholded, keep_fraction, keep_largest, keep_within
 from jaxrender.wavelets.transform import (
     analyse_nonstandard,
@@ -37,10 +55,18 @@ from jaxrender.wavelets.transform import (
     synthesise_standard,
     synthesise_step,
 )
+from jaxrender.wavelets.traversal import Traversal, evaluate
+from jaxrender.wavelets.tree import CoefficientTree
 
 __all__ = [
     "WAVELETS",
+    "CellForest",
+    "CoefficientHash",
+    "CoefficientTree",
+    "Entries",
+    "Importance",
     "Thresholded",
+    "Traversal",
     "Wavelet",
     "analyse_nonstandard",
     "analyse_nonstandard_dense",
@@ -49,11 +75,17 @@ __all__ = [
     "analyse_step",
     "analysis_matrix",
     "daubechies",
+    "evaluate",
     "haar",
+    "importance",
+    "is_stepwise",
     "keep_fraction",
     "keep_largest",
     "keep_within",
     "linear_spline",
+    "most_important",
+    "resampled",
+    "scaled",
     "synthesis_matrix",
     "synthesise_nonstandard",
     "synthesise_nonstandard_dense",
@@ -61,4 +93,5 @@ __all__ = [
     "synthesise_standard_dense",
     "synthesise_step",
     "wavelet_named",
+    "weighted_sum",
 ]
