@@ -22,10 +22,16 @@
     measured reflectance: a table over half and difference angles, fitted to scattered measurements
 ``tabulated`` ``reconstruction`` ``table_cells`` ``polar_isotropic_table``
     tables over two directions, and what is between their samples
+``polar_nodes`` ``rgl`` ``bilinear_warp``
+    tables at the nodes of polar angles; tables over warped half vectors (Dupuy and Jakob 2018)
+``zernike`` ``zernike_fit``
+    products of Zernike polynomials (T 5.7.2), fitted to scattered measurements
 ``nearest``
     the nearest table that is reciprocal, isotropic, separable or conserves energy
 ``wavelet``
     a coefficient tree over pairs of directions
+``samplers`` ``tree_sampler``
+    random directions and their density: by the cosine; by a coefficient tree (L 8)
 ``registry`` ``properties``
     every model by its name; reciprocity and albedo, measured
 """
@@ -73,6 +79,7 @@ from jaxrender.brdf.nearest import (
 from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.polar_isotropic_table import PolarIsotropicTable
+from jaxrender.brdf.polar_nodes import PolarNodesTable
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import (
     directional_albedo,
@@ -83,16 +90,22 @@ from jaxrender.brdf.properties import (
 )
 from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
 from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
+from jaxrender.brdf.rgl import RglBRDF
+from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
 from jaxrender.brdf.scattered import ScatteredFit, fit_isotropic_table
 from jaxrender.brdf.table_cells import Masked, masked
 from jaxrender.brdf.tabulated import TabulatedBRDF
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
+from jaxrender.brdf.tree_sampler import TreeSampler
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
+from jaxrender.brdf.zernike import ZernikeBRDF
+from jaxrender.brdf.zernike_fit import ZernikeFit, fit_zernike
 
 __all__ = [
     "BRDF",
     "BRDFS",
+    "COSINE",
     "DISTRIBUTIONS",
     "FACET_MASKINGS",
     "FRESNEL_ANGLES",
@@ -104,6 +117,8 @@ __all__ = [
     "BlinnPhong",
     "CookTorrance",
     "CosineLobe",
+    "CosineSampler",
+    "DirectionSampler",
     "Distribution",
     "Gaussian",
     "Glossy",
@@ -120,19 +135,25 @@ __all__ = [
     "OrenNayar",
     "Phong",
     "PolarIsotropicTable",
+    "PolarNodesTable",
     "PoulinFournier",
+    "RglBRDF",
     "ScatteredFit",
     "ShapeParameter",
     "TabulatedBRDF",
     "TorranceSparrow",
+    "TreeSampler",
     "TrowbridgeReitz",
     "Ward",
     "WaveletBRDF",
     "WithoutIndex",
+    "ZernikeBRDF",
+    "ZernikeFit",
     "brdf_named",
     "conductor_fresnel",
     "directional_albedo",
     "fit_isotropic_table",
+    "fit_zernike",
     "fresnel",
     "half_difference",
     "head_on_reflectance",

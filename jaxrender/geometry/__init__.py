@@ -8,7 +8,8 @@ where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by E
 its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts the two together:
 ``observe(camera, shape)`` gives the point, normal and exit direction behind every pixel, of which
 ``samples`` keeps what the forward model asks for.  ``visibility`` tells what the surface itself can
-see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape.
+see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape,
+``height_fields`` a patch of micro-geometry, which ``periodic`` repeats without end.
 """
 
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
@@ -25,8 +26,10 @@ from jaxrender.geometry.directions import (
 )
 from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
 from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_local
+from jaxrender.geometry.height_fields import Patch, gaussian_surface, height_field, sawtooth, velvet
 from jaxrender.geometry.hits import Hits, Shape
 from jaxrender.geometry.mesh import Mesh
+from jaxrender.geometry.periodic import PeriodicSurface
 from jaxrender.geometry.samples import SurfaceSamples
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.geometry.sphere import Sphere
@@ -49,6 +52,8 @@ __all__ = [
     "Hits",
     "Mesh",
     "Orthographic",
+    "Patch",
+    "PeriodicSurface",
     "Pinhole",
     "Rays",
     "Shape",
@@ -60,18 +65,22 @@ __all__ = [
     "direction_from_angles",
     "dot",
     "fibonacci_sphere",
+    "gaussian_surface",
     "half_vectors",
+    "height_field",
     "look_at",
     "normalise",
     "observe",
     "random_rotations",
     "reflect",
     "rotation",
+    "sawtooth",
     "sculpture",
     "squared_acute_angle",
     "squared_angle",
     "to_local",
     "to_world",
+    "velvet",
     "visible",
     "visible_along",
     "world_from_local",

@@ -12,14 +12,21 @@
     directional sources for each photograph
 ``meshes``
     triangle meshes
-``measured`` ``merl``
-    measured reflectance: at scattered directions, and the MERL database's tables
-``jsonfiles``
-    what the JSON formats above share
+``measured`` ``alta``
+    measured reflectance at scattered directions: Cornell's text, ALTA's text
+``merl`` ``utia`` ``rgl``
+    measured reflectance as tables, of three databases
+``tables``
+    our own, over two directions, with standard errors
+``photometric``
+    luminaires: IES files
+``jsonfiles`` ``numbered_words`` ``alta_parametrisations``
+    what formats above share; the coordinates that ALTA's files may be in
 
 Every error is an ``InputError`` that names file, place, value and remedy.
 """
 
+from jaxrender.io.alta import AltaMeasurements, read_alta, write_alta
 from jaxrender.io.captures import Capture, Frame, read_capture, read_mask, read_photograph
 from jaxrender.io.curves import read_curve
 from jaxrender.io.environments import read_environment, write_environment
@@ -28,26 +35,43 @@ from jaxrender.io.lights import read_per_frame_lights
 from jaxrender.io.measured import ScatteredMeasurements, read_cornell
 from jaxrender.io.merl import MerlTable, read_merl, write_merl
 from jaxrender.io.meshes import read_mesh, write_mesh
+from jaxrender.io.photometric import Photometry, read_ies
+from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors
+from jaxrender.io.tables import BRDFTable, read_table, write_table
+from jaxrender.io.utia import UtiaTable, read_utia
 
 __all__ = [
+    "AltaMeasurements",
+    "BRDFTable",
     "Capture",
     "Frame",
     "Image",
     "MerlTable",
+    "Photometry",
+    "RglMaterial",
     "ScatteredMeasurements",
+    "UtiaTable",
     "image_size",
+    "read_alta",
     "read_capture",
     "read_cornell",
     "read_curve",
     "read_environment",
+    "read_ies",
     "read_image",
     "read_mask",
     "read_merl",
     "read_mesh",
     "read_per_frame_lights",
     "read_photograph",
+    "read_rgl",
+    "read_table",
+    "read_tensors",
+    "read_utia",
+    "write_alta",
     "write_environment",
     "write_image",
     "write_merl",
     "write_mesh",
+    "write_table",
 ]

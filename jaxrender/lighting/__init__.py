@@ -1,4 +1,4 @@
-"""Incoming radiance as a function of direction.
+"""Incoming radiance as a function of direction, and of position.
 
 ``base``
     what a light is: point masses of irradiance on the sphere of directions
@@ -8,6 +8,10 @@
     radiance on a latitude-longitude grid
 ``lobes``
     smooth light as a function, for area sources
+``positional`` ``photometric``
+    point lights; the angular distribution of an intensity, as photometric files state it
+``luminaires``
+    radiance over the places and directions of a surface
 ``sky`` ``coefficients``
     the overcast and the clear sky; light given by its harmonic coefficients
 ``cells`` ``split``
@@ -25,26 +29,42 @@ from jaxrender.lighting.layouts import PANORAMAS, panorama_named
 from jaxrender.lighting.lobes import SmoothLobes
 from jaxrender.lighting.mirror_ball import BallLight, light_of_ball
 from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
+from jaxrender.lighting.photometric import AngularIntensity
+from jaxrender.lighting.positional import (
+    ConeIntensity,
+    Flaps,
+    IsotropicIntensity,
+    PointLight,
+    SpotIntensity,
+)
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
 
 __all__ = [
     "CLEAR_SKIES",
     "PANORAMAS",
+    "AngularIntensity",
+    "BallLight",
     "Candidates",
     "Cells",
     "ClearSky",
+    "ConeIntensity",
     "DirectionalSources",
     "Environment",
+    "Flaps",
     "HarmonicLight",
+    "IsotropicIntensity",
     "Light",
     "LightNodes",
     "LightSplit",
     "OvercastSky",
+    "PointLight",
     "Sky",
     "SmoothLobes",
+    "SpotIntensity",
     "candidates",
     "condensed",
+    "light_of_ball",
     "panorama_named",
     "partition",
     "preetham",
@@ -52,6 +72,4 @@ __all__ = [
     "take",
     "to_latlong",
     "to_own_latlong",
-    "BallLight",
-    "light_of_ball",
 ]

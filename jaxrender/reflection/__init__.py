@@ -19,6 +19,10 @@
     transfer vectors (T 6.10): diffuse light on shapes that shadow themselves
 ``tabulated``
     the dual model as a table over roughness, for solvers
+``wavelet_shading``
+    light and BRDF as wavelet trees (L 6.3)
+``tracing``
+    paths, luminaires nearby, the virtual gonioreflectometer (L 3, 5, 8)
 ``render`` ``sensitivity``
     camera to image with either model; its derivatives by the material
 

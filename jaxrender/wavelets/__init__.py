@@ -22,6 +22,8 @@
     coefficients in order of importance, and bounds on what stopping early leaves out
 ``algebra``
     sums, multiples and other resolutions of trees
+``sampling`` ``slices``
+    random places with a tree's density, some axes held: from a table, and from the tree itself
 """
 
 from jaxrender.wavelets.algebra import resampled, scaled, weighted_sum
@@ -45,6 +47,8 @@ from jaxrender.wavelets.filters import (
 from jaxrender.wavelets.hashing import CoefficientHash
 from jaxrender.wavelets.importance import Importance, importance, most_important
 from jaxrender.wavelets.nodes import Entries
+from jaxrender.wavelets.sampling import CellDensities, Drawn, TabulatedDensities
+from jaxrender.wavelets.slices import SlicedDensities
 from jaxrender.wavelets.supports import is_stepwise
 from jaxrender.wavelets.threshold import Thresholded, keep_fraction, keep_largest, keep_within
 from jaxrender.wavelets.transform import (
@@ -60,11 +64,15 @@ from jaxrender.wavelets.tree import CoefficientTree
 
 __all__ = [
     "WAVELETS",
+    "CellDensities",
     "CellForest",
     "CoefficientHash",
     "CoefficientTree",
+    "Drawn",
     "Entries",
     "Importance",
+    "SlicedDensities",
+    "TabulatedDensities",
     "Thresholded",
     "Traversal",
     "Wavelet",
