@@ -30,6 +30,8 @@
     the nearest table that is reciprocal, isotropic, separable or conserves energy
 ``wavelet``
     a coefficient tree over pairs of directions
+``textures``
+    texels that are BRDFs, bump maps, and their pyramids (L 7)
 ``samplers`` ``tree_sampler``
     random directions and their density: by the cosine; by a coefficient tree (L 8)
 ``registry`` ``properties``

@@ -10,6 +10,7 @@ its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts 
 ``samples`` keeps what the forward model asks for.  ``visibility`` tells what the surface itself can
 see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape,
 ``height_fields`` a patch of micro-geometry, which ``periodic`` repeats without end.
+``footprints`` says how much of a texture a pixel covers.
 """
 
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
@@ -25,6 +26,7 @@ from jaxrender.geometry.directions import (
     squared_angle,
 )
 from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
+from jaxrender.geometry.footprints import pixel_steps, size_in_texels, texture_steps
 from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_local
 from jaxrender.geometry.height_fields import Patch, gaussian_surface, height_field, sawtooth, velvet
 from jaxrender.geometry.hits import Hits, Shape
@@ -71,13 +73,16 @@ __all__ = [
     "look_at",
     "normalise",
     "observe",
+    "pixel_steps",
     "random_rotations",
     "reflect",
     "rotation",
     "sawtooth",
     "sculpture",
+    "size_in_texels",
     "squared_acute_angle",
     "squared_angle",
+    "texture_steps",
     "to_local",
     "to_world",
     "velvet",

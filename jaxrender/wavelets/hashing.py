@@ -48,7 +48,8 @@ class CoefficientHash(eqx.Module):
         entries = tree.entries()
         bits = (entries.selector[:, None] >> np.arange(tree.axes)) & 1
         places = separated(entries.code, tree.axes) + (bits << entries.level[:, None])
-        keys = np.ravel_multi_index(tuple(places.T), (tree.size,) * tree.axes)
+        sides = (tree.size,) * tree.axes
+        keys = np.asarray(np.ravel_multi_index(tuple(places.T), sides))
         slots = smallest_prime(max(_SLOTS_PER_COEFFICIENT * len(keys), 3))
         table, held = np.full(slots, _EMPTY, np.int64), np.zeros((slots, tree.channels))
         held = held.astype(entries.values.dtype)
