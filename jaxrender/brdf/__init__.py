@@ -28,8 +28,10 @@
     products of Zernike polynomials (T 5.7.2), fitted to scattered measurements
 ``nearest``
     the nearest table that is reciprocal, isotropic, separable or conserves energy
-``wavelet``
-    a coefficient tree over pairs of directions
+``wavelet`` ``scattering_trees`` ``tables_for_trees``
+    a coefficient tree over pairs of directions; four, where light passes too; what they are made of
+``isotropic_mean``
+    the isotropic part of any BRDF
 ``textures``
     texels that are BRDFs, bump maps, and their pyramids (L 7)
 ``samplers`` ``tree_sampler``
@@ -58,6 +60,7 @@ from jaxrender.brdf.fresnel import (
 )
 from jaxrender.brdf.glossy import Glossy, ShapeParameter, WithoutIndex
 from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.isotropic_mean import IsotropicMean
 from jaxrender.brdf.isotropic_table import HalfDifference, IsotropicTable, half_difference
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import CosineLobe, Lafortune
@@ -95,7 +98,9 @@ from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glo
 from jaxrender.brdf.rgl import RglBRDF
 from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
 from jaxrender.brdf.scattered import ScatteredFit, fit_isotropic_table
+from jaxrender.brdf.scattering_trees import ScatteringTrees
 from jaxrender.brdf.table_cells import Masked, masked
+from jaxrender.brdf.tables_for_trees import Samples, tabulate
 from jaxrender.brdf.tabulated import TabulatedBRDF
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.tree_sampler import TreeSampler
@@ -126,6 +131,7 @@ __all__ = [
     "Glossy",
     "HalfDifference",
     "HeTorrance",
+    "IsotropicMean",
     "IsotropicTable",
     "KajiyaKay",
     "Lafortune",
@@ -140,7 +146,9 @@ __all__ = [
     "PolarNodesTable",
     "PoulinFournier",
     "RglBRDF",
+    "Samples",
     "ScatteredFit",
+    "ScatteringTrees",
     "ShapeParameter",
     "TabulatedBRDF",
     "TorranceSparrow",
@@ -174,5 +182,6 @@ __all__ = [
     "simple_glossy_named",
     "smith_facet_masking",
     "smith_masking",
+    "tabulate",
     "v_groove_masking",
 ]

@@ -30,6 +30,8 @@
     the same in closed form, from all coefficients of a reflected light field (T 2.68)
 ``brdf_spectrum`` ``brdf_table``
     a BRDF as coefficients; as a table, from photographs under one moving lamp
+``parametric``
+    the models nearest to a BRDF that is a table or a tree, with what they miss
 ``texture``
     reflectance site by site, under known and unknown light
 ``shadowing``
@@ -52,27 +54,30 @@ from jaxrender.inverse.lighting import (
 )
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.parametric import Candidate, best_models
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.unknowns import MicrofacetUnknowns, Unknown
 
 __all__ = [
     "BRDFFit",
+    "Candidate",
+    "DualSettings",
+    "FactorSettings",
+    "Factorization",
     "FitSettings",
+    "Known",
     "KnownLight",
+    "LightOperator",
+    "LightSettings",
     "MicrofacetUnknowns",
     "Observations",
     "Outcome",
-    "Unknown",
-    "fit_brdf",
-    "DualSettings",
     "RecoveredDual",
-    "recover_dual",
-    "FactorSettings",
-    "Factorization",
-    "Known",
-    "factorize",
-    "LightOperator",
-    "LightSettings",
     "RecoveredLight",
+    "Unknown",
+    "best_models",
+    "factorize",
+    "fit_brdf",
     "recover_coefficients",
+    "recover_dual",
 ]

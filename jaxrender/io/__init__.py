@@ -16,8 +16,8 @@
     measured reflectance at scattered directions: Cornell's text, ALTA's text
 ``merl`` ``utia`` ``rgl``
     measured reflectance as tables, of three databases
-``tables``
-    our own, over two directions, with standard errors
+``tables`` ``trees`` ``tree_layout``
+    our own: tables over two directions, with standard errors; coefficient trees
 ``photometric``
     luminaires: IES files
 ``jsonfiles`` ``numbered_words`` ``alta_parametrisations``
@@ -38,6 +38,8 @@ from jaxrender.io.meshes import read_mesh, write_mesh
 from jaxrender.io.photometric import Photometry, read_ies
 from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors
 from jaxrender.io.tables import BRDFTable, read_table, write_table
+from jaxrender.io.tree_layout import TreeAbout
+from jaxrender.io.trees import read_tree, write_tree
 from jaxrender.io.utia import UtiaTable, read_utia
 
 __all__ = [
@@ -50,6 +52,7 @@ __all__ = [
     "Photometry",
     "RglMaterial",
     "ScatteredMeasurements",
+    "TreeAbout",
     "UtiaTable",
     "image_size",
     "read_alta",
@@ -67,6 +70,7 @@ __all__ = [
     "read_rgl",
     "read_table",
     "read_tensors",
+    "read_tree",
     "read_utia",
     "write_alta",
     "write_environment",
@@ -74,4 +78,5 @@ __all__ = [
     "write_merl",
     "write_mesh",
     "write_table",
+    "write_tree",
 ]

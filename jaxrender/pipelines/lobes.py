@@ -70,6 +70,19 @@ class Lobe(NamedTuple):
 
 
 def lobe_of(specification: str) -> Lobe:
+    """Read the specification of a lobe that has a spectrum by degree: isotropic, or a mirror.
+
+    Raises ``InputError`` as ``model_of`` does, and for an anisotropic lobe.
+    """
+    lobe = model_of(specification)
+    if lobe.brdf is not None and not lobe.brdf.isotropic:
+        raise InputError(
+            f"--brdf {specification}: an anisotropic lobe has no spectrum by degree alone"
+        )
+    return lobe
+
+
+def model_of(specification: str) -> Lobe:
     """Read a specification; ``InputError`` names the unknown word and its nearest neighbour."""
     place = f"--brdf {specification}"
     model, _, rest = specification.partition(":")
@@ -98,8 +111,6 @@ def lobe_of(specification: str) -> Lobe:
         brdf = brdf_named(kind, **{**amplitudes, **parameters})
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
-    if not brdf.isotropic:
-        raise InputError(f"{place}: an anisotropic lobe has no spectrum by degree alone")
     return Lobe(specification, model, parameters, brdf)
 
 

@@ -1,0 +1,140 @@
+"""Which model is nearest to a BRDF that is a table or a tree: its parameters and what it misses.
+
+A candidate kd + ks f(w_i, w_o; sigma, mu) is fitted to the BRDF's values at pairs of directions by
+variable projection (``elimination``), minimising
+
+    int int (rho - model)^2 cos t_i cos t_o dw_i dw_o,
+
+which over Nusselt's squares is the plain mean of squares (L 4.1): pairs are cells of a table, or a
+part of them chosen evenly.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import BRDF, SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
+from jaxrender.geometry import NUSSELT, Components
+from jaxrender.inverse.elimination import Data, Problem, search
+from jaxrender.inverse.models import Columns
+from jaxrender.inverse.unknowns import MicrofacetUnknowns, mu_unknown
+from jaxrender.shapes import AnyArray, Array, Float
+
+# Facets in the words of renderers, and the thesis's.
+_FACETS = {
+    "microfacet": ("exit", "none", "gaussian"),
+    "beckmann": ("half", "smith", "beckmann"),
+    "ggx": ("half", "smith", "ggx"),
+}
+_ANY_WIDTH, _ANY_INDEX = 0.1, 1.5
+CANDIDATES = ("microfacet", "ggx", "ward", "phong", "blinn-phong", "torrance-sparrow")
+KNOWN = (*_FACETS, *SIMPLE_GLOSSY)
+
+_STARTS = 4
+_evaluate = eqx.filter_jit(BRDF.evaluate)
+
+
+class Candidate(NamedTuple):
+    """A fitted model; ``relative_rms`` is of what it misses over the BRDF's own."""
+
+    name: str
+    brdf: Glossy
+    relative_rms: float
+    parameters: dict[str, float | list[float]]
+    converged: bool
+
+
+class _Pairs(eqx.Module):
+    """The forward model: a glossy BRDF's two lobes at pairs of directions."""
+
+    variant: Glossy
+    incoming: Float[AnyArray, "sample 3"]
+    outgoing: Float[AnyArray, "sample 3"]
+    channels: int = eqx.field(static=True)
+
+    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+        """Evaluate both lobes in 1/sr."""
+        incoming, outgoing = (Components.of(w) for w in (self.incoming, self.outgoing))
+        lobes = self.variant.with_roughness(sigma, mu).transfer(incoming, outgoing)
+        shape = (len(self.incoming), self.channels)
+        return Columns(*(jnp.broadcast_to((f / incoming.z)[:, None], shape) for f in lobes))
+
+    def thinned(self, step: int) -> "_Pairs":
+        """Keep one in ``step`` pairs."""
+        pairs = self.incoming[::step], self.outgoing[::step]
+        return _Pairs(self.variant, *pairs, self.channels)
+
+
+def best_models(
+    brdf: BRDF,
+    candidates: Sequence[str] = CANDIDATES,
+    size: int = 32,
+    most_pairs: int = 2**16,
+) -> list[Candidate]:
+    """Fit each candidate to a BRDF and rank them, the least error first.
+
+    ``size`` is that of the squares whose cells' centres the pairs are, best a tree's or a table's
+    own: a Haar tree is a table's value there, and differs between.  Of more than ``most_pairs`` so
+    many are taken.  The first fit of a candidate compiles for some seconds.  Raises
+    ``ValueError`` for a candidate that there is none of, a size below 2, and a BRDF that is zero or
+    not finite there.
+    """
+    unknown = [name for name in candidates if name not in KNOWN]
+    if unknown or not candidates:
+        raise ValueError(f"candidates={tuple(candidates)}: choose some of {', '.join(KNOWN)}")
+    if size < 2 or most_pairs < 1:
+        raise ValueError(f"size={size}, most_pairs={most_pairs}: give at least 2 and 1")
+    incoming, outgoing = _pairs_of_cells(size, most_pairs)
+    values = np.asarray(_evaluate(brdf, incoming, outgoing), float)
+    if not (np.isfinite(values).all() and values.any()):
+        raise ValueError("a BRDF that is zero, or not finite, at some cells; mend its values")
+    found = [_fitted(name, values, (incoming, outgoing)) for name in candidates]
+    return sorted(found, key=lambda one: one.relative_rms)
+
+
+def _fitted(
+    name: str, values: Float[np.ndarray, "sample channel"], pairs: tuple[np.ndarray, np.ndarray]
+) -> Candidate:
+    channels = values.shape[1]
+    variant = _variant(name, channels)
+    has_index = variant.mu is not None
+    unknowns = MicrofacetUnknowns(mu=mu_unknown() if has_index else None, ks_per_channel=True)
+    model = _Pairs(variant, *pairs, channels)
+    data = Data(values, np.ones_like(values), np.zeros(len(values), int))
+    problem = Problem.of(unknowns, channels)
+    fit = search(problem, model, data, unknowns.starts(_STARTS))
+    physical = unknowns.unpack(fit.solution.point)
+    kd, ks = (np.asarray(part, float) for part in (fit.linear.kd, fit.linear.ks))
+    mu = None if physical.mu is None else float(physical.mu)
+    brdf = variant.with_roughness(float(physical.sigma), mu).with_amplitudes(kd, ks)
+    missed = np.sqrt(np.sum((values - np.asarray(fit.predicted)) ** 2) / np.sum(values**2))
+    parameters: dict[str, float | list[float]] = {"kd": kd.tolist(), "ks": ks.tolist()}
+    parameters[variant.shape.name] = float(getattr(brdf, variant.shape.name))
+    if mu is not None:
+        parameters["mu"] = mu
+    return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
+
+
+def _variant(name: str, channels: int) -> Glossy:
+    """Make a black model of that name, with an index if it can have one."""
+    black = np.zeros(channels)
+    if name in _FACETS:
+        return Microfacet(black, black, _ANY_WIDTH, _ANY_INDEX, *_FACETS[name])
+    model = simple_glossy_named(name, channels)
+    return model.with_roughness(_ANY_WIDTH, _ANY_INDEX)
+
+
+def _pairs_of_cells(
+    size: int, most: int
+) -> tuple[Float[np.ndarray, "pair 3"], Float[np.ndarray, "pair 3"]]:
+    """List the directions of all pairs of cells, or of so many of them, evenly chosen."""
+    cells = NUSSELT.cell_directions((size, size)).reshape(-1, 3)
+    cells = cells[np.asarray(NUSSELT.covers(NUSSELT.centres((size, size)))).ravel()]
+    count = len(cells) ** 2
+    chosen = np.arange(count)
+    if count > most:
+        chosen = np.sort(np.random.default_rng(0).choice(count, most, replace=False))
+    return cells[chosen // len(cells)], cells[chosen % len(cells)]

@@ -1,0 +1,208 @@
+"""Where a BRDF may come from: a file of measurements, a model by name, the result of a fit.
+
+Files are told apart by their suffix, or by how they begin; a reader says in words what it did.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import h5netcdf
+import numpy as np
+
+from jaxrender.brdf import BRDF, ScatteredFit, WaveletBRDF, fit_isotropic_table
+from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.errors import InputError
+from jaxrender.geometry import EMBEDDINGS
+from jaxrender.imaging.colour import rgb_of_reflectance
+from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
+from jaxrender.io.alta import read_alta
+from jaxrender.io.measured import read_cornell
+from jaxrender.io.merl import read_merl
+from jaxrender.io.rgl import read_rgl
+from jaxrender.io.tables import read_table
+from jaxrender.io.tree_layout import BRDF_AXES
+from jaxrender.io.tree_layout import FORMAT as TREE_FORMAT
+from jaxrender.io.trees import read_tree
+from jaxrender.io.utia import read_utia
+from jaxrender.pipelines.brdf_spectrum import read_spectrum
+from jaxrender.pipelines.config import load_run_config
+from jaxrender.pipelines.lobes import model_of
+from jaxrender.pipelines.render import material_of
+from jaxrender.pipelines.result import read_result
+
+_LOOKED_AT = 4096
+_COLOURS = 3
+
+
+class Source(NamedTuple):
+    """A BRDF, what its channels are (as ``io.tree_layout`` names them) and what reading it did.
+
+    ``rings``: negative values are those of a truncated series, not holes among measurements.
+    """
+
+    name: str
+    brdf: BRDF
+    channels: str
+    wavelengths: tuple[float, ...] = ()
+    said: tuple[str, ...] = ()
+    rings: bool = False
+
+
+def source_of(named: str, spectral: bool = False) -> Source:
+    """Read what a command line names: a file, a result folder, else a model such as ``phong:...``.
+
+    ``spectral`` asks for all wavelengths of a file that has them instead of linear RGB.  Raises
+    ``InputError`` for what cannot be read, a kind of file that nobody knows, and ``spectral`` of
+    what has no wavelengths.
+    """
+    path = Path(named)
+    if path.is_dir():
+        found = _result(path)
+    elif path.exists() or path.suffix.lower() in READERS or len(path.parts) > 1:
+        found = _reader(path)(path, spectral)
+    else:
+        found = _model(named)
+    if spectral and found.channels != "wavelengths":
+        raise InputError(f"{named}: has no wavelengths; leave --spectral out")
+    return found
+
+
+def _reader(path: Path) -> Callable[[Path, bool], Source]:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; mend the path")
+    if path.suffix.lower() in READERS:
+        return READERS[path.suffix.lower()]
+    with path.open("rb") as stream:
+        if b"#ALTA" in stream.read(_LOOKED_AT):
+            return _alta
+    raise InputError(
+        f"{path}: no kind of file known by {path.suffix!r}; give one of {', '.join(READERS)}, a "
+        "result folder, or a model such as microfacet:sigma=0.2"
+    )
+
+
+def _cornell(path: Path, spectral: bool) -> Source:
+    data = read_cornell(path)
+    values = np.where(data.values >= 0, data.values, np.nan)
+    if not spectral:
+        # Of a colour every wavelength must be known; what is more saturated than it may be is 0.
+        values = rgb_of_reflectance(data.wavelengths, values)
+    fit = _fitted(path, (data.incoming, data.outgoing, values))
+    wavelengths = tuple(data.wavelengths.tolist()) if spectral else ()
+    channels = "wavelengths" if spectral else "rgb"
+    return Source(path.name, fit.brdf, channels, wavelengths, _said_of_fit(fit))
+
+
+def _alta(path: Path, _: bool) -> Source:
+    data = read_alta(path)
+    fit = _fitted(path, (data.incoming, data.outgoing, data.values))
+    said = _said_of_fit(fit)
+    if data.below_horizon:
+        said += (f"{data.below_horizon} rows below the horizon left out",)
+    return Source(path.name, fit.brdf, _colours(data.values.shape[1]), (), said)
+
+
+def _fitted(path: Path, data: tuple[np.ndarray, np.ndarray, np.ndarray]) -> ScatteredFit:
+    try:
+        return fit_isotropic_table(*data)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _said_of_fit(fit: ScatteredFit) -> tuple[str, ...]:
+    errors = " ".join(f"{100 * error:.3g}" for error in fit.relative_rms)
+    return (
+        f"fitted to {int(fit.used.max())} scattered measurements, taken as isotropic; those held "
+        f"out missed by {errors} % rms",
+        f"{int(fit.masked.sum())} negative or unknown values masked",
+    )
+
+
+def _merl(path: Path, _: bool) -> Source:
+    table = read_merl(path)
+    count = int(table.invalid.sum())
+    said = (f"{count} of {table.invalid.size} entries are no measurement; taken from neighbours",)
+    return Source(path.name, table.brdf(), "rgb", (), said)
+
+
+def _utia(path: Path, _: bool) -> Source:
+    table = read_utia(path)
+    return Source(path.name, table.brdf(), "rgb", (), (f"{table.negative} negative values set 0",))
+
+
+def _rgl(path: Path, spectral: bool) -> Source:
+    material = read_rgl(path)
+    said = (f"{material.negative} negative values set 0",)
+    if material.wavelengths is None:
+        return Source(path.name, material.brdf, "rgb", (), said)
+    if not spectral:
+        raise InputError(f"{path}: a file of wavelengths; add --spectral, or fetch the RGB one")
+    wavelengths = tuple(material.wavelengths.tolist())
+    return Source(path.name, material.brdf, "wavelengths", wavelengths, said)
+
+
+def _netcdf(path: Path, spectral: bool) -> Source:
+    try:
+        with h5netcdf.File(path, "r") as file:
+            is_tree = file.attrs.get("format") == TREE_FORMAT
+    except OSError as error:
+        raise InputError(f"{path}: not NetCDF-4, or damaged ({error}); fetch it again") from None
+    return _tree(path) if is_tree else _table(path)
+
+
+def _table(path: Path) -> Source:
+    table = read_table(path)
+    brdf = TabulatedBRDF(table.values, table.embedding)
+    said = (
+        f"table of {' x '.join(map(str, brdf.size))}, {table.embedding.name}",
+        f"{table.masked} negative or unknown values set 0",
+    )
+    return Source(path.name, brdf, _colours(table.values.shape[-1]), (), said)
+
+
+def _tree(path: Path) -> Source:
+    tree, about = read_tree(path)
+    if about.axis_names != BRDF_AXES or about.embedding not in EMBEDDINGS:
+        raise InputError(f"{path}: a tree over {' '.join(about.axis_names)}; give one of a BRDF")
+    brdf = WaveletBRDF(tree, EMBEDDINGS[about.embedding])
+    said = (f"tree of {tree.count} coefficients, {100 * about.relative_rms:.3g} % rms off",)
+    return Source(path.name, brdf, about.channels, about.wavelengths, said)
+
+
+def _result(folder: Path) -> Source:
+    if not (folder / "result.json").is_file():
+        raise InputError(f"{folder}: holds no finished result (no result.json); run fit first")
+    config, found = load_run_config(folder / "config.yaml"), read_result(folder)
+    if config.task == "texture":
+        raise InputError(f"{folder}: a texture has a material for each texel; give a uniform one")
+    said = f"recovered by a fit, outcome {found['outcome']}"
+    if config.task == "brdf-spectrum":
+        brdf = HarmonicBRDF.of(read_spectrum(folder / "result.nc"))
+        return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
+    if "brdf" not in found:
+        raise InputError(f"{folder}: a result of task {config.task} holds no material")
+    brdf = material_of(found["brdf"])
+    return Source(folder.name, brdf, _colours(brdf.amplitudes.shape[1]), (), (said,))
+
+
+def _model(named: str) -> Source:
+    brdf = model_of(named).brdf
+    if brdf is None:
+        raise InputError(f"{named}: a mirror has no table; give a lobe such as microfacet:sigma=.1")
+    return Source(named, brdf, _colours(brdf.amplitudes.shape[1]))
+
+
+def _colours(channels: int) -> str:
+    return "rgb" if channels == _COLOURS else "plain"
+
+
+# A kind of file is a line here.
+READERS: dict[str, Callable[[Path, bool], Source]] = {
+    ".binary": _merl,
+    ".brdf": _cornell,
+    ".alta": _alta,
+    ".bin": _utia,
+    ".bsdf": _rgl,
+    ".nc": _netcdf,
+}
