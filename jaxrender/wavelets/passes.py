@@ -14,36 +14,81 @@ import numpy as np
 from jaxrender.shapes import Array, Float
 from jaxrender.wavelets.filters import Wavelet
 
-# Filters of two taps need no extension; along two axes at once they still read only four samples.
+# Filters of two taps need no extension, and along three axes at once they read only eight samples,
+# whole rows of them.  The last axis is taken alone: its samples lie a few channels apart.
 _TAPS_OF_A_PAIR = 2
+_AXES_TOGETHER = 3
 
 
 def analyse_by_passes(wavelet: Wavelet, values: Array, axes: tuple[int, ...]) -> Array:
     """Return one level along these axes, none shorter than the filters."""
     weights, first = _analysis_weights(wavelet)
     after = weights.shape[0] - 2 + first
-    for group in _groups(wavelet, axes):
+    for group in _groups(wavelet, axes, values.ndim):
         if after - first > 0:
             values = _extended(values, group[0], -first, after)
         values = _analysis_pass(wavelet, values, group)
     return values
 
 
-def synthesise_by_passes(wavelet: Wavelet, coefficients: Array, axes: tuple[int, ...]) -> Array:
-    """Undo ``analyse_by_passes``."""
+def synthesise_by_passes(
+    wavelet: Wavelet, coefficients: Array, axes: tuple[int, ...], averages: Array | None = None
+) -> Array:
+    """Undo ``analyse_by_passes``; ``averages`` take the place of the corner at the origin.
+
+    They are refused for filters of more than two taps, which reach across the corner's edge.
+    """
     weights, first = _synthesis_weights(wavelet)
     after = weights.shape[0] - 1 + first
-    for group in _groups(wavelet, axes):
+    groups = _groups(wavelet, axes, coefficients.ndim)
+    if averages is not None:
+        *groups, last = groups
+        coefficients = _synthesised_with(wavelet, coefficients, averages, last)
+    for group in groups:
         if after - first > 0:
             coefficients = _extended_halves(coefficients, group[0], -first, after)
         coefficients = _synthesis_pass(wavelet, coefficients, group)
     return coefficients
 
 
-def _groups(wavelet: Wavelet, axes: tuple[int, ...]) -> list[tuple[int, ...]]:
+def takes_averages(wavelet: Wavelet) -> bool:
+    """Say whether ``synthesise_by_passes`` takes averages that stand apart."""
+    return len(wavelet.synthesis_low) <= _TAPS_OF_A_PAIR
+
+
+def _synthesised_with(
+    wavelet: Wavelet, coefficients: Array, averages: Array, group: tuple[int, ...]
+) -> Array:
+    """Return a pass over coefficients whose corner is replaced, without a copy of all of them.
+
+    The pass goes over what stands in the corner, and the corner's part is then done again.
+    """
+    whole = _synthesis_pass(wavelet, coefficients, group)
+    sizes = tuple(
+        coefficients.shape[axis] if axis in group else size
+        for axis, size in enumerate(averages.shape)
+    )
+    return _mended(whole, _synthesis_pass(wavelet, _corner(coefficients, averages, sizes), group))
+
+
+@partial(jax.jit, static_argnums=2)
+def _corner(coefficients: Array, averages: Array, sizes: tuple[int, ...]) -> Array:
+    block = coefficients[tuple(slice(size) for size in sizes)]
+    return jax.lax.dynamic_update_slice(block, averages, (0,) * block.ndim)
+
+
+@partial(jax.jit, donate_argnums=0)
+def _mended(whole: Array, corner: Array) -> Array:
+    return jax.lax.dynamic_update_slice(whole, corner, (0,) * whole.ndim)
+
+
+def _groups(wavelet: Wavelet, axes: tuple[int, ...], rank: int) -> list[tuple[int, ...]]:
     """Return the axes of each pass."""
-    together = 2 if len(wavelet.analysis_low) <= _TAPS_OF_A_PAIR else 1
-    return [axes[start : start + together] for start in range(0, len(axes), together)]
+    if len(wavelet.analysis_low) > _TAPS_OF_A_PAIR:
+        return [(axis,) for axis in axes]
+    others = tuple(axis for axis in axes if axis != rank - 2)
+    groups = [others[i : i + _AXES_TOGETHER] for i in range(0, len(others), _AXES_TOGETHER)]
+    return groups if len(others) == len(axes) else [*groups, (rank - 2,)]
 
 
 def _analysis_weights(wavelet: Wavelet) -> tuple[Float[np.ndarray, "tap half"], int]:

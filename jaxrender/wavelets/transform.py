@@ -18,7 +18,11 @@ import jax.numpy as jnp
 from jaxrender.shapes import Array, Float
 from jaxrender.wavelets.filters import Wavelet
 from jaxrender.wavelets.layout import Signal, check_signal, corner, levels_by_axis, levels_of
-from jaxrender.wavelets.passes import analyse_by_passes, synthesise_by_passes
+from jaxrender.wavelets.passes import (
+    analyse_by_passes,
+    synthesise_by_passes,
+    takes_averages,
+)
 from jaxrender.wavelets.products import (
     analyse_by_products,
     synthesise_by_products,
@@ -126,6 +130,8 @@ def _synthesise(wavelet: Wavelet, coefficients: Array, axes: tuple[int, ...], le
     result = coefficients
     if levels > 1:
         averages = _synthesise(wavelet, _averages(result, axes), axes, levels - 1)
+        if not short and takes_averages(wavelet):
+            return synthesise_by_passes(wavelet, result, long, averages)
         result = _with_averages(result, averages)
     if short:
         result = synthesise_by_products(wavelet, result, short, 1)
