@@ -1,35 +1,43 @@
-"""L fig. 3.1: a tabulated BRDF shaded by the four reconstructions.
+"""L fig. 3.1: a measured BRDF shaded by the four reconstructions of its table.
 
-    python experiments/lalonde_figure_3_1.py [--out FOLDER] [--size 300]
+    python experiments/lalonde_figure_3_1.py [--out FOLDER] [--size 300] [--samples 512]
 
-A sphere and a vase of a sawtooth surface under one lamp, from a polar table of 15 polar angles by
-30 azimuths for either direction, as in the figure, and from the BRDF itself.  The third row is the
-sphere's slope, where Mach bands are plain.  The thesis prints no numbers, only what is seen:
-piecewise constant has facets, quadrilinear has visible artefacts where slopes break, the
-interpolating cubic oscillates, the B-spline is smooth.  Printed are the sphere's rms error, and how
-much the largest second difference along rows shrinks in a picture of twice the size, where the BRDF
-itself is smooth: 4 where slopes are continuous, 2 where they break, 1 where values do.  Draws
-``lalonde_figure_3_1.png``.
+A sphere and a vase of the sawtooth of fig. 3.2 under one lamp, from the table that the virtual
+gonioreflectometer makes of it: 15 polar angles by 30 azimuths for either direction, as in the
+figure.  The third row is the sphere's slope, where Mach bands are plain.  The thesis prints no
+numbers, only what is seen: piecewise constant has facets, quadrilinear has visible artefacts where
+slopes break, the interpolating cubic oscillates, the B-spline is smooth.
+
+Printed are the rms errors of the radiance at some pixels of the sphere, for which the very pairs of
+directions are measured too; the same for an analytic sawtooth without light from facet to facet,
+whose tables have no noise; and how much the largest second difference along rows shrinks in a
+picture of twice the size, where the analytic BRDF is smooth: 4 where slopes are continuous, 2
+where they break, 1 where values do.  Draws ``lalonde_figure_3_1.png``.
 """
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from lalonde_micro_geometry import describe, measured, measured_brdf, meter
 
 from jaxrender.brdf import BRDF
 from jaxrender.brdf.half_vector import are_visible, lifted
 from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
 from jaxrender.brdf.tabulated import TabulatedBRDF
 from jaxrender.geometry import POLAR
+from jaxrender.reflection.tracing import MeasureSettings
 
 OUT = Path(__file__).parent / "out"
 SIZE = (15, 30, 15, 30)
 LAMP = np.array([-0.55, -0.6, 0.55]) / np.linalg.norm([-0.55, -0.6, 0.55])
 VIEW = np.array([0.0, -1.0, 0.0])
+# Pixels whose own pairs of directions are measured, and paths for each.
+PIXELS, PIXEL_PATHS = 400, 4096
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
 
@@ -87,18 +95,49 @@ def vase(x, z):
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True), on
 
 
+class Lit(NamedTuple):
+    """The pixels that a shape covers: local directions of the lamp and the viewer."""
+
+    on: np.ndarray
+    lamp: np.ndarray
+    view: np.ndarray
+
+    @classmethod
+    def of(cls, shape, size: int) -> "Lit":
+        """Tangents are horizontal."""
+        line = (np.arange(size) + 0.5) / size * 2 - 1
+        x, z = np.meshgrid(line, -line)
+        normals, on = shape(x, z)
+        tangents = np.cross([0.0, 0.0, 1.0], normals)
+        tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+        frame = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)[on]
+        return cls(on, frame @ LAMP, frame @ VIEW)
+
+
 def picture(brdf: BRDF, shape, size: int) -> np.ndarray:
-    """Shade a shape by a lamp of irradiance pi, its tangents horizontal."""
-    line = (np.arange(size) + 0.5) / size * 2 - 1
-    x, z = np.meshgrid(line, -line)
-    normals, on = shape(x, z)
-    tangents = np.cross([0.0, 0.0, 1.0], normals)
-    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
-    frame = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)[on]
-    lamp, view = frame @ LAMP, frame @ VIEW
+    """Shade a shape by a lamp of irradiance pi."""
+    lit = Lit.of(shape, size)
     image = np.zeros((size, size, 3))
-    image[on] = np.pi * evaluate(brdf, lamp, view) * np.maximum(lamp[:, 2:], 0)
+    image[lit.on] = np.pi * evaluate(brdf, lit.lamp, lit.view) * np.maximum(lit.lamp[:, 2:], 0)
     return image
+
+
+def pixel_errors(tables: dict[str, TabulatedBRDF], size: int) -> dict[str, float]:
+    """Relative rms errors of rho cos t_i at some pixels of the sphere, and the reference's own."""
+    lit = Lit.of(sphere, size)
+    rng = np.random.default_rng(0)
+    above = np.flatnonzero((lit.lamp[:, 2] > 0) & (lit.view[:, 2] > 0))
+    row = rng.choice(above, PIXELS, replace=False)
+    lamp, view, bench = lit.lamp[row], lit.view[row], meter("sawtooth")
+    settings = MeasureSettings(samples=PIXEL_PATHS)
+    found = [bench.pairs(i[None], o, settings, rng) for i, o in zip(lamp, view, strict=True)]
+    truth, noise = (np.concatenate(part) * lamp[:, 2:] for part in zip(*found, strict=True))
+    whole = np.sqrt(np.mean(truth**2))
+    errors = {
+        name: float(np.sqrt(np.mean((evaluate(t, lamp, view) * lamp[:, 2:] - truth) ** 2)) / whole)
+        for name, t in tables.items()
+    }
+    return {**errors, "measured itself": float(np.sqrt(np.mean(noise**2)) / whole)}
 
 
 def bend(image: np.ndarray) -> float:
@@ -131,23 +170,29 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--size", type=int, default=300)
+    parser.add_argument("--samples", type=int, default=512)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     options.out.mkdir(parents=True, exist_ok=True)
-    materials: dict[str, BRDF] = {
-        name: TabulatedBRDF.of(SAWTOOTH, SIZE, POLAR, name) for name in RECONSTRUCTIONS
+    print(describe(measured("sawtooth", SIZE, POLAR, options.samples)))
+    tables = {
+        name: measured_brdf("sawtooth", SIZE, POLAR, options.samples, name)
+        for name in RECONSTRUCTIONS
     }
-    materials["the BRDF itself"] = SAWTOOTH
-    pictures = {
-        name: [picture(brdf, shape, options.size) for shape in (sphere, vase)]
-        for name, brdf in materials.items()
-    }
-    truth = pictures["the BRDF itself"][0]
-    print("reconstruction        rms error   bend shrinks by")
-    for name, (ball, _) in pictures.items():
+    pixels = pixel_errors(tables, options.size)
+    truth = picture(SAWTOOTH, sphere, options.size)
+    print("reconstruction    measured: rms error   analytic: rms error   bend shrinks by")
+    for name in RECONSTRUCTIONS:
+        analytic = TabulatedBRDF.of(SAWTOOTH, SIZE, POLAR, name)
+        ball = picture(analytic, sphere, options.size)
         error = np.sqrt(np.mean((ball - truth) ** 2) / np.mean(truth**2))
-        finer = picture(materials[name], sphere, 2 * options.size)
-        print(f"{name:20s} {error:10.4f} {bend(ball) / bend(finer):13.2f}")
+        finer = picture(analytic, sphere, 2 * options.size)
+        print(f"{name:16s} {pixels[name]:20.4f} {error:21.4f} {bend(ball) / bend(finer):17.2f}")
+    print(f"{'measured itself':16s} {pixels['measured itself']:20.4f}")
+    pictures = {
+        name: [picture(table, shape, options.size) for shape in (sphere, vase)]
+        for name, table in tables.items()
+    }
     draw(pictures, options.out / "lalonde_figure_3_1.png")
 
 

@@ -1,35 +1,42 @@
-"""Lalonde figure 3.3: a velvet of cut threads, and its BRDF on a surface.
+"""L fig. 3.3: a velvet of cut threads, and its BRDF on a surface.
 
-    python experiments/lalonde_figure_3_3.py [--samples 128]
+    python experiments/lalonde_figure_3_3.py [--out FOLDER] [--samples 2048]
 
-Measures the patch in polar angles (the thesis's resolution was 15 samples in each angle; here 10 by
-20, which is coarser in polar angle), and shows the threads beside a sphere (the thesis: a chair)
-under one lamp near the viewer and under one behind it.  The thesis says that much of the reflection
-is in regions of low incident angle (grazing): printed is the retroreflection at 10, 45 and 75
-degrees from the normal, across the lean and against it.
+The velvet of ``lalonde_micro_geometry`` measured with 15 samples in each angle, as the thesis's,
+and shown by B-splines on a sphere (the thesis: a chair) under a lamp beside the viewer and under
+one behind it.  The last picture is of the same threads with glossy cut ends: these lie level, so
+that they mirror the lamp where the sphere's normal is halfway to it, a pale spot that no velvet
+has.
+
+L: much of the reflection is in regions of low incident angle, with a large uniform scattering, and
+a small contribution from the surface under the threads; no numbers.  Printed are the
+retroreflection at 10, 45 and 75 degrees from the normal, along the lean and against it; what is
+reflected in the mirror direction with either kind of ends; and the base's part.  Draws
+``lalonde_figure_3_3.png``.
 """
 
 import argparse
+from pathlib import Path
 
 import jax
 import matplotlib
 import numpy as np
-from lalonde_figure_3_2 import OUT, portrait
+from lalonde_figure_3_2 import portrait
+from lalonde_micro_geometry import OUT, describe, measured, measured_brdf, meter, threads
 
-from jaxrender.brdf import Lambertian, Phong
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf import BRDF, Lambertian
 from jaxrender.geometry import POLAR
-from jaxrender.geometry.height_fields import velvet
-from jaxrender.reflection.tracing.gonioreflectometer import Gonioreflectometer, MeasureSettings
+from jaxrender.reflection.tracing import Gonioreflectometer, MeasureSettings
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-BASE = Lambertian(np.array([0.10, 0.01, 0.02]) / np.pi)
-THREAD = Phong(np.array([0.45, 0.05, 0.08]) / np.pi, np.full(3, 0.15), 10.0)
+SIZE = (15, 15, 15, 15)
+GLOSSY_PATHS = 1024
+SETTINGS = MeasureSettings(samples=8192)
 
 
-def sphere(table: TabulatedBRDF, light: np.ndarray, size: int = 160) -> np.ndarray:
+def sphere(brdf: BRDF, light: np.ndarray, size: int = 260) -> np.ndarray:
     """A sphere seen from -y whose nap leans downwards, as sRGB."""
     x, z = np.meshgrid(np.linspace(-1.05, 1.05, size), np.linspace(1.05, -1.05, size))
     inside = x**2 + z**2 < 1
@@ -40,47 +47,73 @@ def sphere(table: TabulatedBRDF, light: np.ndarray, size: int = 160) -> np.ndarr
     frames = np.stack([down, np.cross(normals, down), normals], axis=1)
     light = light / np.linalg.norm(light)
     incoming, outgoing = frames @ light, frames @ np.array([0, -1.0, 0])
-    value = np.asarray(table.evaluate(incoming, outgoing)) * np.maximum(incoming[:, 2:], 0)
+    value = np.asarray(brdf.evaluate(incoming, outgoing)) * np.maximum(incoming[:, 2:], 0)
     picture = np.zeros((size, size, 3))
-    picture[inside] = np.clip(6 * value, 0, 1) ** (1 / 2.2)
+    picture[inside] = np.clip(8 * value, 0, 1) ** (1 / 2.2)
     return picture
+
+
+def towards(degrees: float) -> np.ndarray:
+    """A direction in the plane of the lean, which is to +x."""
+    angle = np.radians(degrees)
+    return np.array([np.sin(angle), 0, np.cos(angle)])
+
+
+def pair(bench: Gonioreflectometer, incoming: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
+    """rho in 1/sr for one pair of directions, the paths the same each time."""
+    return bench.pairs(incoming[None], outgoing, SETTINGS, np.random.default_rng(0))[0][0]
+
+
+def print_reflection() -> None:
+    """What a single pair of directions tells, measured by itself."""
+    bench = meter("velvet")
+
+    def red(incoming, outgoing, bench=bench) -> float:
+        return float(pair(bench, incoming, outgoing)[0])
+
+    print("retroreflection, red, 1/sr    lean towards   lean from   cos times the mean of both")
+    for degrees in (10, 45, 75):
+        both = [red(towards(sign * degrees), towards(sign * degrees)) for sign in (1, -1)]
+        seen = np.cos(np.radians(degrees)) * np.mean(both)
+        print(f"{degrees:26d} deg {both[0]:15.4f} {both[1]:11.4f} {seen:12.4f}")
+    for material in ("velvet", "velvet, glossy ends"):
+        peak = pair(meter(material), towards(-30), towards(30))
+        print(f"mirror direction at 30 degrees, {material:20s} {np.round(peak, 4)} 1/sr")
+    patch, brdfs = threads()
+    black = Gonioreflectometer.of(patch, [Lambertian(np.zeros(3)), *brdfs[1:]])
+    for degrees in (0, 60):
+        whole, without = (red(towards(degrees), towards(degrees), b) for b in (bench, black))
+        share = 1 - without / whole
+        print(f"part of the base in what comes back at {degrees:2d} degrees {share:.1%}")
 
 
 def main() -> None:
     """Measure, draw and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=128)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--samples", type=int, default=2048)
     asked = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    patch = velvet(500, 0.25, 0.012, 0.35)
-    meter = Gonioreflectometer.of(patch, [BASE, THREAD])
-    settings = MeasureSettings((10, 20, 10, 20), POLAR, asked.samples, 3)
-    found = meter.measure(settings)
-    table = TabulatedBRDF(found.values, POLAR)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    print(describe(measured("velvet", SIZE, POLAR, asked.samples)))
+    print(describe(measured("velvet, glossy ends", SIZE, POLAR, GLOSSY_PATHS)))
+    velvet = measured_brdf("velvet", SIZE, POLAR, asked.samples, "b-spline")
+    glossy = measured_brdf("velvet, glossy ends", SIZE, POLAR, GLOSSY_PATHS, "b-spline")
+    beside, behind = np.array([0.4, -1.0, 0.5]), np.array([0.9, 0.6, 0.5])
     pictures = {
-        "threads": portrait(patch, [BASE, THREAD]),
-        "lamp beside the viewer": sphere(table, np.array([0.4, -1.0, 0.5])),
-        "lamp behind": sphere(table, np.array([0.9, 0.6, 0.5])),
+        "threads": portrait(*threads(), size=260),
+        "lamp beside the viewer": sphere(velvet, beside),
+        "lamp behind": sphere(velvet, behind),
+        "glossy cut ends, lamp beside": sphere(glossy, beside),
     }
-    figure, axes = plt.subplots(1, 3, figsize=(12, 4.2))
-    for axis, (title, picture) in zip(axes, pictures.items()):
+    figure, axes = plt.subplots(1, 4, figsize=(16, 4.2))
+    for axis, (title, picture) in zip(axes, pictures.items(), strict=True):
         axis.imshow(picture)
         axis.set_title(title)
         axis.axis("off")
     figure.tight_layout()
-    OUT.mkdir(exist_ok=True)
-    figure.savefig(OUT / "lalonde_figure_3_3.png", dpi=90)
-    rng = np.random.default_rng(0)
-    print("retroreflection, red, 1/sr, viewer on the side that the threads")
-    print(f"{'angle':>6s} {'lean towards':>13s} {'lean from':>10s}")
-    for angle in np.radians([10, 45, 75]):
-        row = []
-        for sign in (1, -1):
-            way = np.array([sign * np.sin(angle), 0, np.cos(angle)])
-            row.append(meter.pairs(way[None], way, settings._replace(samples=2048), rng)[0][0, 0])
-        print(f"{np.degrees(angle):6.0f} {row[0]:13.4f} {row[1]:10.4f}")
-    relative = found.standard_errors.mean() / found.values.mean()
-    print(f"mean standard error {100 * relative:.1f} % of the mean")
+    figure.savefig(asked.out / "lalonde_figure_3_3.png", dpi=90)
+    print_reflection()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """L fig. 5.1: the three luminaires, as traced, without any light field.
 
-    python experiments/lalonde_figure_5_1.py [--out FOLDER] [--width 220]
+    python experiments/lalonde_figure_5_1.py [--out FOLDER] [--width 400]
 
 L prints pictures only.  Draws ``lalonde_figure_5_1.png``.
 """
@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--width", type=int, default=220)
+    parser.add_argument("--width", type=int, default=400)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     figure, axes = plt.subplots(1, 3, figsize=(12, 4.3))

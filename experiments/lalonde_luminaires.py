@@ -15,6 +15,7 @@ from jaxrender.geometry import Mesh, Pinhole, Shape, Sphere, look_at
 from jaxrender.lighting.luminaires.luminaire import Luminaire
 from jaxrender.lighting.luminaires.measured import compressed, measure_light_field
 from jaxrender.lighting.luminaires.surfaces import EmittingSurface, Rectangle, box_faces
+from jaxrender.wavelets import Wavelet
 
 OUT = Path(__file__).parent / "out"
 # Rays traced at once.
@@ -174,9 +175,12 @@ def measured(name: str, size: int) -> list[np.ndarray]:
     return samples
 
 
-def luminaire(name: str, samples: list[np.ndarray], keep: float = 1.0) -> Luminaire:
+def luminaire(
+    name: str, samples: list[np.ndarray], keep: float = 1.0, wavelet: Wavelet | None = None
+) -> Luminaire:
+    """Put the trees of its samples on the boundary of a model; Haar's by default."""
     patches = MODELS[name]().patches
-    return Luminaire(patches, [compressed(s, keep) for s in samples], convex=True)
+    return Luminaire(patches, [compressed(s, keep, wavelet) for s in samples], convex=True)
 
 
 def view(model: Model, width: int) -> tuple[np.ndarray, np.ndarray]:

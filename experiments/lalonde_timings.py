@@ -48,6 +48,10 @@ def measured(light: CoefficientTree, brdf: CoefficientTree, side: int, nested: i
     )
 
 
+def _published(value: float, unit: str) -> str:
+    return "-" if np.isnan(value) else f"{value:.{0 if value > 10 else 1}f}{unit}"
+
+
 def _seconds(program, repeats: int = 3) -> float:
     jax.block_until_ready(program())
     best = np.inf
@@ -59,19 +63,23 @@ def _seconds(program, repeats: int = 3) -> float:
 
 
 def print_costs(names: list[str], published: list[float], costs: list[Costs]):
-    """Print a row for each representation, and how many times faster than the first it is."""
+    """Print a row for each representation, and how many times faster than the first it is.
+
+    Milliseconds that are not a number were not published.
+    """
     print(
         f"\n{'':34s} {'L':>9s} {'pairs':>11s} {'nested':>11s} {'one view':>11s} {'own views':>11s}"
     )
     for name, ms, cost in zip(names, published, costs):
+        theirs = _published(ms, " ms")
         print(
-            f"{name:34s} {ms:6.0f} ms {cost.pairs:11.0f} {1e3 * cost.nested:8.1f} ms "
+            f"{name:34s} {theirs:>9s} {cost.pairs:11.0f} {1e3 * cost.nested:8.1f} ms "
             f"{1e6 * cost.shared:8.2f} us {1e6 * cost.own:8.2f} us"
         )
     first = costs[0]
     for name, ms, cost in list(zip(names, published, costs))[1:]:
         gains = [a / b for a, b in zip(first, cost)]
         print(
-            f"{'  gain of ' + name:34s} {published[0] / ms:8.1f}x {gains[1]:10.1f}x "
+            f"{'  gain of ' + name:34s} {_published(published[0] / ms, 'x'):>9s} {gains[1]:10.1f}x "
             f"{gains[0]:10.1f}x {gains[2]:10.1f}x {gains[3]:10.1f}x"
         )

@@ -13,8 +13,8 @@ multiply to 1, 16 or 256.  With f the fraction of the way from sample i to sampl
               never negative, not through the samples, exact for linear functions.
 
 An axis that closes upon itself goes round; the others repeat their end samples.  The pole of the
-polar map is no end: a step beyond it is the other side, half a turn on, where the azimuths are even
-in number; with an odd number the first ring of samples is repeated.
+polar map is no end: a step beyond it is the other side, half a turn on; with an odd number of
+azimuths that is midway between two samples, and reconstructed like any other azimuth.
 """
 
 from collections.abc import Callable
@@ -103,19 +103,18 @@ def direction_taps(
 ) -> Taps:
     """Find the taps of places on the square among the row-major samples of one direction."""
     along, across = jnp.moveaxis(jnp.asarray(places), -1, 0)
-    columns = axis_taps(name, across, size[1])
     # A closing second axis is an azimuth, and then the first begins at the pole.
-    if embedding.periodic[1] and size[1] % 2 == 0:
-        rows, beyond = polar_taps(name, along, size[0])
-        turn = beyond.astype(jnp.int32) * (size[1] // 2)
+    if not embedding.periodic[1]:
+        rows, columns = (axis_taps(name, *pair) for pair in ((along, size[0]), (across, size[1])))
+        row, column = (_clamped(taps.index, n) for taps, n in zip((rows, columns), size))
+        index, weight = row[:, None] * size[1] + column[None], columns.weight[None]
     else:
-        rows = axis_taps(name, along, size[0])
-        rows = Taps(_clamped(rows.index, size[0]), rows.weight)
-        turn = jnp.zeros_like(rows.index)
-    column = turn[:, None] + columns.index[None]
-    column = column % size[1] if embedding.periodic[1] else _clamped(column, size[1])
-    index = rows.index[:, None] * size[1] + column
-    return product_taps(Taps(index, rows.weight[:, None] * columns.weight[None]))
+        rows, beyond = polar_taps(name, along, size[0])
+        here, there = (axis_taps(name, across + turn, size[1]) for turn in (0, 0.5))
+        column = jnp.where(beyond[:, None], there.index[None], here.index[None]) % size[1]
+        weight = jnp.where(beyond[:, None], there.weight[None], here.weight[None])
+        index = rows.index[:, None] * size[1] + column
+    return product_taps(Taps(index, rows.weight[:, None] * weight))
 
 
 def product_taps(taps: Taps) -> Taps:
