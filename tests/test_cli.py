@@ -20,7 +20,10 @@ import pytest
 
 import jaxrender
 from jaxrender import cli
+from jaxrender.cli import process
 from jaxrender.errors import InputError
+from jaxrender.pipelines import compress as compression
+from jaxrender.pipelines import measure as measuring
 from jaxrender.pipelines.config import Parameter
 from jaxrender.pipelines.progress import PlainProgress
 
@@ -63,13 +66,23 @@ def calls(monkeypatch, tmp_path):
         answer(result_folder=result_folder, out=out, model=model, force=force, scene=scene)
         return out
 
+    def measure(options, out, progress, force):
+        answer(options=options, out=out, progress=progress, force=force)
+        return types.SimpleNamespace(text="how good it is")
+
+    def compress(brdf, out, goal, **named):
+        answer(brdf=brdf, out=out, goal=goal, **named)
+        return types.SimpleNamespace(said=("what is kept", "what is missed"))
+
+    monkeypatch.setattr(measuring, "measure", measure)
+    monkeypatch.setattr(compression, "compress", compress)
     for name, function in {"run": fit, "synth": synthesise, "render": render_config}.items():
         module = types.ModuleType(f"jaxrender.pipelines.{name}")
         setattr(module, function.__name__, function)
         if name == "render":
             vars(module)["Scene"] = lambda *parts: parts
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(cli, "_set_up_jax", lambda: calls.update(set_up=True))
+    monkeypatch.setattr(process, "set_up_jax", lambda: calls.update(set_up=True))
     monkeypatch.chdir(tmp_path)
     Path("fit.yaml").write_text(CONFIG)
     Path("recipe.yaml").write_text(RECIPE)
@@ -146,6 +159,60 @@ def test_render(calls, capsys, tmp_path):
     assert calls["scene"] == (tmp_path / "probe.hdr", "cross", tmp_path / "t.json")
 
 
+def test_measure(calls, capsys):
+    assert cli.main(["measure", "velvet:lean=20", "--out", "t.nc"]) == 0
+    assert calls["options"] == measuring.MeasureOptions("velvet:lean=20")
+    assert (calls["out"], calls["force"]) == (Path("t.nc"), False)
+    assert isinstance(calls["progress"], PlainProgress)
+    assert calls["set_up"]
+    assert capsys.readouterr() == ("how good it is\ntable: t.nc\n", "")
+
+
+def test_measure_hands_over_every_option(calls):
+    line = (
+        "measure cloth.obj --out t.nc --brdf lambertian:kd=0.2 --brdf microfacet:sigma=0.2 "
+        "--size 4 --size 5 --size 6 --size 7 --embedding polar --samples 11 --bounces 2 --seed 3 "
+        "--region 0.1 0.2 0.8 0.9 --relief 0.4 --force"
+    )
+    assert cli.main(line.split()) == 0
+    assert calls["options"]._asdict() == {
+        "patch": "cloth.obj",
+        "brdfs": ("lambertian:kd=0.2", "microfacet:sigma=0.2"),
+        "size": (4, 5, 6, 7),
+        "embedding": "polar",
+        "samples": 11,
+        "bounces": 2,
+        "seed": 3,
+        "region": (0.1, 0.2, 0.8, 0.9),
+        "relief": 0.4,
+    }
+    assert calls["force"] is True
+
+
+def test_compress(calls, capsys):
+    for option in ("--out", "-o"):
+        calls.clear()
+        assert cli.main(["compress", "phong:exponent=32", option, "a.nc"]) == 0
+        assert (calls["brdf"], calls["out"]) == ("phong:exponent=32", Path("a.nc"))
+        assert capsys.readouterr() == ("what is kept\nwhat is missed\ntree: a.nc\n", "")
+    assert calls["goal"] == compression.Goal()
+    assert (calls["size"], calls["wavelet"], calls["spectral"]) == (32, "haar", False)
+    assert calls["cell_samples"] == compression.CELL_SAMPLES
+    assert isinstance(calls["progress"], PlainProgress)
+    assert calls["set_up"]
+
+
+def test_compress_hands_over_every_option(calls):
+    line = (
+        "compress a.bsdf --out a.nc --keep 0.2 --error 0.05 --size 8 --wavelet cdf-2-2 --spectral "
+        "--cell-samples 4"
+    )
+    assert cli.main(line.split()) == 0
+    assert calls["goal"] == compression.Goal(fraction=0.2, error=0.05)
+    assert (calls["size"], calls["wavelet"], calls["spectral"]) == (8, "cdf-2-2", True)
+    assert calls["cell_samples"] == 4
+
+
 def test_schema(calls, capsys):
     assert cli.main(["schema"]) == 0
     assert "capture" in json.loads(capsys.readouterr().out)["properties"]
@@ -188,6 +255,8 @@ def test_a_missing_file_ends_with_2(calls, capsys, arguments):
         ["fit", "fit.yaml"],
         ["synth", "recipe.yaml", "--out", "x"],
         ["render", "runs/a", "--out", "x"],
+        ["measure", "velvet", "--out", "x.nc"],
+        ["compress", "a.binary", "--out", "x.nc"],
     ],
 )
 def test_trouble_in_a_pipeline(calls, capsys, arguments):
@@ -209,6 +278,12 @@ USAGE = {
     "render a --out b --model dul": 'Did you mean "dual"?',
     "synth recipe.yaml": "--out",
     "synth recipe.yaml --out a b": "b",
+    "measure velvet": "--out",
+    "measure velvet --out x.nc --embedding nuselt": 'Did you mean "nusselt"?',
+    "measure velvet --out x.nc --region 0 0 1": "--region",
+    "compress": "BRDF requires an argument",
+    "compress a.binary -o x.nc --keep much": "much",
+    "compress a.binary -o x.nc --no-spectral": "--no-spectral",
     "--bogus": "--bogus",
 }
 
@@ -249,13 +324,23 @@ def test_help_imports_nothing_heavy():
     )
     found = run_process("-c", code)
     assert found.stderr.strip() == "0 []"
-    for command in ("fit", "render", "synth", "schema"):
-        assert command in found.stdout
+    commands = re.findall(r"^│ ([a-z]+) ", found.stdout, flags=re.MULTILINE)
+    assert commands == [
+        "analyze",
+        "batch",
+        "compress",
+        "fit",
+        "measure",
+        "prefilter",
+        "render",
+        "schema",
+        "synth",
+    ]
 
 
 def test_jax_is_set_up_in_the_users_own_cache(tmp_path):
     code = (
-        "from jaxrender import cli; cli._set_up_jax(); import jax, jax.numpy as jnp;"
+        "from jaxrender.cli import process; process.set_up_jax(); import jax, jax.numpy as jnp;"
         "print(jnp.zeros(1).dtype, jax.config.jax_compilation_cache_dir,"
         "jax.config.jax_persistent_cache_min_compile_time_secs <= 0.1,"
         "jax.config.jax_persistent_cache_min_entry_size_bytes)"
@@ -268,7 +353,7 @@ def test_jax_is_set_up_in_the_users_own_cache(tmp_path):
 
 def test_the_cache_folder_may_be_chosen(monkeypatch, tmp_path):
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "mine"))
-    assert cli._cache_folder() == tmp_path / "mine"
+    assert process.cache_folder() == tmp_path / "mine"
 
 
 def test_a_cache_that_others_may_write_to_is_not_used(monkeypatch, tmp_path, caplog):
@@ -276,17 +361,17 @@ def test_a_cache_that_others_may_write_to_is_not_used(monkeypatch, tmp_path, cap
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "jaxrender").mkdir()
     (tmp_path / "jaxrender").chmod(0o777)
-    assert cli._cache_folder() is None
+    assert process.cache_folder() is None
     assert "others may write to it" in caplog.text
     (tmp_path / "jaxrender").chmod(0o755)
-    assert cli._cache_folder() == tmp_path / "jaxrender"
+    assert process.cache_folder() == tmp_path / "jaxrender"
 
 
 def test_no_cache_where_none_can_be_made(monkeypatch, tmp_path, caplog):
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     (tmp_path / "file").write_text("")
-    assert cli._cache_folder() is None
+    assert process.cache_folder() is None
     assert "no compilation cache" in caplog.text
 
 
@@ -294,7 +379,7 @@ def test_a_relative_cache_home_is_ignored(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", "cache")
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setattr(sys, "platform", "linux")
-    assert cli._user_cache() == tmp_path / ".cache"
+    assert process.user_cache() == tmp_path / ".cache"
 
 
 def test_bundled_examples(calls, monkeypatch, tmp_path):
@@ -302,7 +387,7 @@ def test_bundled_examples(calls, monkeypatch, tmp_path):
     (package / "package_data" / "configs").mkdir(parents=True)
     example = package / "package_data" / "configs" / "teflon.yaml"
     example.write_text(CONFIG.replace("a.yaml", "../data_synth/teflon.yaml"))
-    monkeypatch.setattr(cli.resources, "files", lambda name: package)
+    monkeypatch.setattr(process.resources, "files", lambda name: package)
     assert cli.main(["fit", "configs/teflon.yaml"]) == 0
     recipe = package / "package_data" / "data_synth" / "teflon.yaml"
     assert calls["config"].capture.recipe == recipe
@@ -310,8 +395,8 @@ def test_bundled_examples(calls, monkeypatch, tmp_path):
     # The working directory's own file goes first, and other folders are not looked up.
     Path("configs").mkdir()
     Path("configs/teflon.yaml").write_text(CONFIG)
-    assert cli._bundled(Path("configs/teflon.yaml")) == Path("configs/teflon.yaml")
-    assert cli._bundled(Path("other/teflon.yaml")) == Path("other/teflon.yaml")
+    assert process.bundled(Path("configs/teflon.yaml")) == Path("configs/teflon.yaml")
+    assert process.bundled(Path("other/teflon.yaml")) == Path("other/teflon.yaml")
 
 
 def test_the_pipelines_leave_without_a_word():

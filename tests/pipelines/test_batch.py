@@ -492,9 +492,9 @@ def test_the_index_follows_the_runs_as_they_end(place, fits, monkeypatch):
 
 def die_once() -> None:
     """Set up a worker as the command line does; the first of them is killed."""
-    from jaxrender import cli
+    from jaxrender.cli import process
 
-    cli._set_up_jax()
+    process.set_up_jax()
     try:
         Path(os.environ["BATCH_TEST_DEAD"]).touch(exist_ok=False)
     except FileExistsError:

@@ -1,0 +1,110 @@
+"""What a command does to its own process: output, bundled examples, JAX's settings, the end."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import os
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import NoReturn
+
+from jaxrender.cli.app import UNREAD, main
+
+# Folders of examples that travel with the package, by the names that the README gives them.
+_BUNDLED = ("configs", "data_synth")
+# Compile seconds from which a program is worth keeping: all of them, since a run needs a hundred
+# small ones.  JAX's own 1 s would keep almost none.
+_CACHE_FROM_SECONDS = 0.0
+
+# New objects before a collection of each generation; Python's own are 700, 10 and 10.
+_COLLECT_AFTER = (100_000, 50, 100)
+
+
+def console() -> NoReturn:
+    """Run the process's own command line, and end the process."""
+    collect_seldom()
+    code = main(sys.argv[1:])
+    # All results are on disk.  To take every trace apart before ending takes half a second more.
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def collect_seldom() -> None:
+    """Let the garbage collector look through all objects seldom.
+
+    JAX's traces are millions of small objects that reference counting frees; looking for cycles
+    among them takes a sixth of a short run.
+    """
+    gc.set_threshold(*_COLLECT_AFTER)
+
+
+def say(text: str) -> None:
+    """Print to the output.  Only its own closed pipe is no trouble: any other is a failure."""
+    try:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever reads it, as ``head`` does, has read enough; what is left has no reader.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(UNREAD)
+
+
+def bundled(path: Path) -> Path:
+    """The path, or the example of that name which came with the package where the path is not."""
+    if path.exists() or not path.parts or path.parts[0] not in _BUNDLED:
+        return path
+    example = Path(str(resources.files("jaxrender"))).joinpath("package_data", *path.parts)
+    return example if example.exists() else path
+
+
+def set_up_jax() -> None:
+    """Float64, and compiled programs kept from one process to the next."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    folder = cache_folder()
+    if folder is None:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", _CACHE_FROM_SECONDS)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def cache_folder() -> Path | None:
+    """Where compiled programs are kept: JAX_COMPILATION_CACHE_DIR, or the user's cache folder.
+
+    None where there is no such folder that the user alone may write to: what lies in the cache is
+    executed.
+    """
+    chosen = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    folder = user_cache() / "jaxrender"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError as error:
+        logging.getLogger(__package__).warning("no compilation cache in %s: %s", folder, error)
+        return None
+    if hasattr(os, "getuid") and (status.st_uid != os.getuid() or status.st_mode & 0o022):
+        logging.getLogger(__package__).warning(
+            "no compilation cache in %s: others may write to it; chmod go-w mends that", folder
+        )
+        return None
+    return folder
+
+
+def user_cache() -> Path:
+    """The platform's folder for a user's caches."""
+    configured = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if configured.is_absolute():
+        return configured
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    return Path.home() / ".cache"

@@ -1,0 +1,128 @@
+"""Reflectance: ``measure`` that of micro-geometry, ``compress`` that of a file or model."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from jaxrender.cli import process
+from jaxrender.cli.app import DONE, app
+
+
+@app.command
+def measure(
+    patch: str,
+    /,
+    *,
+    out: Path,
+    brdf: list[str] | None = None,
+    size: list[int] | None = None,
+    embedding: Literal["nusselt", "polar"] = "nusselt",
+    samples: int = 256,
+    bounces: int = 4,
+    seed: int = 0,
+    region: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
+    relief: float = 0.1,
+    force: bool = False,
+) -> int:
+    """Measure the BRDF of micro-geometry; interrupted, the same command goes on later.
+
+    Parameters
+    ----------
+    patch
+        sawtooth:teeth=4,rising=45,falling=45 (degrees), velvet:threads=600,length=0.3,lean=20, a
+        mesh of one period (.obj, .ply, .glb, .stl), or an image of heights.
+    out
+        The table to write (.nc): values and standard errors.
+    brdf
+        A facet's BRDF such as lambertian:kd=0.2/0.1/0.1 or microfacet:sigma=0.2; given several
+        times, that of material 0, 1, ... (rising and falling sides; base and threads).
+    size
+        Samples along each axis of the table; given four times, kappa_i, lambda_i, kappa_r,
+        lambda_r; 16 if not given.
+    embedding
+        How directions lie on the table's square.
+    samples
+        Paths for each exit direction.
+    bounces
+        The most reflections between facets; 1 is direct light only.
+    seed
+        Of the random numbers.
+    region
+        The part u0 v0 u1 v1 of the period that is looked at, 0 to 1.
+    relief
+        Height of an image's white above its black, in units of its width.
+    force
+        Replace the result of another measurement, or what is left of one.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines import measure as measuring
+    from jaxrender.pipelines.progress import choose
+
+    facets = tuple(brdf) if brdf else measuring.DEFAULT_FACETS
+    options = measuring.MeasureOptions(
+        patch, facets, tuple(size or (16,)), embedding, samples, bounces, seed, region, relief
+    )
+    done = measuring.measure(options, out, choose(sys.stderr), force)
+    process.say(done.text)
+    process.say(f"table: {out}")
+    return DONE
+
+
+@app.command
+def compress(
+    brdf: str,
+    /,
+    *,
+    out: Annotated[Path, Parameter(alias="-o")],
+    keep: float = 0.01,
+    error: float | None = None,
+    size: int = 32,
+    wavelet: str = "haar",
+    spectral: bool = False,
+    cell_samples: int = 16,
+) -> int:
+    """Compress a BRDF to a tree of wavelet coefficients, and say what that costs.
+
+    Parameters
+    ----------
+    brdf
+        A file (MERL .binary, Cornell .brdf, ALTA, UTIA .bin, RGL .bsdf, a table or tree .nc), a
+        model such as microfacet:sigma=0.2,mu=1.5, or the result folder of a fit.
+    out
+        The tree to write (NetCDF).
+    keep
+        Fraction of the non-zero coefficients to keep, those of all channels together.
+    error
+        Relative rms error to meet instead, such as 0.05, with as few coefficients as that takes.
+    size
+        Samples along each of four axes; a power of two.
+    wavelet
+        haar, cdf-2-2 (linear spline), daubechies-2 or daubechies-4.
+    spectral
+        Keep all wavelengths of a file that has them, in place of linear RGB.
+    cell_samples
+        Evaluations that the mean over a cell is made of; 1 takes its centre.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines import compress as compression
+    from jaxrender.pipelines.progress import choose
+
+    goal = compression.Goal(keep, error)
+    done = compression.compress(
+        brdf,
+        out,
+        goal,
+        size=size,
+        wavelet=wavelet,
+        spectral=spectral,
+        cell_samples=cell_samples,
+        progress=choose(sys.stderr),
+    )
+    for line in done.said:
+        process.say(line)
+    process.say(f"tree: {out}")
+    return DONE

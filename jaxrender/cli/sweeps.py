@@ -1,0 +1,74 @@
+"""Sweeps: ``batch`` does their fits; ``schema`` says what may stand in them, and in configs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from jaxrender.cli import process
+from jaxrender.cli.app import DONE, NOT_CONVERGED, app
+from jaxrender.errors import InputError
+
+
+@app.command
+def batch(
+    sweep: Path,
+    /,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dry_run: bool = False,
+    strict: bool = False,
+) -> int:
+    """Do all fits of a sweep, several at a time; running it again does what is missing.
+
+    Parameters
+    ----------
+    sweep
+        Base config and the values to be written over it (YAML).
+    workers
+        How many processes of this machine to use; as many as it has room for if not given.
+    scheduler
+        Address of a dask scheduler, such as tcp://host:8786, whose workers are used instead.
+    dry_run
+        Check everything and list the runs, but do none.
+    strict
+        Exit with 1 unless every run's outcome is 'converged'.
+    """
+    from jaxrender.pipelines.config.sweep import load_sweep
+
+    loaded = load_sweep(process.bundled(sweep))
+    process.set_up_jax()
+    from jaxrender.pipelines import batch as batches
+    from jaxrender.pipelines.progress import choose
+
+    if dry_run:
+        process.say(batches.list_runs(loaded))
+        return DONE
+    processes = batches.cluster(workers, scheduler, set_up=process.set_up_jax)
+    report = batches.run_batch(loaded, processes, progress=choose(sys.stderr))
+    process.say(report.summary)
+    return DONE if report.all_converged or not strict else NOT_CONVERGED
+
+
+@app.command
+def schema(*, recipe: bool = False, sweep: bool = False) -> int:
+    """Print the JSON Schema of configs, for editors that check YAML.
+
+    Parameters
+    ----------
+    recipe
+        The schema of recipes instead.
+    sweep
+        The schema of sweeps instead.
+    """
+    import json
+
+    from jaxrender.pipelines.config import RecipeConfig, RunConfig, json_schema
+    from jaxrender.pipelines.config.sweep import SweepConfig
+
+    if recipe and sweep:
+        raise InputError("--recipe and --sweep are two schemas; ask for one of them")
+    root = RecipeConfig if recipe else SweepConfig if sweep else RunConfig
+    process.say(json.dumps(json_schema(root), indent=2))
+    return DONE
