@@ -27,8 +27,8 @@ from lalonde_micro_geometry import describe, measured, measured_brdf, meter
 
 from jaxrender.brdf import BRDF
 from jaxrender.brdf.half_vector import are_visible, lifted
-from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import POLAR
 from jaxrender.reflection.tracing import MeasureSettings
 

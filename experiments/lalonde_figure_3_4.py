@@ -23,9 +23,9 @@ from lalonde_figure_3_1 import OUT, SAWTOOTH
 from lalonde_micro_geometry import describe, measured, measured_brdf
 
 from jaxrender.brdf import BRDF, Microfacet, Phong, Ward
-from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
-from jaxrender.brdf.table_cells import cell_weights
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.cells import cell_weights
+from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import POLAR
 
 REFERENCE = (15, 30, 15, 30)

@@ -17,7 +17,7 @@ from lalonde_figure_3_1 import picture, sphere
 from lalonde_table_4_1 import SIZE, image_rms, materials
 
 from jaxrender.brdf import WaveletBRDF
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.pipelines.compress import Goal, compression_of
 from jaxrender.wavelets import wavelet_named
 

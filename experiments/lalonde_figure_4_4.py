@@ -16,7 +16,7 @@ import jax
 import numpy as np
 from lalonde_table_4_1 import PUBLISHED, SIZE, materials
 
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.pipelines.compress import Goal, compression_of
 from jaxrender.wavelets import WAVELETS
 

@@ -18,7 +18,7 @@ import numpy as np
 import textured_surfaces as scene
 
 from jaxrender.brdf import BRDF, Phong
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.brdf.textures.mip import ColourPyramid, level_of
 
 LAMP = np.array([0.1, 0.75, 0.65])

@@ -28,7 +28,7 @@ from lalonde_luminaires import joined, quad
 
 from jaxrender.brdf import CosineLobe, Lambertian, TreeSampler, WaveletBRDF
 from jaxrender.brdf.samplers import COSINE, DirectionSampler
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import Mesh, Pinhole, look_at
 from jaxrender.lighting.luminaires import Luminaire, Rectangle
 from jaxrender.reflection.tracing import LuminaireEmitter, PathSettings, Scene, path_radiance

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import NUSSELT, Sphere
 from jaxrender.wavelets import Wavelet, analyse_nonstandard, haar, keep_fraction
 from jaxrender.wavelets.tree import CoefficientTree

@@ -28,7 +28,7 @@ import numpy as np
 from lalonde_figure_3_1 import SAWTOOTH, picture, sphere
 
 from jaxrender.brdf import BRDF, CosineLobe, WaveletBRDF
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.compress import Compression, Goal, compression_of
 from jaxrender.wavelets import wavelet_named

@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxrender.brdf import BRDF, WaveletBRDF
 from jaxrender.brdf.isotropic_mean import IsotropicMean
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import Pinhole, Sphere, look_at
 from jaxrender.inverse.parametric import best_models
 from jaxrender.io import read_environment

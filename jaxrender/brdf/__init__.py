@@ -18,18 +18,10 @@
     brushed and fibrous surfaces, their direction along +X
 ``mixture``
     a weighted sum of any of these
-``isotropic_table`` ``scattered``
-    measured reflectance: a table over half and difference angles, fitted to scattered measurements
-``tabulated`` ``reconstruction`` ``table_cells`` ``polar_isotropic_table``
-    tables over two directions, and what is between their samples
-``polar_nodes`` ``rgl`` ``bilinear_warp``
-    tables at the nodes of polar angles; tables over warped half vectors (Dupuy and Jakob 2018)
-``zernike`` ``zernike_fit``
-    products of Zernike polynomials (T 5.7.2), fitted to scattered measurements
-``nearest``
-    the nearest table that is reciprocal, isotropic, separable or conserves energy
-``wavelet`` ``scattering_trees`` ``tables_for_trees``
-    a coefficient tree over pairs of directions; four, where light passes too; what they are made of
+``tables``
+    measured reflectance: tables and series over two directions
+``wavelet`` ``scattering_trees``
+    a coefficient tree over pairs of directions; four of them, where light passes too
 ``isotropic_mean``
     the isotropic part of any BRDF
 ``textures``
@@ -61,7 +53,6 @@ from jaxrender.brdf.fresnel import (
 from jaxrender.brdf.glossy import Glossy, ShapeParameter, WithoutIndex
 from jaxrender.brdf.he_torrance import HeTorrance
 from jaxrender.brdf.isotropic_mean import IsotropicMean
-from jaxrender.brdf.isotropic_table import HalfDifference, IsotropicTable, half_difference
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import CosineLobe, Lafortune
 from jaxrender.brdf.lambertian import Lambertian
@@ -74,17 +65,8 @@ from jaxrender.brdf.masking import (
 )
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
-from jaxrender.brdf.nearest import (
-    Nearest,
-    nearest_energy_conserving,
-    nearest_isotropic,
-    nearest_reciprocal,
-    nearest_separable,
-)
 from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.phong import Phong
-from jaxrender.brdf.polar_isotropic_table import PolarIsotropicTable
-from jaxrender.brdf.polar_nodes import PolarNodesTable
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import (
     directional_albedo,
@@ -93,21 +75,31 @@ from jaxrender.brdf.properties import (
     reciprocity_error,
     separability_error,
 )
-from jaxrender.brdf.reconstruction import RECONSTRUCTIONS
 from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
-from jaxrender.brdf.rgl import RglBRDF
 from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
-from jaxrender.brdf.scattered import ScatteredFit, fit_isotropic_table
 from jaxrender.brdf.scattering_trees import ScatteringTrees
-from jaxrender.brdf.table_cells import Masked, masked
-from jaxrender.brdf.tables_for_trees import Samples, tabulate
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.cell_means import Samples, tabulate
+from jaxrender.brdf.tables.cells import Masked, masked
+from jaxrender.brdf.tables.isotropic import HalfDifference, IsotropicTable, half_difference
+from jaxrender.brdf.tables.nearest import (
+    Nearest,
+    nearest_energy_conserving,
+    nearest_isotropic,
+    nearest_reciprocal,
+    nearest_separable,
+)
+from jaxrender.brdf.tables.polar_isotropic import PolarIsotropicTable
+from jaxrender.brdf.tables.polar_nodes import PolarNodesTable
+from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS
+from jaxrender.brdf.tables.rgl import RglBRDF
+from jaxrender.brdf.tables.scattered import ScatteredFit, fit_isotropic_table
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.zernike import ZernikeBRDF
+from jaxrender.brdf.tables.zernike_fit import ZernikeFit, fit_zernike
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.tree_sampler import TreeSampler
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
-from jaxrender.brdf.zernike import ZernikeBRDF
-from jaxrender.brdf.zernike_fit import ZernikeFit, fit_zernike
 
 __all__ = [
     "BRDF",

@@ -44,7 +44,7 @@ def candidate_views(
     """Look at the object from all around, at the present mean distance with the present lens."""
     directions = candidate_directions() if directions is None else directions
     centre = np.asarray(shape.bounds()).mean(axis=0)
-    distance = float(np.mean([np.linalg.norm(c.position - centre) for c in cameras]))
+    distance = float(np.mean([float(np.linalg.norm(c.position - centre)) for c in cameras]))
     found = []
     for direction in directions:
         seen = observe(_small(cameras[0], centre + distance * direction, centre), shape)

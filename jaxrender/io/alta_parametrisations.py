@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxrender.brdf import HalfDifference
-from jaxrender.brdf.isotropic_table import pair_at
+from jaxrender.brdf.tables.isotropic import pair_at
 from jaxrender.shapes import Bool, Float
 
 # Vectors this near to unit length are left as they are, so that they come back as written.

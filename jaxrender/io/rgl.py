@@ -18,7 +18,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf.rgl import RglBRDF, RglTables
+from jaxrender.brdf.tables.rgl import RglBRDF, RglTables
 from jaxrender.errors import InputError
 from jaxrender.shapes import Float
 

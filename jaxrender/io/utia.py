@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf.polar_nodes import PolarNodesTable
+from jaxrender.brdf.tables.polar_nodes import PolarNodesTable
 from jaxrender.errors import InputError
 from jaxrender.shapes import Float
 

@@ -11,7 +11,7 @@ import h5netcdf
 import numpy as np
 
 from jaxrender.brdf import BRDF, ScatteredFit, WaveletBRDF, fit_isotropic_table
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
 from jaxrender.imaging.colour import rgb_of_reflectance

@@ -17,9 +17,9 @@ import jax
 import numpy as np
 
 from jaxrender.brdf import BRDF, WaveletBRDF
-from jaxrender.brdf.table_cells import Table
-from jaxrender.brdf.tables_for_trees import Behaviour, behaviour, tabulate
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.cell_means import Behaviour, behaviour, tabulate
+from jaxrender.brdf.tables.cells import Table
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import NUSSELT
 from jaxrender.io.tree_layout import TreeAbout

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from jaxrender.brdf.bilinear_warp import BilinearWarp, Place, blended
+from jaxrender.brdf.tables.bilinear_warp import BilinearWarp, Place, blended
 
 
 def test_the_warp_is_the_integral_of_the_density():

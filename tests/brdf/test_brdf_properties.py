@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from jaxrender.brdf import BRDF, Lambertian, TorranceSparrow, Ward
-from jaxrender.brdf.nearest import nearest_isotropic, nearest_separable
 from jaxrender.brdf.properties import isotropy_error, separability_error
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.nearest import nearest_isotropic, nearest_separable
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import POLAR
 
 KD, KS = np.array([0.1, 0.05]), np.array([0.2, 0.4])

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.lambertian import Lambertian
 from jaxrender.brdf.properties import directional_albedo, reciprocity_error
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.brdf.textures.bump import (
     Tilted,
     bump_texture,

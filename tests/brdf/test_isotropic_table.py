@@ -29,7 +29,7 @@ from jaxrender.brdf import (
     half_difference,
     reciprocity_error,
 )
-from jaxrender.brdf.isotropic_table import node_angles, pair_at
+from jaxrender.brdf.tables.isotropic import node_angles, pair_at
 from jaxrender.geometry import Components
 
 PAINTS = Path(__file__).parents[3] / "shared" / "data" / "paints"

@@ -15,15 +15,15 @@ from brdf_problems import upper_directions
 from scipy.optimize import minimize
 
 from jaxrender.brdf import BRDF, reciprocity_error
-from jaxrender.brdf.nearest import (
+from jaxrender.brdf.tables.cells import cell_weights, exchanged
+from jaxrender.brdf.tables.nearest import (
     nearest_energy_conserving,
     nearest_isotropic,
     nearest_reciprocal,
     nearest_separable,
     relative_change,
 )
-from jaxrender.brdf.table_cells import cell_weights, exchanged
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import NUSSELT, POLAR
 
 ROUNDING = 1e-12

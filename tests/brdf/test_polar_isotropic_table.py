@@ -17,7 +17,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import map_coordinates
 
 from jaxrender.brdf import BRDF, Lambertian, Phong, TorranceSparrow, Ward, reciprocity_error
-from jaxrender.brdf.polar_isotropic_table import PolarIsotropicTable
+from jaxrender.brdf.tables.polar_isotropic import PolarIsotropicTable
 
 SIZE = (5, 7, 8)
 VALUES = np.random.default_rng(0).uniform(size=(*SIZE, 2))

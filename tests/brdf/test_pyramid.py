@@ -18,7 +18,7 @@ import pytest
 
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.lambertian import Lambertian
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.brdf.textures import pyramid as module
 from jaxrender.brdf.textures.mip import ColourPyramid
 from jaxrender.brdf.textures.pyramid import BRDFPyramid

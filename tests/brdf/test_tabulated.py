@@ -21,8 +21,8 @@ from scipy.ndimage import map_coordinates
 
 from jaxrender.brdf import BRDF, Lambertian, Phong, Ward
 from jaxrender.brdf import table_cells as cells
-from jaxrender.brdf.table_cells import cell_weights, masked
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.cells import cell_weights, masked
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import NUSSELT, POLAR, Components
 
 ROUNDING = 1e-12

@@ -16,13 +16,13 @@ from jax.test_util import check_grads
 from scipy.special import eval_jacobi
 
 from jaxrender.brdf import BRDF, Lambertian, OrenNayar, reciprocity_error
-from jaxrender.brdf.zernike import (
+from jaxrender.brdf.tables.zernike import (
     ZernikeBRDF,
     radial_polynomial,
     zernike_functions,
     zernike_indices,
 )
-from jaxrender.brdf.zernike_fit import fit_zernike
+from jaxrender.brdf.tables.zernike_fit import fit_zernike
 from jaxrender.geometry import Components
 
 evaluate = eqx.filter_jit(BRDF.evaluate)

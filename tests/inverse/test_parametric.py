@@ -11,7 +11,7 @@ import pytest
 import scipy.optimize
 
 from jaxrender.brdf import BlinnPhong, Microfacet, Phong, TorranceSparrow, Ward, WaveletBRDF
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import NUSSELT
 from jaxrender.inverse.parametric import CANDIDATES, best_models
 from jaxrender.wavelets import CoefficientTree, analyse_nonstandard, haar, keep_fraction

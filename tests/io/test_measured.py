@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from jaxrender.brdf import HalfDifference, Lambertian, TorranceSparrow
-from jaxrender.brdf.isotropic_table import pair_at
+from jaxrender.brdf.tables.isotropic import pair_at
 from jaxrender.errors import InputError
 from jaxrender.io import MerlTable, read_cornell, read_merl, write_merl
 

@@ -16,7 +16,7 @@ from jax.test_util import check_grads
 from scipy.interpolate import RegularGridInterpolator
 
 from jaxrender.brdf import BRDF, Ward, reciprocity_error
-from jaxrender.brdf.polar_nodes import PolarNodesTable, node_directions
+from jaxrender.brdf.tables.polar_nodes import PolarNodesTable, node_directions
 from jaxrender.errors import InputError
 from jaxrender.io.utia import LARGEST_POLAR, UtiaTable, read_utia
 

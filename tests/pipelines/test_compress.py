@@ -16,7 +16,7 @@ import pywt
 from small_captures import moving_light
 
 from jaxrender.brdf import BRDF, Microfacet, Phong, WaveletBRDF
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.errors import InputError
 from jaxrender.geometry import NUSSELT, Pinhole, Sphere, look_at
 from jaxrender.harmonics import LatLongGrid

@@ -27,7 +27,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from jaxrender.brdf import BlinnPhong, Lambertian
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import NUSSELT, Orthographic, Pinhole, look_at
 from jaxrender.reflection.wavelet_shading import projections, shading
 from jaxrender.reflection.wavelet_shading.plane import Plane, PlaneView, shade_plane

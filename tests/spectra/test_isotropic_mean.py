@@ -16,7 +16,7 @@ import pytest
 
 from jaxrender.brdf import Microfacet, Phong, Ward, WaveletBRDF
 from jaxrender.brdf.isotropic_mean import IsotropicMean
-from jaxrender.brdf.tables_for_trees import tabulate
+from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import NUSSELT
 from jaxrender.spectra.central import central_spectrum_of
 from jaxrender.wavelets import CoefficientTree, analyse_nonstandard, haar, keep_fraction

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.shapes import AnyArray, Int
 from jaxrender.wavelets import (
     CoefficientTree,

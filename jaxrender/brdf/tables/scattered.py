@@ -22,7 +22,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import KDTree
 
-from jaxrender.brdf.isotropic_table import (
+from jaxrender.brdf.tables.isotropic import (
     Corner,
     HalfDifference,
     IsotropicTable,

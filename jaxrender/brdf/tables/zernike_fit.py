@@ -16,7 +16,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from jaxrender.brdf.zernike import ZernikeBRDF, zernike_functions, zernike_indices
+from jaxrender.brdf.tables.zernike import ZernikeBRDF, zernike_functions, zernike_indices
 from jaxrender.geometry import Components
 from jaxrender.shapes import Float, Int
 

@@ -22,8 +22,7 @@ import numpy as np
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
 from jaxrender.brdf.parameters import is_known, refuse_unlisted
-from jaxrender.brdf.reconstruction import RECONSTRUCTIONS, Taps, direction_taps, weighted_sum
-from jaxrender.brdf.table_cells import (
+from jaxrender.brdf.tables.cells import (
     Size,
     Table,
     above_horizon,
@@ -34,6 +33,7 @@ from jaxrender.brdf.table_cells import (
     size_of,
     values_of_pairs,
 )
+from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS, Taps, direction_taps, weighted_sum
 from jaxrender.geometry import NUSSELT, Components, Embedding
 from jaxrender.shapes import AnyArray, Array, Float
 

@@ -5,7 +5,7 @@ The properties of DeYoung and Fournier, Properties of Tabulated BRDFs (1997), wh
 
     |f|^2 = int int f(w_i, w_r)^2 cos t_i cos t_r dw_i dw_r,
 
-summed over the cells (``table_cells``) and channels.  The *change* |new - old| / |old| is how far
+summed over the cells (``cells``) and channels.  The *change* |new - old| / |old| is how far
 the old table was from having the property: 0 when it had it.  Cells beyond the horizon have no
 weight; they are treated like their neighbours, so that what is interpolated has the property too.
 
@@ -19,8 +19,8 @@ import equinox as eqx
 import numpy as np
 from scipy.sparse.linalg import svds
 
-from jaxrender.brdf.table_cells import Table, cell_weights, exchanged
-from jaxrender.brdf.tabulated import TabulatedBRDF
+from jaxrender.brdf.tables.cells import Table, cell_weights, exchanged
+from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.shapes import Float
 
 # Samples that are sorted in one pass: what it needs stays below 100 MB.

@@ -15,7 +15,8 @@ from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
 from jaxrender.brdf.parameters import is_known, refuse_unlisted
 from jaxrender.brdf.properties import max_albedo
-from jaxrender.brdf.reconstruction import (
+from jaxrender.brdf.tables.cells import refuse_unknown, values_of_pairs
+from jaxrender.brdf.tables.reconstruction import (
     RECONSTRUCTIONS,
     Taps,
     axis_taps,
@@ -23,7 +24,6 @@ from jaxrender.brdf.reconstruction import (
     product_taps,
     weighted_sum,
 )
-from jaxrender.brdf.table_cells import refuse_unknown, values_of_pairs
 from jaxrender.geometry import Components, direction_from_angles
 from jaxrender.shapes import AnyArray, Array, Float
 

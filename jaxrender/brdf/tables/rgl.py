@@ -22,9 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.bilinear_warp import BilinearWarp, Blend, Place, blended, interpolated
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
 from jaxrender.brdf.properties import max_albedo
+from jaxrender.brdf.tables.bilinear_warp import BilinearWarp, Blend, Place, blended, interpolated
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 

@@ -21,7 +21,7 @@ from scipy.stats import qmc
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.parameters import refuse_unlisted
-from jaxrender.brdf.table_cells import Table, cell_weights, masked, values_of_pairs
+from jaxrender.brdf.tables.cells import Table, cell_weights, masked, values_of_pairs
 from jaxrender.geometry import NUSSELT
 from jaxrender.shapes import Float, Int
 
