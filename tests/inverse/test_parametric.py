@@ -6,16 +6,18 @@
 - Misuse is refused.
 """
 
+import equinox as eqx
 import numpy as np
 import pytest
 import scipy.optimize
 
-from jaxrender.brdf import BlinnPhong, Microfacet, Phong, TorranceSparrow, Ward, WaveletBRDF
+from jaxrender.brdf import BRDF, BlinnPhong, Microfacet, Phong, TorranceSparrow, Ward, WaveletBRDF
 from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import NUSSELT
 from jaxrender.inverse.parametric import CANDIDATES, best_models
 from jaxrender.wavelets import CoefficientTree, analyse_nonstandard, haar, keep_fraction
 
+evaluate = eqx.filter_jit(BRDF.evaluate)
 KD, KS = np.array([0.1]), np.array([0.4])
 TRUTHS = {
     "microfacet": Microfacet(KD, KS, 0.25, 1.6),
@@ -60,7 +62,7 @@ def test_least_squares_of_a_wrong_model_is_scipy_s():
     values = np.asarray(truth.evaluate(*pairs))
 
     def missed(log_exponent: float) -> float:
-        lobe = Phong(np.zeros(1), np.ones(1), np.exp(log_exponent)).evaluate(*pairs)
+        lobe = evaluate(Phong(np.zeros(1), np.ones(1), np.array(np.exp(log_exponent))), *pairs)
         columns = np.concatenate([np.ones((len(lobe), 1)), np.asarray(lobe)], axis=1)
         return sum(scipy.optimize.nnls(columns, channel)[1] ** 2 for channel in values.T)
 

@@ -21,6 +21,8 @@ from jaxrender.io.rgl import read_rgl, read_tensors
 TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8")
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
+# As many in all tests, so that the programs are the same.
+PAIRS = 60
 
 
 def tensor_bytes(fields, version=(1, 0)):
@@ -112,7 +114,7 @@ def test_materials_are_mitsubas(tmp_path, name, scaled):
     mitsuba.set_variant("scalar_rgb")
     path = written(tmp_path, material(AZIMUTHS[name], scaled=scaled))
     brdf = read_rgl(path).brdf
-    incoming, outgoing = random_pairs(60)
+    incoming, outgoing = random_pairs(PAIRS)
     plugin = mitsuba.load_dict({"type": "measured", "filename": str(path)})
     expected = [mitsuba_value(mitsuba, plugin, *pair) for pair in zip(incoming, outgoing)]
     found = np.asarray(evaluate(brdf, incoming, outgoing)) * outgoing[:, 2:]
@@ -164,7 +166,7 @@ def test_isotropic_whatever_the_tables_say(tmp_path):
     fields = material([0.0])
     fields["sigma"] = np.random.default_rng(3).uniform(0.5, 2, (4, 7)).astype(np.float32)
     brdf = read_rgl(written(tmp_path, fields)).brdf
-    incoming, outgoing = random_pairs(20)
+    incoming, outgoing = random_pairs(PAIRS)
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     found = evaluate(brdf, incoming @ turn, outgoing @ turn)
@@ -181,7 +183,7 @@ def test_words_and_negative_samples(tmp_path):
 
 def test_float32_and_derivatives(tmp_path):
     brdf = read_rgl(written(tmp_path, material([0.0]))).brdf
-    pairs = random_pairs(30)
+    pairs = random_pairs(PAIRS)
     single = evaluate(brdf, *(jnp.asarray(d, jnp.float32) for d in pairs))
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, evaluate(brdf, *pairs), rtol=2e-4)

@@ -42,6 +42,7 @@ RNG = np.random.default_rng(0)
 WHITE = Lambertian(np.array([1 / np.pi]))
 ONE = np.array([1.0])
 UP = np.array([[0, 0, 1.0]])
+FINE = gauss_rule(24)
 
 
 def at(points, normals):
@@ -78,14 +79,14 @@ def test_rectangle_above_is_the_configuration_factor():
         + b / np.sqrt(1 + b * b) * np.arctan(a / np.sqrt(1 + b * b))
     ) / (2 * np.pi)
     lamp = Luminaire.uniform([above(1.0, 2.0, 0.8)], 3 * ONE)
-    found = direct_light(at(np.zeros((1, 3)), UP), WHITE, lamp, gauss_rule(24))
+    found = direct_light(at(np.zeros((1, 3)), UP), WHITE, lamp, FINE)
     assert float(found[0, 0]) == pytest.approx(3 * factor, rel=1e-9)
 
 
 def test_the_published_numbers():
     """Unit square at height 3: with cos t_e / r^2 left out it would be .315, with a 4 .136."""
     lamp = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
-    found = direct_light(at(np.array([[0.5, 0.5, 0]]), UP), WHITE, lamp, gauss_rule(12))
+    found = direct_light(at(np.array([[0.5, 0.5, 0]]), UP), WHITE, lamp, FINE)
     assert float(found[0, 0]) == pytest.approx(0.0341, abs=5e-5)
 
 
@@ -97,7 +98,7 @@ def test_any_rectangle_is_the_polygon_formula():
     normals = middle.points - points
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     lamp = Luminaire.uniform([face], ONE)
-    found = np.asarray(direct_light(at(points, normals), WHITE, lamp, gauss_rule(32)))[:, 0]
+    found = np.asarray(direct_light(at(points, normals), WHITE, lamp, FINE))[:, 0]
     expected = [polygon(corners_of(face), p, n) / np.pi for p, n in zip(points, normals)]
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
@@ -118,10 +119,10 @@ def test_box_from_outside_and_from_within():
     unit = normal[0] / np.linalg.norm(normal)
     seen = [faces[i] for i in (1, 3, 5)]
     expected = sum(polygon(corners_of(face), point[0], unit) for face in seen) / np.pi
-    found = direct_light(at(point, normal), WHITE, box, gauss_rule(24))
+    found = direct_light(at(point, normal), WHITE, box, FINE)
     assert float(found[0, 0]) == pytest.approx(expected, rel=1e-8)
     within = at(np.array([[0.1, 0.2, -0.3]]), UP)
-    assert float(direct_light(within, WHITE, box, gauss_rule(8))[0, 0]) == 0
+    assert float(direct_light(within, WHITE, box, FINE)[0, 0]) == 0
     inwards = [Rectangle(face.corner, face.along_v, face.along_u) for face in faces]
     hollow = Luminaire.uniform(inwards, ONE, convex=True)
     found = direct_light(within, WHITE, hollow, cell_rule(128))
@@ -197,7 +198,7 @@ def test_points_on_the_occluder_see_past_their_own_surface():
     )
     lamp = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
     here = at(np.array([[0.3, 0.1, 0]]), UP)
-    free, hidden = (direct_light(here, WHITE, lamp, gauss_rule(4), o) for o in (None, floor))
+    free, hidden = (direct_light(here, WHITE, lamp, FINE, o) for o in (None, floor))
     np.testing.assert_allclose(free, hidden)
 
 
@@ -285,7 +286,7 @@ def test_derivatives_by_the_brdf_and_the_coefficients():
         return direct_light(here, Lambertian(ONE * scale[1]), lamp, rule)[0, 0]
 
     start = jnp.array([1.0, 0.3])
-    value, slopes = jax.value_and_grad(light)(start)
+    value, slopes = jax.jit(jax.value_and_grad(light))(start)
     # Linear in either.
     np.testing.assert_allclose(slopes, value / start, rtol=1e-9)
 

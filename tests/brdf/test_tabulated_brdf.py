@@ -20,7 +20,7 @@ from scipy.interpolate import CubicHermiteSpline, RegularGridInterpolator
 from scipy.ndimage import map_coordinates
 
 from jaxrender.brdf import BRDF, Lambertian, Phong, Ward
-from jaxrender.brdf import table_cells as cells
+from jaxrender.brdf.tables import cells
 from jaxrender.brdf.tables.cells import cell_weights, masked
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.geometry import NUSSELT, POLAR, Components
