@@ -125,7 +125,7 @@ class EnvironmentEmitter(Emitter):
         self._edges = np.cos(np.pi * np.arange(rows + 1) / rows)
         areas = -np.diff(self._edges) * 2 * np.pi / columns
         power = self._radiance.mean(axis=-1) * areas[:, None]
-        # Dark texels too are drawn at times: the density may vanish only where the light does.
+        # By power: the density vanishes only where the light does.
         self._density = power / (areas[:, None] * power.sum())
         self._cumulative = np.cumsum(power.ravel()) / power.sum()
 
