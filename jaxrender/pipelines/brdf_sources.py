@@ -187,7 +187,7 @@ def _result(folder: Path) -> Source:
 
 
 def _model(named: str) -> Source:
-    brdf = model_of(named).brdf
+    brdf = model_of(named, option="").brdf
     if brdf is None:
         raise InputError(f"{named}: a mirror has no table; give a lobe such as microfacet:sigma=.1")
     return Source(named, brdf, _colours(brdf.amplitudes.shape[1]))

@@ -82,9 +82,9 @@ def lobe_of(specification: str) -> Lobe:
     return lobe
 
 
-def model_of(specification: str) -> Lobe:
+def model_of(specification: str, option: str = "--brdf ") -> Lobe:
     """Read a specification; ``InputError`` names the unknown word and its nearest neighbour."""
-    place = f"--brdf {specification}"
+    place = f"{option}{specification}"
     model, _, rest = specification.partition(":")
     model = model.strip().lower()
     known = [*BRDFS, *_VARIANTS, _MIRROR]
