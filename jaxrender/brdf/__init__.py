@@ -51,7 +51,7 @@ from jaxrender.brdf.fresnel import (
     schlick_fresnel,
 )
 from jaxrender.brdf.glossy import Glossy, ShapeParameter, WithoutIndex
-from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
 from jaxrender.brdf.isotropic_mean import IsotropicMean
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import CosineLobe, Lafortune
@@ -123,6 +123,7 @@ __all__ = [
     "Glossy",
     "HalfDifference",
     "HeTorrance",
+    "HeTorranceLobe",
     "IsotropicMean",
     "IsotropicTable",
     "KajiyaKay",

@@ -11,7 +11,7 @@ from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import CosineLobe, Lafortune
 from jaxrender.brdf.lambertian import Lambertian
@@ -41,8 +41,13 @@ BRDFS: dict[str, type[BRDF]] = {
 
 # Those that a fit knows by one number for the lobe and perhaps an index; Microfacet has variants
 # besides.  Of Lafortune's model one lobe.  Cook and Torrance's has a lobe for each channel, but if
-# all have one real index it is Torrance and Sparrow's with other facets.
-_OF_ONE_LOBE: dict[str, type[Glossy]] = {"cook-torrance": TorranceSparrow, "lafortune": CosineLobe}
+# all have one real index it is Torrance and Sparrow's with other facets; of He and Torrance's that
+# of one wavelength.
+_OF_ONE_LOBE: dict[str, type[Glossy]] = {
+    "cook-torrance": TorranceSparrow,
+    "he-torrance": HeTorranceLobe,
+    "lafortune": CosineLobe,
+}
 _FACETS = {"cook-torrance": {"distribution": "beckmann"}}
 SIMPLE_GLOSSY: dict[str, type[Glossy]] = {
     name: model
@@ -56,7 +61,8 @@ _ANY_WIDTH = 0.1
 def simple_glossy_named(name: str, channels: int = 3, **choices: Any) -> Glossy:
     """Make a black model of ``SIMPLE_GLOSSY``, to be given amplitudes, width and index.
 
-    ``choices`` are numbers that are not searched for, such as ``c_z`` of lafortune.
+    ``choices`` are numbers that are not searched for, such as ``c_z`` of lafortune or
+    ``deviation`` of he-torrance.
     """
     model, black = SIMPLE_GLOSSY[name], np.zeros(channels)
     number = model.shape.of_width(_ANY_WIDTH)

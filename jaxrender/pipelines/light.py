@@ -11,17 +11,18 @@ from jaxrender.geometry import Shape
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
 from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
 from jaxrender.inverse.factorization import RecoveredScene, Round
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.uncertainty import Uncertain, in_own_units
 from jaxrender.io import write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import write_covariance
+from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import finite, named_values, pairs, pixels_of, write_variable
-from jaxrender.pipelines.scene import fault_of, settings_of, variant_of
+from jaxrender.pipelines.result import finite, pixels_of, write_variable
+from jaxrender.pipelines.scene import fault_of, lobe_of, settings_of, unknowns_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.reflection import (
     DualForward,
@@ -122,7 +123,7 @@ def recover_light(
     with fault_of(str(config.capture.transforms)):
         found = factorize(
             observations,
-            variant_of(config.brdf),
+            lobe_of(config.brdf),
             factor_settings(config),
             _known(config),
             gauge="per-channel" if known else config.brdf.gauge,
@@ -151,22 +152,20 @@ def factor_settings(config: RunConfig) -> FactorSettings:
 def _result(recovery: LightRecovery) -> dict[str, Any]:
     """Build the summary of ``result.json``."""
     found = recovery.found
-    names = ["kd", "ks", "sigma"] + ([] if found.brdf.mu is None else ["mu"])
-    parameters = found.parameters
-    brdf = {"model": recovery.model, **named_values(names, parameters.value)}
-    if found.brdf.mu is None:
-        brdf["mu"] = "none"
+    words = OwnWords(recovery.model, found.brdf)
+    parameters = in_own_units(found.parameters, found.brdf.shape)
     result = {
         "task": recovery.task,
         "outcome": found.outcome.value,
         "meaning": found.outcome.sentence,
         "reasons": list(found.reasons),
-        "brdf": brdf | {"fresnel": found.brdf.fresnel, "masking": found.brdf.masking},
-        "interval90": {
-            name: pairs(getattr(parameters.lower, name), getattr(parameters.upper, name))
-            for name in names
+        "brdf": {
+            "model": recovery.model,
+            **words.material(parameters.value),
+            **words.choices(),
         },
-        "standard_error": named_values(names, parameters.standard_error),
+        "interval90": words.intervals(parameters.lower, parameters.upper),
+        "standard_error": words.values(parameters.standard_error),
         "identifiable": found.identifiable,
         "residual": {
             "relative_rms": found.relative_rms,
@@ -253,11 +252,11 @@ def _band_limit(config: RunConfig) -> int:
 
 def _known(config: RunConfig) -> Known:
     """What of the material is fixed; only ratios of kd and ks mean anything without the light."""
-    brdf = config.brdf
-    sigma = None if brdf.sigma.fixed is None else float(np.ravel(brdf.sigma.fixed)[0])
-    mu = None
-    if brdf.mu != "none" and brdf.mu.fixed is not None:
-        mu = float(np.ravel(brdf.mu.fixed)[0])
+    brdf, unknowns = config.brdf, unknowns_of(config, 1)
+    sigma, mu = (
+        None if unknown is None or unknown.fixed is None else float(unknown.fixed[0])
+        for unknown in (unknowns.sigma, unknowns.mu)
+    )
     share = None
     if brdf.kd.fixed is not None and brdf.ks.fixed is not None:
         kd, ks = _reflectances(config)

@@ -12,22 +12,20 @@ import h5netcdf
 import numpy as np
 
 from jaxrender import __version__
-from jaxrender.brdf import Microfacet, WithoutIndex
 from jaxrender.errors import InputError
 from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison, Score
 from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.passes import Stop, values_of
-from jaxrender.inverse.uncertainty import Parameters, in_own_units
+from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
-from jaxrender.pipelines.config.brdf import chosen_numbers_of
 from jaxrender.pipelines.deviation import write_covariance
+from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
 
-_LAMPS_SHOWN = 3
 _LIBRARIES = ("jax", "equinox", "optimistix", "lineax", "numpy", "scipy", "OpenImageIO", "embreex")
 
 
@@ -48,16 +46,16 @@ class Finding(NamedTuple):
 def result_of(finding: Finding) -> dict[str, Any]:
     """Build the summary: values, intervals, what is identifiable, light, residuals."""
     fit = finding.fit
-    names = _names(finding)
+    words = _words(finding)
     final, own = fit.final, in_own_units(fit.parameters, fit.brdf.shape)
     result: dict[str, Any] = {
         "task": "brdf",
         "outcome": fit.outcome.value,
         "meaning": fit.outcome.sentence,
         "reasons": list(fit.reasons),
-        "brdf": {"model": finding.model, **_values(finding, own.value)},
-        "interval90": {name: _pairs(finding, name, own.lower, own.upper) for name in names},
-        "standard_error": _values(finding, own.standard_error, metal=False),
+        "brdf": {"model": finding.model, **words.material(own.value)},
+        "interval90": words.intervals(own.lower, own.upper),
+        "standard_error": words.values(own.standard_error),
         "identifiable": fit.identifiable,
         "model_sensitive": model_sensitive(fit, finding.variants),
         "variants": [_variant(finding, variant) for variant in finding.variants],
@@ -66,12 +64,8 @@ def result_of(finding: Finding) -> dict[str, Any]:
         "lighting": _lighting(finding),
         "pixels": pixels_of(finding.photographs),
     }
+    result["brdf"] |= words.choices()
     if finding.model != "lambertian":
-        if isinstance(fit.brdf, Microfacet):
-            result["brdf"] |= {"fresnel": fit.brdf.fresnel, "masking": fit.brdf.masking}
-        result["brdf"] |= {
-            name: float(getattr(fit.brdf, name)) for name in chosen_numbers_of(finding.model)
-        }
         sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
         result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
     if finding.comparison is not None:
@@ -80,9 +74,9 @@ def result_of(finding: Finding) -> dict[str, Any]:
         result["forecast"] = _forecast(finding, finding.forecast)
     if fit.exact is not None:
         result["frequency"] = {
-            "brdf": _values(finding, _own(finding, values_of(fit.frequency))),
+            "brdf": words.material(words.of_widths(values_of(fit.frequency))),
             "residual": _residual(fit.frequency),
-            "bias": {name: _plain(_bias(finding, name)) for name in names},
+            "bias": words.biases(fit.bias),
         }
     bounced = interreflection(fit)
     if bounced:
@@ -148,123 +142,21 @@ def write_arrays(path: Path, finding: Finding) -> None:
             write_variable(light, "irradiance", ("source", "channel"), dual.sources.irradiance)
 
 
-def summary_of(result: dict[str, Any]) -> str:
-    """Lay out the summary as a table for the terminal."""
-    sensitive = result.get("model_sensitive", {})
-    lines = [f"outcome: {result['outcome']} ({result['meaning']})"]
-    lines += [f"  {reason}" for reason in result["reasons"]]
-    lines.append(f"{'':8}{'value':>30}   {'90 % interval':<36}")
-    for name, interval in result["interval90"].items():
-        value = _shown(result["brdf"][name])
-        pairs = interval if isinstance(interval[0], list) else [interval]
-        span = "  ".join("-".join(_shown(bound) for bound in pair) for pair in pairs)
-        known = result["identifiable"].get(name)
-        remark = "" if known is None else ("" if known else "not identifiable")
-        remark = "fixed" if known is None else remark
-        remark += " model sensitive" if sensitive.get(name) else ""
-        lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
-    if "spectrum" in result:
-        lines += _summary_of_spectrum(result["spectrum"])
-    if "texture" in result:
-        lines += _summary_of_texture(result)
-    if result["task"] in ("factorize", "lighting"):
-        lines += _summary_of_light(result["lighting"])
-    residual = result["residual"]
-    lines.append(
-        f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
-        f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
-    )
-    if "scale" in result:
-        lines.append(f"scale of the light {result['scale']:.4g}, so that the mean of kd + ks is 1")
-    if "frequency" in result:
-        bias = result["frequency"]["bias"]
-        moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())
-        lines.append(f"bias of the frequency fit: {moved}")
-    if "evidence" in result:
-        lines.append(result["evidence"]["sentence"])
-    if "interreflection" in result:
-        lines.append(result["interreflection"]["sentence"])
-    seconds = result.get("seconds", {})
-    spent = ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())
-    lines.append(f"seconds: {spent}")
-    return "\n".join(lines)
-
-
-def _summary_of_light(light: dict[str, Any]) -> list[str]:
-    """Say what light was found."""
-    lamps = light["directional"]
-    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} sources"]
-    lines += [
-        f"  from {_shown(lamp['direction'])}, irradiance {_shown(lamp['irradiance'])}"
-        for lamp in lamps[:_LAMPS_SHOWN]
-    ]
-    if len(lamps) > _LAMPS_SHOWN:
-        lines.append(f"  and {len(lamps) - _LAMPS_SHOWN} weaker ones")
-    return [*lines, f"gauge: {light['gauge']}"]
-
-
-def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
-    """Say how many coefficients there are, and how well the lobe is known at each order."""
-    lines = [
-        f"{spectrum['unknowns']} coefficients to order {spectrum['order']}, of which the "
-        f"photographs determine {spectrum['determined']:.0f}"
-    ]
-    lines += [
-        f"  order {one['order']}: {100 * one['relative_rms']:.2f} % unexplained, standard error "
-        f"of the lobe {100 * one['lobe_relative_error']:.2g} %"
-        for one in spectrum["orders"]
-    ]
-    return lines
-
-
-def _summary_of_texture(result: dict[str, Any]) -> list[str]:
-    """Say what became of the sites, and up to what their values are known."""
-    texture = result["texture"]
-    lines = [
-        f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
-        f"{texture['kd_marked']}, ks {texture['ks_marked']}",
-        f"kd of a site is known to {100 * texture['median_relative_error_kd']:.2g} % (median)",
-    ]
-    if "ambiguity" in result:
-        lines.append(f"not told: {result['ambiguity']}")
-    return lines
-
-
-def _names(finding: Finding) -> list[str]:
-    if finding.model == "lambertian":
-        return ["kd"]
-    shape = finding.fit.brdf.shape.name
-    return ["kd", "ks", shape] + ([] if finding.fit.brdf.mu is None else ["mu"])
-
-
-def _attribute(name: str) -> str:
-    """Where parameters keep what a model calls ``name``: any number for the lobe's width."""
-    return name if name in ("kd", "ks", "mu") else "sigma"
-
-
-def _own(finding: Finding, parameters: Parameters) -> Parameters:
-    """Say the width as the model's own number."""
-    return parameters._replace(sigma=finding.fit.brdf.shape.of_width(parameters.sigma))
-
-
-def _bias(finding: Finding, name: str) -> np.ndarray:
-    """How far the frequency fit was off, in the model's own number."""
-    bias = np.asarray(finding.fit.bias[_attribute(name)])
-    power = finding.fit.brdf.shape.power
-    return (1 + bias) ** power - 1 if _attribute(name) == "sigma" and power != 1 else bias
+def _words(finding: Finding) -> OwnWords:
+    return OwnWords(finding.model, finding.fit.brdf, not finding.ks_per_channel)
 
 
 def _comparison(finding: Finding, comparison: Comparison) -> dict[str, Any]:
     """List the models that were compared, the best first."""
 
     def one(score: Score) -> dict[str, Any]:
-        own = finding._replace(fit=score.fit, model=score.name)
+        words = _words(finding._replace(fit=score.fit, model=score.name))
         parameters = in_own_units(score.fit.parameters, score.fit.brdf.shape)
         return {
             "model": score.name,
             "outcome": score.fit.outcome.value,
-            "brdf": _values(own, parameters.value),
-            "standard_error": _values(own, parameters.standard_error, metal=False),
+            "brdf": words.material(parameters.value),
+            "standard_error": words.values(parameters.standard_error),
             "chi_squared": score.chi_squared,
             "relative_rms": score.relative_rms,
             "behind": score.behind,
@@ -283,7 +175,7 @@ def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
     own = in_own_units(forecast.parameters, finding.fit.brdf.shape)
     shape = finding.fit.brdf.shape.name
     return {
-        "standard_error": _values(finding, own.standard_error, metal=False),
+        "standard_error": _words(finding).values(own.standard_error),
         "recoverable_degree": forecast.highest_degree,
         "singular_values": forecast.singular_values.tolist(),
         "unknowns": [shape if name == "sigma" else name for name in forecast.unknowns],
@@ -292,43 +184,11 @@ def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
     }
 
 
-def _values(finding: Finding, parameters: Parameters, metal: bool = True) -> dict[str, Any]:
-    values = {name: _plain(_shared(finding, name, parameters)) for name in _names(finding)}
-    brdf = finding.fit.brdf
-    indexed = finding.model != "lambertian" and not isinstance(brdf, WithoutIndex)
-    if metal and indexed and brdf.mu is None:
-        values["mu"] = "none"
-    return values
-
-
-def _shared(finding: Finding, name: str, parameters: Parameters) -> np.ndarray:
-    """One number for a ks that all channels share."""
-    value = np.asarray(getattr(parameters, _attribute(name)))
-    if name == "ks" and not finding.ks_per_channel and np.ptp(value) == 0:
-        return np.asarray(value[0])
-    return value
-
-
-def _pairs(finding: Finding, name: str, lower: Parameters, upper: Parameters) -> list:
-    return pairs(*(_shared(finding, name, bound) for bound in (lower, upper)))
-
-
-def pairs(lower, upper) -> list:
-    """Lay out an interval as [low, high], or one for each channel."""
-    low, high = _plain(lower), _plain(upper)
-    return [list(pair) for pair in zip(low, high)] if isinstance(low, list) else [low, high]
-
-
-def named_values(names: list[str], parameters: Parameters) -> dict[str, Any]:
-    """Pick parameters by name as plain numbers, or lists of them by channel."""
-    return {name: _plain(getattr(parameters, name)) for name in names}
-
-
 def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:
     return {
         "fresnel": variant.fresnel,
         "masking": variant.masking,
-        **_values(finding, variant.parameters),
+        **_words(finding).material(variant.parameters),
         "chi_squared": variant.chi_squared,
         "rejected": variant.rejected,
     }
@@ -402,10 +262,6 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _plain(value) -> Any:
-    return np.asarray(value, float).tolist()
-
-
 def finite(value: Any) -> Any:
     """Replace what JSON has no number for by null."""
     if isinstance(value, dict):
@@ -415,15 +271,3 @@ def finite(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return bool(value) if isinstance(value, np.bool_) else value
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, list):
-        return " ".join(_shown(item) for item in value)
-    return value if isinstance(value, str) else f"{value:.4g}"
-
-
-def _percent(value: Any) -> str:
-    if isinstance(value, list):
-        return "/".join(_percent(item) for item in value)
-    return "n/a" if value is None else f"{100 * value:+.2f} %"

@@ -35,8 +35,9 @@ from jaxrender.pipelines.photographs import (
 )
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import provenance_of, read_result, summary_of, write_json
+from jaxrender.pipelines.result import provenance_of, read_result, write_json
 from jaxrender.pipelines.scene import fault_of, input_files, known_light, shape_of, unknowns_of
+from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
 from jaxrender.pipelines.texture import recover_surface
 from jaxrender.pipelines.texture.sites import regions_of, sites_of

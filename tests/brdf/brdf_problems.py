@@ -8,6 +8,7 @@ from jaxrender.brdf import (
     CookTorrance,
     CosineLobe,
     HeTorrance,
+    HeTorranceLobe,
     KajiyaKay,
     Lafortune,
     Lambertian,
@@ -54,6 +55,7 @@ MODELS = {
     ),
     "cook-torrance": (CookTorrance(KD, KS, 0.25, *GOLD), True, True, True),
     "he-torrance": (HeTorrance(KD, KS, 0.15, 1.5, np.array([0.6, 0.5]), *GOLD), True, False, True),
+    "he-torrance one lobe": (HeTorranceLobe(KD, KS, 0.2, 1.5), True, False, True),
     "ward": (Ward(KD, KS, 0.2), True, False, True),
     "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
     "lafortune": (

@@ -166,6 +166,7 @@ def test_defaults():
         "roughness": "free",
         "exponent": "free",
         "c_z": 1.0,
+        "deviation": 0.5,
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
@@ -468,7 +469,8 @@ VALUES = {
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",
     ("brdf.model", "plastic"): (
         "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'torrance-sparrow', "
-        "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune' or 'lambertian'"
+        "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune', 'he-torrance' or "
+        "'lambertian'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"

@@ -3,6 +3,7 @@
 - ``task: factorize`` finds two lamps and the material of a ball in plain NumPy's photographs, in
   the gauge it states, and predicts the photographs.
 - ``task: lighting`` finds the lamps' own irradiance, given the material.
+- Any glossy model can be fitted, and is told in its own words.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
@@ -15,11 +16,12 @@ import numpy as np
 import pytest
 from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
+from jaxrender.brdf import BlinnPhong
 from jaxrender.errors import InputError
 from jaxrender.io import read_environment, read_image, write_environment
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import fit, load_run_config
-from jaxrender.pipelines.render import Scene, render_config
+from jaxrender.pipelines.render import Scene, material_of, render_config
 
 LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
 BALL = Ball(views=6, size=40, lights=(LAMPS,) * 6, gains=(1.0,) * 6)
@@ -50,10 +52,10 @@ def relit(capture):
     return _run(capture, "lighting", GIVEN)
 
 
-def _run(capture, task, brdf, count=1200):
-    path = capture / f"{task}.yaml"
+def _run(capture, task, brdf, count=1200, name=None):
+    path = capture / f"{name or task}.yaml"
     path.write_text(CONFIG.format(task=task, brdf=brdf, count=count))
-    output = capture.parent / task
+    output = capture.parent / (name or task)
     config = load_run_config(path).model_copy(update={"output": output})
     fit(config, force=True)
     return output, json.loads((output / "result.json").read_text())
@@ -81,6 +83,19 @@ def test_factorize_finds_material_and_lamps(factorized):
     energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
     truth = np.array([energy for _, energy in LAMPS]) * (kd + KS)
     np.testing.assert_allclose(energies, truth, rtol=0.03)
+
+
+def test_another_model_speaks_its_own_words(capture):
+    """Facets of few degrees look much alike: an exponent of the half vector is 2 / sigma^2."""
+    _, result = _run(capture, "factorize", "model: blinn-phong", 800, "blinn")
+    own = {"kd", "ks", "exponent"}
+    assert set(result["brdf"]) == {"model", *own}
+    for key in ("interval90", "standard_error", "identifiable"):
+        assert set(result[key]) == own
+    low, high = result["interval90"]["exponent"]
+    assert low < result["brdf"]["exponent"] < high
+    assert result["brdf"]["exponent"] == pytest.approx(2 / SIGMA**2, rel=0.15)
+    assert isinstance(material_of(result["brdf"]), BlinnPhong)
 
 
 def test_lighting_finds_irradiance_in_its_own_units(relit):

@@ -4,7 +4,8 @@
   own field; a key that no model asked for has is refused, with the keys that there are.
 - torrance-sparrow and cook-torrance have an index as the microfacets do; cook-torrance is
   ``CookTorrance`` with that index in all channels; lafortune is ``Lafortune`` with one lobe, whose
-  C_z is stated and not searched for.
+  C_z is stated and not searched for; he-torrance is ``HeTorrance`` of one wavelength and index, the
+  deviation of its heights stated.
 - Bounds of an exponent become bounds of a width, the other way around; fixed stays fixed.
 - A model that is compared with another takes what is said of the parameters that it has; Fresnel
   and masking go along within a kind, ks where it is a weight of the same thing.
@@ -19,6 +20,7 @@ from jaxrender.brdf import (
     SIMPLE_GLOSSY,
     CookTorrance,
     CosineLobe,
+    HeTorrance,
     Lafortune,
     Microfacet,
     Phong,
@@ -70,6 +72,7 @@ def test_the_models_of_the_config_are_those_of_the_brdfs():
         ({"model": "torrance-sparrow", "mu": 0.9}, "every value here must be above 1"),
         ({"model": "phong", "c_z": 0.9}, "found c_z with model phong, which has kd, ks, exponent"),
         ({"model": "lafortune", "c_z": 0}, "greater than 0"),
+        ({"model": "lafortune", "deviation": 1}, "found deviation with model lafortune"),
     ],
 )
 def test_foreign_keys_are_refused(brdf, fault):
@@ -108,7 +111,11 @@ def test_a_comparison_takes_what_each_model_has():
 @pytest.mark.parametrize(
     ("sections", "fault"),
     [
-        ({"task": "factorize", "brdf": {"model": "ward"}}, "fitted under known light only"),
+        ({"task": "texture", "brdf": {"model": "ward"}}, "model ward is fitted to one material"),
+        (
+            {"task": "lighting", "brdf": {"model": "ward", "kd": 0.1, "ks": 0.1}},
+            "needs a known material; fix roughness, or choose",
+        ),
         ({"task": "factorize", "brdf": {"compare": ["ggx"]}}, "brdf.compare is for task: brdf"),
         ({"task": "factorize", "solve": {"interreflection": True}}, "is for task: brdf"),
         (
@@ -192,6 +199,10 @@ def at_some_directions(brdf):
         ({"model": "torrance-sparrow", "ks": 1.0, "roughness": 0.3, "mu": 1.5}, "torrance-sparrow"),
         ({"model": "cook-torrance", "ks": 0.7, "roughness": 0.3, "mu": 1.5}, "cook-torrance"),
         ({"model": "lafortune", "ks": 0.6, "exponent": 9.5, "c_z": 0.9}, "lafortune"),
+        (
+            {"model": "he-torrance", "ks": 0.7, "roughness": 0.3, "mu": 1.5, "deviation": 0.3},
+            "he-torrance",
+        ),
     ],
 )
 def test_recipe_and_result_make_the_model_of_the_registry(stated, twin):
@@ -201,6 +212,8 @@ def test_recipe_and_result_make_the_model_of_the_registry(stated, twin):
         "torrance-sparrow": TorranceSparrow(kd, ks, 0.3, 1.5),
         "cook-torrance": CookTorrance(kd, ks, 0.3, np.full(3, 1.5), np.zeros(3)),
         "lafortune": Lafortune(kd, ks[None], np.array([[-1, -1, 0.9]]), np.array([9.5])),
+        # Any wavelength: lengths count by it.
+        "he-torrance": HeTorrance(kd, ks, 0.15, 1.0, np.full(3, 0.5), np.full(3, 1.5), np.zeros(3)),
     }
     expected = at_some_directions(twins[twin])
     recipe = RecipeBrdfConfig.model_validate({**stated, "kd": kd.tolist()})

@@ -21,7 +21,7 @@ from jaxrender.io import read_image
 from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.render import material_of, render_config
 from jaxrender.pipelines.result import read_result as read_finished
-from jaxrender.pipelines.result import summary_of
+from jaxrender.pipelines.summary import summary_of
 
 NOISE = 0.005
 MATERIAL = ("kd", "ks", "sigma", "mu")

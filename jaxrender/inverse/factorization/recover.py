@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape, visible_along
 from jaxrender.harmonics import coefficient_count
 from jaxrender.imaging import NoiseModel
@@ -31,7 +31,7 @@ from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
-from jaxrender.inverse.uncertainty import Uncertain, within_reach
+from jaxrender.inverse.uncertainty import Uncertain, in_own_units, within_reach
 from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
 from jaxrender.shapes import Float
 
@@ -48,7 +48,7 @@ _SKETCHED = 0.05
 class Factorization(NamedTuple):
     """A recovered material and light, with all that is known about how well they are known."""
 
-    brdf: Microfacet
+    brdf: Glossy
     scene: RecoveredScene
     parameters: Uncertain
     outcome: Outcome
@@ -67,7 +67,7 @@ class Factorization(NamedTuple):
 
 def factorize(
     observations: Observations,
-    variant: Microfacet,
+    variant: Glossy,
     settings: FactorSettings = DEFAULTS,
     known: Known = NOTHING_KNOWN,
     *,
@@ -78,7 +78,8 @@ def factorize(
 ) -> Factorization:
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
-    Of ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking, distribution.
+    Of ``variant`` only the kind counts: any glossy model; of a microfacet whether it is a metal,
+    Fresnel angle, masking, distribution.  Its width is ``parameters.value.sigma``.
     Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
     ``shape`` and the observations' places are to be given; its shadows are then modelled, its
     interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
@@ -126,7 +127,7 @@ def factorize(
 
 def _task(
     observations: Observations,
-    variant: Microfacet,
+    variant: Glossy,
     settings: FactorSettings,
     known: Known,
     shape: Shape | None,
@@ -155,8 +156,10 @@ def _check_enough(task: Task) -> None:
 def _judge(
     task: Task, state: State, parameters: Uncertain
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
-    """Decide what is identifiable and how it ended, in words."""
+    """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
+    shape = task.response.variant.shape
+    own = in_own_units(parameters, shape)
     free = free_unknowns(task, state)
     channels = task.radiance.shape[1]
     searched = {
@@ -171,12 +174,13 @@ def _judge(
     }
     identifiable, reasons = {}, []
     for name in (name for name, is_free in searched.items() if is_free):
-        reached = within_reach(parameters, name)
-        identifiable[name] = reached and not bound.get(name, False)
+        reached = within_reach(own, name)
+        called = shape.name if name == "sigma" else name
+        identifiable[called] = reached and not bound.get(name, False)
         if bound.get(name, False):
-            reasons.append(f"{name} is at a bound of its range")
+            reasons.append(f"{called} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, parameters))
+            reasons.append(_why(name, own, called))
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -196,10 +200,10 @@ def _at_bound(value: float, bounds: tuple[float, float], origin: float) -> bool:
     return bool(min(low, high) < _AT_BOUND)
 
 
-def _why(name: str, parameters: Uncertain) -> str:
+def _why(name: str, parameters: Uncertain, called: str) -> str:
     low, high = (np.ravel(getattr(bound, name)) for bound in parameters[1:3])
     shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
-    sentence = f"{name} is not identifiable: its 90 % interval is {shown}"
+    sentence = f"{called} is not identifiable: its 90 % interval is {shown}"
     if name == "sigma":
         return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
     if name == "mu":

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Components, SurfaceSamples, world_from_local
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.shapes import AnyArray, Array, Bool, Float
@@ -45,10 +45,11 @@ class Response(eqx.Module):
 
     ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
     itself; ``mirror_basis`` holds V(R) Y_lm(R); ``lit`` which source each sample sees.  Of
-    ``variant`` only the kind counts: metal or dielectric, Fresnel angle, masking, distribution.
+    ``variant`` only the kind counts: its model, and of a microfacet whether it is a metal, Fresnel
+    angle, masking, distribution.
     """
 
-    variant: Microfacet
+    variant: Glossy
     samples: SurfaceSamples
     diffuse_basis: Float[AnyArray, "sample coefficient"]
     mirror_basis: Float[AnyArray, "sample coefficient"]
@@ -56,7 +57,7 @@ class Response(eqx.Module):
 
     @classmethod
     def of_convex(
-        cls, variant: Microfacet, samples: SurfaceSamples, band_limit: int, sources: int
+        cls, variant: Glossy, samples: SurfaceSamples, band_limit: int, sources: int
     ) -> "Response":
         """Make the response of an object that never shadows itself."""
         normals = jnp.asarray(samples.normals)
@@ -88,7 +89,7 @@ class Response(eqx.Module):
         """The number of slow coefficients."""
         return self.diffuse_basis.shape[1]
 
-    def lobe(self, guess: Guess) -> Microfacet:
+    def lobe(self, guess: Guess) -> Glossy:
         """Make the material of amplitude one that a guess speaks of."""
         metal = self.variant.mu is None
         mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
@@ -131,9 +132,9 @@ class Response(eqx.Module):
 
 
 def lobes_towards(
-    lobe: Microfacet, samples: SurfaceSamples, directions: Float[AnyArray, "source 3"]
+    lobe: Glossy, samples: SurfaceSamples, directions: Float[AnyArray, "source 3"]
 ) -> Float[Array, "sample source"]:
-    """Evaluate the specular lobe F S G / (4 cos t_o) of every sample towards every direction."""
+    """Evaluate the specular lobe times cos t_i of every sample towards every direction."""
     directions = jnp.asarray(directions)
 
     def one(sample: SurfaceSamples) -> Float[Array, "source"]:

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, synthesise
 from jaxrender.imaging import NoiseModel, estimate_noise
@@ -36,8 +36,8 @@ from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, reflect_slow_light
 from jaxrender.shapes import Array, Bool, Float
 
-# Where the search begins when nothing is said: half of what is reflected is gloss, rather blurred.
-_START_SHARE, _START_SIGMA, _START_MU = 0.5, 0.25, 1.5
+# Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
+_START_SIGMA, _START_MU = 0.25, 1.5
 # Lamps added in each round, until there are as many as allowed or they no longer pay.
 _ROUNDS = (8, 8, 16, 16, 16, 16, 16, 16)
 # A round that found fewer is the last one.
@@ -131,8 +131,11 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
     known, radiance = task.known, task.radiance
     channels, lamps = radiance.shape[1], task.settings.most_sources
-    share = np.full(channels, _START_SHARE) if known.share is None else np.asarray(known.share)
     sigma, mu = known.sigma or _START_SIGMA, known.mu or _START_MU
+    variant = task.response.variant
+    energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
+    even = np.full(channels, 1 / (1 + energy))
+    share = even if known.share is None else np.asarray(known.share)
     guess = Guess(
         jnp.asarray(np.log(share / (1 - share))),
         jnp.asarray(np.log(sigma)),
@@ -388,7 +391,7 @@ def corrected(task: Task, state: State) -> State:
 
 
 def _hidden_slow_light(
-    task: Task, sight: Sight, lobe: Microfacet, slow: Float[Array, "coefficient channel"]
+    task: Task, sight: Sight, lobe: Glossy, slow: Float[Array, "coefficient channel"]
 ) -> Float[Array, "sample channel"]:
     """Sum the slow light that the object keeps from itself: only this rests on a grid."""
     image = np.asarray(synthesise(_HIDDEN_GRID, slow)).reshape(-1, slow.shape[1])

@@ -25,6 +25,7 @@ Model = Literal[
     "phong",
     "blinn-phong",
     "lafortune",
+    "he-torrance",
     "lambertian",
 ]
 Fresnel = Literal["exit", "half"]
@@ -50,6 +51,7 @@ _KEYS = {
     "phong": (*_GLOSS, "exponent"),
     "blinn-phong": (*_GLOSS, "exponent"),
     "lafortune": (*_GLOSS, "exponent", "c_z"),
+    "he-torrance": (*_GLOSS, "roughness", "mu", "deviation"),
     "lambertian": (),
 }
 FACET_MODELS = tuple(model for model, keys in _KEYS.items() if keys == _FACETS)
@@ -57,10 +59,12 @@ FACET_MODELS = tuple(model for model, keys in _KEYS.items() if keys == _FACETS)
 _KS_WEIGHS = {
     "torrance-sparrow": "reflectance",
     "cook-torrance": "reflectance",
+    "he-torrance": "reflectance",
     "lafortune": "cosine",
 }
 # What is chosen, not searched for.
-_CHOICES = ("ks_per_channel", "fresnel", "masking", "c_z")
+_STATED = ("c_z", "deviation")
+_CHOICES = ("ks_per_channel", "fresnel", "masking", *_STATED)
 _SPECULAR_KEYS = tuple(dict.fromkeys(key for keys in _KEYS.values() for key in keys))
 
 
@@ -100,17 +104,19 @@ class BrdfConfig(Section):
     kd: Reflectance = Parameter()
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
     ks: Reflectance = Parameter()
-    """Specular weight: times the Fresnel reflectance of torrance-sparrow and cook-torrance (1 for a
-    clean surface), times the power of lafortune's cosine (in 1/sr)."""
+    """Specular weight: times the Fresnel reflectance of torrance-sparrow, cook-torrance and
+    he-torrance (1 for a clean surface), times the power of lafortune's cosine (in 1/sr)."""
     sigma: Roughness = Parameter()
     """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1."""
     roughness: _SlopeRoughness = Parameter()
-    """Of ward and cook-torrance the slopes' deviation times the root of 2, of torrance-sparrow the
-    facets' angle in radians at 1/e; above 0 and at most 1."""
+    """Of ward, cook-torrance and he-torrance the slopes' deviation times the root of 2, of
+    torrance-sparrow the facets' angle in radians at 1/e; above 0 and at most 1."""
     exponent: Exponent = Parameter()
     """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
     c_z: Positive = 1.0
     """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
+    deviation: Positive = 0.5
+    """Of he-torrance the deviation of the surface's heights, in wavelengths."""
     mu: RefractiveIndex = Parameter()
     """Refractive index, above 1; none for metals (F = 1)."""
     ks_per_channel: Switch = False
@@ -180,7 +186,7 @@ def numbers_of(model: str) -> tuple[str, ...]:
 
 def chosen_numbers_of(model: str) -> tuple[str, ...]:
     """List the numbers of a model that a config states and no fit searches for."""
-    return tuple(key for key in _KEYS[model] if key == "c_z")
+    return tuple(key for key in _KEYS[model] if key in _STATED)
 
 
 def with_defaults_of_model(given: Any) -> Any:

@@ -48,17 +48,19 @@ class RecipeBrdfConfig(Section):
     kd: Rgb
     """Diffuse BRDF value (albedo / pi), 1/sr."""
     ks: Rgb = (0.0, 0.0, 0.0)
-    """Specular weight: times the Fresnel reflectance of torrance-sparrow and cook-torrance (1 for a
-    clean surface), times the power of lafortune's cosine (in 1/sr)."""
+    """Specular weight: times the Fresnel reflectance of torrance-sparrow, cook-torrance and
+    he-torrance (1 for a clean surface), times the power of lafortune's cosine (in 1/sr)."""
     sigma: Positive = 0.1
     """Surface roughness; of ggx what is called alpha, up to 1."""
     roughness: SlopeRoughness = 0.2
-    """Of ward and cook-torrance the slopes' deviation times the root of 2, of torrance-sparrow the
-    facets' angle in radians at 1/e; up to 1."""
+    """Of ward, cook-torrance and he-torrance the slopes' deviation times the root of 2, of
+    torrance-sparrow the facets' angle in radians at 1/e; up to 1."""
     exponent: Positive = 50.0
     """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
     c_z: Positive = 1.0
     """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
+    deviation: Positive = 0.5
+    """Of he-torrance the deviation of the surface's heights, in wavelengths."""
     mu: Literal["none"] | TrueIndex = 1.5
     """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"

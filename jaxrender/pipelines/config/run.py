@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import FACET_MODELS, GLOSSY, BrdfConfig
+from jaxrender.pipelines.config.brdf import FACET_MODELS, GLOSSY, BrdfConfig, numbers_of
 from jaxrender.pipelines.config.capture import CaptureConfig
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
@@ -77,10 +77,10 @@ class RunConfig(Section):
                 f"solve.model: {self.solve.model} is for a material under known light, not task "
                 f"{self.task}; remove it, or choose task: brdf"
             )
-        if self.brdf.model not in (*FACET_MODELS, "lambertian"):
+        if self.task == "texture" and self.brdf.model not in (*FACET_MODELS, "lambertian"):
             raise ValueError(
-                f"model {self.brdf.model} is fitted under known light only (task: brdf); "
-                f"choose model {GLOSSY}"
+                f"model {self.brdf.model} is fitted to one material for the whole surface, not "
+                f"task texture; choose model {GLOSSY}, or lambertian"
             )
         if self.brdf.compare:
             raise ValueError("brdf.compare is for task: brdf; remove it")
@@ -107,8 +107,9 @@ class RunConfig(Section):
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")
         amounts = {"kd": not brdf.kd.free, "ks": not brdf.ks.free}
-        given = amounts | {"sigma": not brdf.sigma.free}
-        given["mu"] = brdf.mu == "none" or not brdf.mu.free
+        numbers = (*amounts, *numbers_of(brdf.model))
+        given = {name: getattr(brdf, name) for name in dict.fromkeys(numbers)}
+        given = {name: value == "none" or not value.free for name, value in given.items()}
         if self.task == "lighting" and not all(given.values()):
             missing = ", ".join(name for name, is_given in given.items() if not is_given)
             raise ValueError(

@@ -17,6 +17,7 @@ _MEANINGS = {
     "roughness": ("α", "", "roughness: how wide the highlight is"),
     "exponent": ("s", "", "exponent: the larger, the narrower the highlight"),
     "c_z": ("C", "z", "how far the highlight is off the mirror direction: 1 is not at all"),
+    "deviation": ("σ₀", "λ", "how rough the surface is, in wavelengths of the light"),
     "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
 }
 _SHAPES = ("sigma", "roughness", "exponent")

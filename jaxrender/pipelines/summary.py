@@ -1,0 +1,99 @@
+"""A result as a table for the terminal."""
+
+from typing import Any
+
+_LAMPS_SHOWN = 3
+
+
+def summary_of(result: dict[str, Any]) -> str:
+    """Lay out the summary as a table for the terminal."""
+    sensitive = result.get("model_sensitive", {})
+    lines = [f"outcome: {result['outcome']} ({result['meaning']})"]
+    lines += [f"  {reason}" for reason in result["reasons"]]
+    lines.append(f"{'':8}{'value':>30}   {'90 % interval':<36}")
+    for name, interval in result["interval90"].items():
+        value = _shown(result["brdf"][name])
+        pairs = interval if isinstance(interval[0], list) else [interval]
+        span = "  ".join("-".join(_shown(bound) for bound in pair) for pair in pairs)
+        known = result["identifiable"].get(name)
+        remark = "" if known is None else ("" if known else "not identifiable")
+        remark = "fixed" if known is None else remark
+        remark += " model sensitive" if sensitive.get(name) else ""
+        lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
+    if "spectrum" in result:
+        lines += _summary_of_spectrum(result["spectrum"])
+    if "texture" in result:
+        lines += _summary_of_texture(result)
+    if result["task"] in ("factorize", "lighting"):
+        lines += _summary_of_light(result["lighting"])
+    residual = result["residual"]
+    lines.append(
+        f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
+        f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
+    )
+    if "scale" in result:
+        lines.append(f"scale of the light {result['scale']:.4g}, so that the mean of kd + ks is 1")
+    if "frequency" in result:
+        bias = result["frequency"]["bias"]
+        moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())
+        lines.append(f"bias of the frequency fit: {moved}")
+    if "evidence" in result:
+        lines.append(result["evidence"]["sentence"])
+    if "interreflection" in result:
+        lines.append(result["interreflection"]["sentence"])
+    seconds = result.get("seconds", {})
+    spent = ", ".join(f"{name} {value:.2f}" for name, value in seconds.items())
+    lines.append(f"seconds: {spent}")
+    return "\n".join(lines)
+
+
+def _summary_of_light(light: dict[str, Any]) -> list[str]:
+    """Say what light was found."""
+    lamps = light["directional"]
+    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} sources"]
+    lines += [
+        f"  from {_shown(lamp['direction'])}, irradiance {_shown(lamp['irradiance'])}"
+        for lamp in lamps[:_LAMPS_SHOWN]
+    ]
+    if len(lamps) > _LAMPS_SHOWN:
+        lines.append(f"  and {len(lamps) - _LAMPS_SHOWN} weaker ones")
+    return [*lines, f"gauge: {light['gauge']}"]
+
+
+def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
+    """Say how many coefficients there are, and how well the lobe is known at each order."""
+    lines = [
+        f"{spectrum['unknowns']} coefficients to order {spectrum['order']}, of which the "
+        f"photographs determine {spectrum['determined']:.0f}"
+    ]
+    lines += [
+        f"  order {one['order']}: {100 * one['relative_rms']:.2f} % unexplained, standard error "
+        f"of the lobe {100 * one['lobe_relative_error']:.2g} %"
+        for one in spectrum["orders"]
+    ]
+    return lines
+
+
+def _summary_of_texture(result: dict[str, Any]) -> list[str]:
+    """Say what became of the sites, and up to what their values are known."""
+    texture = result["texture"]
+    lines = [
+        f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
+        f"{texture['kd_marked']}, ks {texture['ks_marked']}",
+        f"kd of a site is known to {100 * texture['median_relative_error_kd']:.2g} % (median)",
+    ]
+    if "ambiguity" in result:
+        lines.append(f"not told: {result['ambiguity']}")
+    return lines
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(_shown(item) for item in value)
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def _percent(value: Any) -> str:
+    if isinstance(value, list):
+        return "/".join(_percent(item) for item in value)
+    return "n/a" if value is None else f"{100 * value:+.2f} %"
