@@ -55,7 +55,7 @@ def coefficients(rows: int, runs: int):
     timed = take_turns(
         {
             "reading, JAX": lambda: total(image),
-            "reading, NumPy": lambda: np.sum(values),
+            "reading, NumPy": lambda: np.sum(np.asarray(image)),
             "nine coefficients": lambda: analyse(grid, image, 2),
         },
         runs,

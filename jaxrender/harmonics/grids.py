@@ -30,6 +30,15 @@ class Neighbours(NamedTuple):
 class Grid(eqx.Module):
     """Sampling of the sphere by the texels of an image."""
 
+    # Compiled programs are looked up by their grid at every call: most often it is the same one.
+    def __eq__(self, other: object) -> bool:
+        """Tell whether this is the same grid."""
+        return self is other or (type(self) is type(other) and vars(self) == vars(other))
+
+    def __hash__(self) -> int:
+        """Hash what tells grids of one kind apart."""
+        return hash((type(self), *vars(self).values()))
+
     @property
     @abc.abstractmethod
     def shape(self) -> tuple[int, int]:

@@ -28,7 +28,6 @@ from jaxrender.shapes import Array, Coefficients, Float, ImageArray, Int
 _ORDERS_PER_BLOCK = 32
 # Up to here there are so few functions that what counts is to read the image once.
 _HIGHEST_DEGREE_IN_ONE_PASS = 2
-_COLUMNS_AT_A_TIME = 8
 
 _einsum = partial(jnp.einsum, precision=jax.lax.Precision.HIGHEST)
 
@@ -50,9 +49,11 @@ def analyse(grid: Grid, image: ImageArray, band_limit: int) -> Float[Array, "coe
     Raises ValueError if the image is not the grid's or if F exceeds the grid's band limit.
     """
     _check_analysis(grid, image, band_limit)
+    # A call of jnp.asarray takes as long as reading a small image does.
+    values = image if isinstance(image, jax.Array) else jnp.asarray(image)
     if not isinstance(grid, SeparableGrid):
-        return _analyse_directly(grid, band_limit, jnp.asarray(image))
-    return _analyse(grid, band_limit, jnp.asarray(image))
+        return _analyse_directly(grid, band_limit, values)
+    return _analyse(grid, band_limit, values)
 
 
 def synthesise(grid: Grid, coefficients: Coefficients) -> Float[Array, "row column channel"]:
@@ -139,30 +140,36 @@ def _analyse(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
 
 
 def _analyse_in_one_pass(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
-    """Return the same by one matrix product over the image as it lies, rows first.
+    """Return the same by one matrix product over the image as it lies, down its columns first.
 
-    A row is [column, channel] and its waves are [order, channel], each channel on its own: a third
-    of the matrix counts, but the image is neither copied nor taken apart.
+    The associated functions to degree F are sums of 2F + 1 waves of the polar angle: five products
+    a texel make nine coefficients.
     """
-    channels = image.shape[-1]
-    degree, order = degrees(band_limit), orders(band_limit)
-    signed = np.arange(-band_limit, band_limit + 1)
-    angles = np.abs(signed) * grid.azimuths()[:, None]
-    waves = np.where(signed < 0, np.sin(angles), np.cos(angles))
-    by_channel = np.einsum("wm,cd->wcmd", waves, np.eye(channels))
-    by_channel = by_channel.reshape(grid.width * channels, -1)
-    # A matrix product takes as long for fifteen columns as for sixteen, or longer.
-    spare = -by_channel.shape[1] % _COLUMNS_AT_A_TIME
-    by_channel = np.pad(by_channel, ((0, 0), (0, spare)))
-    polar = grid.polar_angles()
-    table = associated(np.cos(polar), np.sin(polar), band_limit) * grid.row_weights()
-    rows = jnp.matmul(
-        image.reshape(grid.height, -1), jnp.asarray(by_channel, image.dtype), precision="highest"
-    )
-    falling = jnp.asarray(table[degree, np.abs(order)], image.dtype)
-    sums = jnp.matmul(falling, rows, precision="highest")[:, : by_channel.shape[1] - spare]
-    sums = sums.reshape(len(order), -1, channels)
-    return sums[np.arange(len(order)), order + band_limit]
+    polar, weights = grid.polar_angles(), grid.row_weights()
+    down = jnp.asarray(_polar_waves(polar, band_limit) * weights, image.dtype)
+    columns = jnp.matmul(down, image.reshape(grid.height, -1), precision="highest")
+    signed = orders(band_limit)[:, None]
+    angles = np.abs(signed) * grid.azimuths()
+    along = np.where(signed < 0, np.sin(angles), np.cos(angles))
+    across = np.einsum("ik,iw->ikw", _waves_of_functions(band_limit), along)
+    across = jnp.asarray(across.reshape(len(across), -1), image.dtype)
+    return jnp.matmul(across, columns.reshape(across.shape[1], -1), precision="highest")
+
+
+def _polar_waves(polar: Float[np.ndarray, "row"], band_limit: int) -> Float[np.ndarray, "wave row"]:
+    """Evaluate 1, cos, sin, ..., cos F t, sin F t."""
+    angles = np.arange(1, band_limit + 1)[:, None] * polar
+    pairs = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(-1, len(polar))
+    return np.concatenate([np.ones((1, len(polar))), pairs])
+
+
+def _waves_of_functions(band_limit: int) -> Float[np.ndarray, "coefficient wave"]:
+    """Return what each wave counts in the associated function of every coefficient."""
+    count = 2 * band_limit + 1
+    polar = np.pi * (2 * np.arange(count) + 1) / (2 * count)
+    table = associated(np.cos(polar), np.sin(polar), band_limit)
+    functions = table[degrees(band_limit), np.abs(orders(band_limit))]
+    return np.linalg.solve(_polar_waves(polar, band_limit).T, functions.T).T
 
 
 @partial(jax.jit, static_argnums=(0, 1))
