@@ -4,8 +4,10 @@
 
 Both transform all levels of four axes, periodically, and both get the same precision.  Cold is our
 first call, tracing and compilation included; warm the median of the following ones, best the
-fastest, taken in turns with the peer's so that a busy machine slows both.  Ratio = the peer's time
-over ours: above 1 is faster; demanded is 12.  The peer runs on one thread, ours on what there is;
+fastest, taken in turns with the peer's so that a busy machine slows both.  After the peer's turn on
+one thread ours finds the other processor asleep and the caches full of other things, so besides the
+medians of as many calls in a row are compared, the peer's too.  Ratio = the peer's time over ours:
+above 1 is faster; demanded is 12.  The peer runs on one thread, ours on what there is;
 the answers are compared first.  In float64 much of our time goes into fresh pages of memory for
 results of 25 MB (GLIBC_TUNABLES=glibc.malloc.hugetlb=1 saves a third).
 """
@@ -41,15 +43,16 @@ def once(call) -> float:
     return 1e3 * (time.perf_counter() - start)
 
 
-def timed(peer, ours) -> tuple[float, list[float], list[float]]:
-    """Return our first time and the next ones of both, taken in turns, each after a rehearsal."""
+def timed(peer, ours) -> tuple[float, list[float], list[float], float]:
+    """Return our first time, both's next ones in turns, ours rehearsed, and the ratio in a row."""
     cold = once(ours)
     theirs_warm, ours_warm = [], []
     for _ in range(REPEATS):
         theirs_warm.append(once(peer))
         once(ours)
         ours_warm.append(once(ours))
-    return cold, theirs_warm, ours_warm
+    in_a_row = [statistics.median(once(call) for _ in range(REPEATS)) for call in (peer, ours)]
+    return cold, theirs_warm, ours_warm, in_a_row[0] / in_a_row[1]
 
 
 def nonstandard(name: str, values: np.ndarray, levels: int) -> dict:
@@ -95,14 +98,14 @@ def bench(decomposition, name: str, size: int, dtype):
     for what in ("analyse", "synthesise"):
         # Compiled above, in the comparison: forgotten, so that cold is cold.
         jax.clear_caches()
-        cold, theirs, ours = timed(*case[what])
+        cold, theirs, ours, in_a_row = timed(*case[what])
         median, best = statistics.median, min
         print(
             f"{decomposition.__name__:11s} {what:10s} {name:12s} {np.dtype(dtype)!s:7s}"
             f" {cold:8.0f} {median(ours):8.2f} {best(ours):8.2f}"
             f" {median(theirs):8.1f} {best(theirs):8.1f}"
             f" {median(theirs) / median(ours):6.1f} {best(theirs) / best(ours):6.1f}"
-            f" {case['difference']:9.0e}"
+            f" {in_a_row:7.1f} {case['difference']:9.0e}"
         )
 
 
@@ -118,7 +121,7 @@ def main():
         f"{os.cpu_count()} cores, {jax.default_backend()}, jax {jax.__version__},",
         f"PyWavelets {version('PyWavelets')}; milliseconds",
     )
-    print(" " * 43, "    cold     warm     best     peer     best  ratio   best difference")
+    print(" " * 43, "    cold     warm     best     peer     best  ratio   best  in row difference")
     for decomposition in (nonstandard, standard) if arguments.standard else (nonstandard,):
         for dtype in (np.float32, np.float64):
             for name in PYWAVELETS:
