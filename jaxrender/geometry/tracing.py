@@ -106,12 +106,16 @@ class EmbreeTracer:
         What Embree is given is half of the work of asking it, so rays from within the mesh's box
         are cast before they are paired.
         """
-        place, direction = np.nonzero(asked)
+        # Each line is the quickest of several ways: together they were a fifth of the whole time.
+        count = np.count_nonzero(asked, axis=1)
+        place = np.repeat(np.arange(len(asked)), count)
+        direction = np.flatnonzero(asked) - place * asked.shape[1]
         boxed = (origins - self._center) / self._size
         if not (np.einsum("pi,pi->p", boxed, boxed) < 1).all():
             return self.occluded(origins[place], directions[direction])
         single = boxed.astype(np.float32), directions.astype(np.float32)
-        return self._any(single[0].take(place, axis=0), single[1].take(direction, axis=0))
+        towards = single[1].take(direction, axis=0, mode="clip")
+        return self._any(np.repeat(single[0], count, axis=0), towards)
 
     def _any(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         # embreex wants at least one ray; it answers 0 for a ray that is blocked, else -1.

@@ -58,9 +58,7 @@ def takes_averages(wavelet: Wavelet) -> bool:
     return len(wavelet.synthesis_low) <= _TAPS_OF_A_PAIR
 
 
-def _synthesised_with(
-    wavelet: Wavelet, coefficients: Array, averages: Array, axis: int
-) -> Array:
+def _synthesised_with(wavelet: Wavelet, coefficients: Array, averages: Array, axis: int) -> Array:
     """Return a pass over coefficients whose corner is replaced, without a copy of all of them.
 
     The pass goes over what stands in the corner, and the corner's part is then done again.
