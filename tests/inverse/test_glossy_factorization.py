@@ -2,6 +2,7 @@
 
 - Photographs of an area light and a lamp by the exact integral, with noise, give material and lamp
   back within a few of the stated standard errors; the residual is the noise.
+- The forecast of such a fit foresees its errors.
 - The search begins with as much gloss as paint, whatever unit the model's ks has.
 - What is said of the width is said by the model's own name.
 """
@@ -12,10 +13,12 @@ from inverse_problems import ball_samples
 
 from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, Ward
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.response import Response, gloss_share
 from jaxrender.inverse.factorization.rounds import Task, begin
+from jaxrender.inverse.forecast.joint import forecast_joint
+from jaxrender.inverse.forecast.situation import Situation, Supposed
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
@@ -54,7 +57,8 @@ def photographs(truth) -> Observations:
 @pytest.mark.parametrize("name", ["ward", "torrance-sparrow"])
 def test_material_and_lamp_are_found(name):
     truth = MODELS[name]
-    found = factorize(photographs(truth), truth.with_roughness(0.3, truth.mu), SETTINGS)
+    observed = photographs(truth)
+    found = factorize(observed, truth.with_roughness(0.3, truth.mu), SETTINGS)
     assert type(found.brdf) is type(truth)
     value, error = found.parameters.value, found.parameters.standard_error
     total = KD + truth.ks
@@ -71,6 +75,13 @@ def test_material_and_lamp_are_found(name):
     assert np.all(np.abs(off) < STATED_ERRORS * found.scene.energy_error[0])
     own = truth.shape.name
     assert set(found.identifiable) == {"kd", "ks", own} | ({"mu"} if truth.mu else set())
+    # What was foreseen, with a lamp for every part of the area light that is too fine.
+    light = KnownLight(AREA.to_environment(32), DirectionalSources(LAMP[None], ENERGY[None]))
+    situation = Situation(observed.samples, np.asarray(observed.frame), light)
+    foreseen = forecast_joint(situation, Supposed(truth, NOISE), 6).parameters.standard_error
+    for name in pairs:
+        ratio = np.asarray(getattr(foreseen, name)) / np.asarray(getattr(error, name))
+        assert np.all((ratio > 0.7) & (ratio < 1.4)), (name, ratio)
 
 
 def test_the_search_begins_with_as_much_gloss_as_paint():

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.harmonics import band_limit_of, coefficient_count
 from jaxrender.inverse.forecast.situation import (
     Situation,
@@ -75,8 +75,6 @@ def forecast_light(
             "the light differs from photograph to photograph: it cannot be recovered as one light"
         )
     brdf, count = supposed.brdf, len(situation.frame)
-    if not isinstance(brdf, Microfacet):
-        raise ValueError("light is forecast behind a microfacet only: suppose one")
     wanted = int(np.ceil(_DEGREE_TIMES_SIGMA / float(brdf.sigma))) if np.any(brdf.ks) else 0
     limit = band_limit or int(np.clip(wanted, _FEWEST_DEGREES, _MOST_DEGREES))
     while limit > 1 and coefficient_count(limit) > count / 2:
@@ -94,7 +92,7 @@ def forecast_light(
     return forecast._replace(sentences=_sentences(brdf, forecast))
 
 
-def _sentences(brdf: Microfacet, forecast: LightForecast) -> tuple[str, ...]:
+def _sentences(brdf: Glossy, forecast: LightForecast) -> tuple[str, ...]:
     last = forecast.recoverable_degree
     limit = len(forecast.size) - 1
     strongest = float(np.max(forecast.report.singular_values))

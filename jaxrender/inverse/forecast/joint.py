@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Glossy
 from jaxrender.harmonics import degrees
 from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
@@ -60,8 +60,6 @@ def forecast_joint(
     logarithm), for light that differs from photograph to photograph, and for too few samples.
     """
     brdf = supposed.brdf
-    if not isinstance(brdf, Microfacet):
-        raise ValueError("light and material are told apart of microfacets only: suppose one")
     kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
     if not np.all(kd * ks > 0):
         raise ValueError("kd and ks must be above 0 in every channel: suppose a little of both")
@@ -98,7 +96,7 @@ def forecast_joint(
 
 
 def joint_system(
-    situation: Situation, brdf: Microfacet, band_limit: int
+    situation: Situation, brdf: Glossy, band_limit: int
 ) -> tuple[Response, Guess, Float[np.ndarray, "part channel"]]:
     """Set up the joint model at the supposed answer, its light in the gauge kd + ks = 1."""
     kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)

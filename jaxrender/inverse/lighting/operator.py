@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, coefficient_count, degrees, real_basis
 from jaxrender.shapes import AnyArray, Array, Float
@@ -125,7 +125,7 @@ class LightOperator(eqx.Module):
 
 
 def light_operator(
-    brdf: Microfacet,
+    brdf: Glossy,
     samples: SurfaceSamples,
     band_limit: int,
     transfer: str = "exit-cosine",
@@ -134,7 +134,7 @@ def light_operator(
     unshadowed: Float[AnyArray, "sample"] | None = None,
     diffuse_band_limit: int = DIFFUSE_BAND_LIMIT,
 ) -> LightOperator:
-    """Build the operator of a microfacet material for light of degree ``band_limit``.
+    """Build the operator of a glossy material for light of degree ``band_limit``.
 
     ``transfer`` is one of ``TRANSFERS``, or ``none``: F alone, as T 6.15.  On a concave object give
     the ``transfer_vectors`` of T 6.10 and ``unshadowed``, V(R) of T 6.11.
@@ -145,7 +145,7 @@ def light_operator(
         raise ValueError(f"transfer={transfer!r}: choose one of none, {', '.join(TRANSFERS)}")
     cosines = samples.exit_cosines
     if transfer == "none":
-        fresnel = normalised_fresnel(brdf.mu, cosines)
+        fresnel = brdf.energy * normalised_fresnel(brdf.mu, cosines)
         passed = jnp.broadcast_to(fresnel[:, None], (len(cosines), band_limit + 1))
     else:
         passed = _looked_up(brdf, cosines, band_limit, transfer)
