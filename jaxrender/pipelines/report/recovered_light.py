@@ -48,8 +48,9 @@ def path_plots(contents: LightContents) -> Path:
     rounds = contents.fit.rounds
     steps = np.arange(len(rounds))
     last = rounds[-1]
+    width = "sigma" if contents.fit.brdf.shape.name == "sigma" else "lobe width"
     moved = {
-        "sigma": [one.sigma / last.sigma - 1 for one in rounds],
+        width: [one.sigma / last.sigma - 1 for one in rounds],
         "ks share": [float(np.mean(one.share) / np.mean(last.share)) - 1 for one in rounds],
     }
     if np.isfinite(last.mu):
