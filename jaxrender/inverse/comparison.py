@@ -7,11 +7,13 @@ is fitted to the rest, and each is scored by the exact integral on what was held
 chi^2 = mean ((B - predicted) / deviation)^2
 
 with one deviation for all, that of the noise left by the best of them, so that a model cannot
-excuse what it leaves unexplained as noise.  Differences from the best come with their standard
-errors over the samples: what is less than a few of them is no difference.
+excuse what it leaves unexplained as noise.  Large residuals count as in the fit's own loss: where
+that is robust, a few pixels in a highlight do not hide how the others speak.  Under unknown light
+each model has found a light of its own, and predicts by that.  Differences from the best come with
+their standard errors over the samples: what is less than a few of them is no difference.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
@@ -20,8 +22,18 @@ import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA, BRDFFit, fit_brdf
 from jaxrender.inverse.elimination import Data
+from jaxrender.inverse.factorization import (
+    Factorization,
+    FactorSettings,
+    Known,
+    Round,
+    factorize,
+    predict,
+)
+from jaxrender.inverse.factorization.rounds import NOTHING_KNOWN
 from jaxrender.inverse.forecast import weights_of
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel
@@ -29,6 +41,7 @@ from jaxrender.inverse.observations import Observations, random_subset
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Float
 
 # The exact integral of so many samples tells a difference of a per cent in chi-squared.
@@ -45,6 +58,14 @@ class Candidate(NamedTuple):
     unknowns: MicrofacetUnknowns
 
 
+class Asked(NamedTuple):
+    """A model for a factorization: its name, the lobe, and what is known of its material."""
+
+    name: str
+    variant: Glossy
+    known: Known = NOTHING_KNOWN
+
+
 class Score(NamedTuple):
     """How well one model predicts what was held out.
 
@@ -52,7 +73,7 @@ class Score(NamedTuple):
     """
 
     name: str
-    fit: BRDFFit
+    fit: BRDFFit | Factorization
     chi_squared: float
     relative_rms: float
     behind: float
@@ -91,8 +112,7 @@ def compare_models(
     Raises ``ValueError`` for less than two candidates, a part outside (0, 1), and what ``fit_brdf``
     refuses.
     """
-    if len(candidates) < 2:
-        raise ValueError("a comparison needs two models or more")
+    _check_several(candidates)
     training, rest = divided(observations, held_out, settings.seed)
     fits = [
         fit_brdf(training, light, c.unknowns, c.variant, settings, stage, shape=shape)
@@ -100,17 +120,69 @@ def compare_models(
     ]
     with stage("compare"):
         predicted = [_predicted(fit, rest, light, shape) for fit in fits]
-        measured = np.asarray(rest.radiance)
-        squares = [float(np.sum((measured - one) ** 2)) for one in predicted]
-        nearest = int(np.argmin(squares))
-        noise = settings.noise or fits[nearest].final.noise
-        weights = weights_of(noise, predicted[nearest])
-        left = [np.mean(((measured - one) * weights) ** 2, axis=1) for one in predicted]
-        order = sorted(range(len(fits)), key=lambda k: float(np.mean(left[k])))
+        noises = [settings.noise or fit.final.noise for fit in fits]
+        return _ranked([c.name for c in candidates], fits, (predicted, noises), rest, settings.loss)
+
+
+def compare_factorizations(
+    observations: Observations,
+    candidates: tuple[Asked, ...],
+    settings: FactorSettings,
+    held_out: float = 0.2,
+    seed: int = 0,
+    *,
+    gauge: str = "per-channel",
+    shape: Shape | None = None,
+    stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+    watch: Callable[[Round], None] = lambda round_: None,
+) -> Comparison:
+    """Do the same under unknown light; raises the same, and what ``factorize`` refuses."""
+    _check_several(candidates)
+    training, rest = divided(observations, held_out, seed)
+    fits = [
+        factorize(
+            training,
+            c.variant,
+            settings,
+            c.known,
+            gauge=gauge,
+            shape=shape,
+            stage=stage,
+            watch=watch,
+        )
+        for c in candidates
+    ]
+    with stage("compare"):
+        predicted = [predict(fit, rest, shape) for fit in fits]
+        noises = [fit.noise for fit in fits]
+        return _ranked([c.name for c in candidates], fits, (predicted, noises), rest, settings.loss)
+
+
+def _check_several(candidates: Sequence[Candidate] | Sequence[Asked]) -> None:
+    if len(candidates) < 2:
+        raise ValueError("a comparison needs two models or more")
+
+
+def _ranked(
+    names: Sequence[str],
+    fits: Sequence[BRDFFit] | Sequence[Factorization],
+    judged_by: tuple[Sequence[Float[np.ndarray, "sample channel"]], Sequence[NoiseModel]],
+    rest: Observations,
+    loss: str,
+) -> Comparison:
+    """Rank fits by their predictions, all weighed by the noise of the nearest."""
+    predicted, noises = judged_by
+    measured = np.asarray(rest.radiance)
+    squares = [float(np.sum((measured - one) ** 2)) for one in predicted]
+    nearest = int(np.argmin(squares))
+    weights = weights_of(noises[nearest], predicted[nearest])
+    deviations = [(measured - one) * weights for one in predicted]
+    left = [np.mean((robust_weights(r, loss) * r) ** 2, axis=1) for r in deviations]
+    order = sorted(range(len(fits)), key=lambda k: float(np.mean(left[k])))
     size = float(np.sum(measured**2))
     scores = tuple(
         Score(
-            candidates[k].name,
+            names[k],
             fits[k],
             float(np.mean(left[k])),
             float(np.sqrt(squares[k] / size)),

@@ -10,6 +10,7 @@ import numpy as np
 from jaxrender.geometry import Shape
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
 from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
+from jaxrender.inverse.comparison import Asked, Comparison, compare_factorizations, divided
 from jaxrender.inverse.factorization import RecoveredScene, Round
 from jaxrender.inverse.uncertainty import Uncertain, in_own_units
 from jaxrender.io import write_environment
@@ -21,7 +22,7 @@ from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import finite, pixels_of, write_variable
+from jaxrender.pipelines.result import finite, pixels_of, ranking_of, sentence_of, write_variable
 from jaxrender.pipelines.scene import fault_of, lobe_of, settings_of, unknowns_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.reflection import (
@@ -55,11 +56,13 @@ class LightRecovery(Recovery):
         found: Factorization,
         observations: Observations,
         seen: tuple[list[Photograph], Shape],
+        comparison: Comparison | None = None,
     ):
-        """``asked`` are the task, the model's name and the gauge."""
+        """``asked`` are the task, the model's name and the gauge; perhaps it was compared."""
         self.task, self.model, self.gauge = asked
         self.found, self.observations = found, observations
         self.photographs, self.shape = seen
+        self.comparison = comparison
 
     @property
     def light(self) -> DualLight:
@@ -119,23 +122,44 @@ def recover_light(
             normals = np.asarray(observations.samples.normals)
             transfer = field.at(observations.places, normals)
             observations = observations._replace(transfer=transfer)
-    known = config.task == "lighting"
-    with fault_of(str(config.capture.transforms)):
-        found = factorize(
-            observations,
-            lobe_of(config.brdf),
-            factor_settings(config),
-            _known(config),
-            gauge="per-channel" if known else config.brdf.gauge,
-            shape=shape,
-            stage=clock.stage,
-            watch=lambda round_: progress.note(_sentence(round_)),
-        )
+    known, model, comparison = config.task == "lighting", config.brdf.model, None
+    how = {
+        "gauge": "per-channel" if known else config.brdf.gauge,
+        "shape": shape,
+        "stage": clock.stage,
+        "watch": lambda round_: progress.note(_sentence(round_)),
+    }
+    settings = factor_settings(config)
+    if config.brdf.compare:
+        with fault_of("brdf.compare"):
+            held_out, seed = config.solve.held_out, config.samples.seed
+            models = _asked(config)
+            comparison = compare_factorizations(
+                observations, models, settings, held_out, seed, **how
+            )
+        found, model = comparison.best.fit, comparison.best.name
+        assert isinstance(found, Factorization)
+        # What it was fitted to, and predicts.
+        observations, _ = divided(observations, held_out, seed)
+        progress.note(sentence_of(comparison))
+    else:
+        with fault_of(str(config.capture.transforms)):
+            lobe = lobe_of(config.brdf)
+            found = factorize(observations, lobe, settings, _known(config), **how)
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = _in_given_units(config, found)
-    asked = config.task, config.brdf.model, gauge
-    return LightRecovery(asked, found, observations, (photographs, shape))
+    asked = config.task, model, gauge
+    return LightRecovery(asked, found, observations, (photographs, shape), comparison)
+
+
+def _asked(config: RunConfig) -> tuple[Asked, ...]:
+    """List every model that the config names, each with what is said of its own parameters."""
+    models = []
+    for model in config.brdf.models:
+        own = config.model_copy(update={"brdf": config.brdf.as_model(model)})
+        models.append(Asked(model, lobe_of(own.brdf), _known(own)))
+    return tuple(models)
 
 
 def factor_settings(config: RunConfig) -> FactorSettings:
@@ -185,6 +209,8 @@ def _result(recovery: LightRecovery) -> dict[str, Any]:
         ],
         "pixels": pixels_of(recovery.photographs),
     }
+    if recovery.comparison is not None:
+        result["comparison"] = ranking_of(recovery.comparison)
     return finite(result)
 
 

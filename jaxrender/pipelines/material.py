@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxrender.geometry import Mesh, Shape
-from jaxrender.inverse import KnownLight, Observations, fit_brdf
+from jaxrender.inverse import BRDFFit, KnownLight, Observations, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.variants import fit_variants
@@ -16,7 +16,7 @@ from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import Finding, result_of, write_arrays
+from jaxrender.pipelines.result import Finding, result_of, sentence_of, write_arrays
 from jaxrender.pipelines.scene import (
     fault_of,
     lobe_of,
@@ -112,6 +112,7 @@ def recover_material(
     if config.brdf.compare:
         comparison = _compared(config, known, (shape, len(photographs)), clock)
         found, model = comparison.best.fit, comparison.best.name
+        assert isinstance(found, BRDFFit)
         progress.note(sentence_of(comparison))
     else:
         unknowns = unknowns_of(config, len(photographs))
@@ -137,14 +138,6 @@ def recover_material(
         forecast,
     )
     return MaterialRecovery(finding)
-
-
-def sentence_of(comparison: Comparison) -> str:
-    """Name the best model, and those that the held-out samples cannot tell from it."""
-    best, *others = comparison.scores
-    as_good = [score.name for score in others if not score.told_apart]
-    sentence = f"{best.name} explains {comparison.held_out} held-out samples best"
-    return f"{sentence}; {', '.join(as_good)} as well" if as_good else sentence
 
 
 def _compared(

@@ -69,7 +69,7 @@ def result_of(finding: Finding) -> dict[str, Any]:
         sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
         result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
     if finding.comparison is not None:
-        result["comparison"] = _comparison(finding, finding.comparison)
+        result["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
     if finding.forecast is not None:
         result["forecast"] = _forecast(finding, finding.forecast)
     if fit.exact is not None:
@@ -146,11 +146,11 @@ def _words(finding: Finding) -> OwnWords:
     return OwnWords(finding.model, finding.fit.brdf, not finding.ks_per_channel)
 
 
-def _comparison(finding: Finding, comparison: Comparison) -> dict[str, Any]:
-    """List the models that were compared, the best first."""
+def ranking_of(comparison: Comparison, one_ks: bool = False) -> dict[str, Any]:
+    """List the models that were compared, the best first; ``one_ks`` as in ``OwnWords``."""
 
     def one(score: Score) -> dict[str, Any]:
-        words = _words(finding._replace(fit=score.fit, model=score.name))
+        words = OwnWords(score.name, score.fit.brdf, one_ks)
         parameters = in_own_units(score.fit.parameters, score.fit.brdf.shape)
         return {
             "model": score.name,
@@ -168,6 +168,14 @@ def _comparison(finding: Finding, comparison: Comparison) -> dict[str, Any]:
         "held_out": comparison.held_out,
         "ranking": [one(score) for score in comparison.scores],
     }
+
+
+def sentence_of(comparison: Comparison) -> str:
+    """Name the best model, and those that the held-out samples cannot tell from it."""
+    best, *others = comparison.scores
+    as_good = [score.name for score in others if not score.told_apart]
+    sentence = f"{best.name} explains {comparison.held_out} held-out samples best"
+    return f"{sentence}; {', '.join(as_good)} as well" if as_good else sentence
 
 
 def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:

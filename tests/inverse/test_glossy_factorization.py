@@ -3,6 +3,7 @@
 - Photographs of an area light and a lamp by the exact integral, with noise, give material and lamp
   back within a few of the stated standard errors; the residual is the noise.
 - The forecast of such a fit foresees its errors.
+- Of several models the one that was photographed predicts best what was held out.
 - The search begins with as much gloss as paint, whatever unit the model's ks has.
 - What is said of the width is said by the model's own name.
 """
@@ -14,6 +15,7 @@ from inverse_problems import ball_samples
 from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, Ward
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight, Observations
+from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.response import Response, gloss_share
 from jaxrender.inverse.factorization.rounds import Task, begin
@@ -82,6 +84,24 @@ def test_material_and_lamp_are_found(name):
     for name in pairs:
         ratio = np.asarray(getattr(foreseen, name)) / np.asarray(getattr(error, name))
         assert np.all((ratio > 0.7) & (ratio < 1.4)), (name, ratio)
+
+
+def test_the_right_model_predicts_what_was_held_out():
+    asked = (Asked("phong", MODELS["phong"]), Asked("ward", MODELS["ward"]))
+    found = compare_factorizations(photographs(MODELS["ward"]), asked, SETTINGS)
+    assert [score.name for score in found.scores] == ["ward", "phong"]
+    best, other = found.scores
+    # Each has found a light of its own; the right one leaves the noise, here and there.
+    assert found.held_out == 180
+    assert best.relative_rms == pytest.approx(0.01, rel=0.2)
+    assert best.chi_squared == pytest.approx(1, abs=0.25)
+    assert (best.behind, best.told_apart, other.told_apart) == (0, False, True)
+    assert found.best.fit.predicted.shape == (720, 3)
+
+
+def test_a_comparison_needs_two_models():
+    with pytest.raises(ValueError, match="two models or more"):
+        compare_factorizations(photographs(MODELS["ward"]), (Asked("a", MODELS["ward"]),), SETTINGS)
 
 
 def test_the_search_begins_with_as_much_gloss_as_paint():

@@ -116,7 +116,14 @@ def test_a_comparison_takes_what_each_model_has():
             {"task": "lighting", "brdf": {"model": "ward", "kd": 0.1, "ks": 0.1}},
             "needs a known material; fix roughness, or choose",
         ),
-        ({"task": "factorize", "brdf": {"compare": ["ggx"]}}, "brdf.compare is for task: brdf"),
+        (
+            {"task": "texture", "texture": {"size": 8}, "brdf": {"compare": ["ggx"]}},
+            "brdf.compare is for task: brdf",
+        ),
+        (
+            {"task": "factorize", "brdf": {"compare": ["ggx", "lambertian"]}},
+            "remove lambertian from brdf.compare",
+        ),
         ({"task": "factorize", "solve": {"interreflection": True}}, "is for task: brdf"),
         (
             {"solve": {"interreflection": True}, "lighting": {"free_scale": True}},

@@ -10,8 +10,8 @@
     lamps added while they pay, then the exact integral's corrections
 ``account``
     gauges and error bars
-``recover``
-    the whole of it
+``recover`` ``prediction``
+    the whole of it; what other samples show by what was found
 ``gram`` ``stream``
     one pass over any number of pixels into matrices from which every outer evaluation follows
 ``nested`` ``roughness``
@@ -19,6 +19,7 @@
 """
 
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
+from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
 from jaxrender.inverse.factorization.rounds import FactorSettings, Known, Round
 
@@ -30,4 +31,5 @@ __all__ = [
     "RecoveredScene",
     "Round",
     "factorize",
+    "predict",
 ]

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
-from jaxrender.geometry import fibonacci_sphere
+from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, synthesise
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.factorization.joint import (
@@ -384,14 +384,17 @@ def corrected(task: Task, state: State) -> State:
     lobe = response.lobe(guess)
     exact = reflect_slow_light(lobe, response.samples, slow)
     if task.sight is not None:
-        exact = exact - _hidden_slow_light(task, task.sight, lobe, slow)
+        exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)
     dual = jnp.einsum("sl,slc->sc", response.passed(guess), response.mirrored(slow))
     defect = gloss_share(guess)[None, :] * (exact - dual)
     return state._replace(target=task.radiance - np.asarray(defect))
 
 
-def _hidden_slow_light(
-    task: Task, sight: Sight, lobe: Glossy, slow: Float[Array, "coefficient channel"]
+def hidden_slow_light(
+    samples: SurfaceSamples,
+    sight: Sight,
+    lobe: Glossy,
+    slow: Float[Array, "coefficient channel"],
 ) -> Float[Array, "sample channel"]:
     """Sum the slow light that the object keeps from itself: only this rests on a grid."""
     image = np.asarray(synthesise(_HIDDEN_GRID, slow)).reshape(-1, slow.shape[1])
@@ -399,7 +402,7 @@ def _hidden_slow_light(
     weights = _HIDDEN_GRID.weights().reshape(-1, 1)
     nodes = LightNodes(directions, weights * image)
     hidden = ~sight.of_fixed(directions)
-    return integral_columns(lobe, task.response.samples, nodes, hidden)[:, 1]
+    return integral_columns(lobe, samples, nodes, hidden)[:, 1]
 
 
 def round_of(task: Task, state: State) -> Round:

@@ -82,8 +82,12 @@ class RunConfig(Section):
                 f"model {self.brdf.model} is fitted to one material for the whole surface, not "
                 f"task texture; choose model {GLOSSY}, or lambertian"
             )
-        if self.brdf.compare:
-            raise ValueError("brdf.compare is for task: brdf; remove it")
+        if self.brdf.compare and self.task != "factorize":
+            raise ValueError("brdf.compare is for task: brdf or factorize; remove it")
+        if "lambertian" in self.brdf.compare:
+            raise ValueError(
+                "task factorize reads the light off the gloss; remove lambertian from brdf.compare"
+            )
         if self.solve.interreflection:
             raise ValueError("solve.interreflection is for task: brdf; remove it")
         return self

@@ -93,6 +93,7 @@ def _light_sections(contents: LightContents) -> dict[str, Any]:
         "evidence": None,
         "refined": False,
         "pictures": light_pictures(contents),
+        "comparison": comparison(contents),
         "band_limit": contents.result["lighting"]["band_limit"],
         "path": path_plots(contents),
     }

@@ -1,0 +1,43 @@
+"""What other samples show under the light and with the material that a factorization has found."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import Shape
+from jaxrender.harmonics import band_limit_of, coefficient_count
+from jaxrender.inverse.factorization.recover import Factorization
+from jaxrender.inverse.factorization.rounds import hidden_slow_light
+from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.shadowing import concave, nodes_seen, places_of, with_transfer
+from jaxrender.reflection import (
+    integral_columns,
+    irradiance,
+    reflect_slow_light,
+    shadowed_irradiance,
+)
+from jaxrender.shapes import Float
+
+
+def predict(
+    found: Factorization, observations: Observations, shape: Shape | None = None
+) -> Float[np.ndarray, "sample channel"]:
+    """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
+    brdf, slow = found.brdf, jnp.asarray(found.scene.slow)
+    lamps, samples = found.scene.sources.nodes(), observations.samples
+    diffuse = irradiance(slow, samples.normals)
+    specular = reflect_slow_light(brdf, samples, slow)
+    hiding, seen = concave(shape), None
+    if hiding is not None:
+        band_limit = band_limit_of(slow.shape[0])
+        observations = with_transfer(observations, hiding, band_limit)
+        assert observations.transfer is not None
+        transfer = np.asarray(observations.transfer)[:, : coefficient_count(band_limit)]
+        diffuse = shadowed_irradiance(slow, transfer)
+        sight = Sight(hiding, places_of(observations))
+        specular = specular - hidden_slow_light(samples, sight, brdf, slow)
+        seen = nodes_seen(hiding, observations, (lamps,))
+    fast = integral_columns(brdf, samples, lamps, None if seen is None else seen[0])
+    kd, ks = (np.asarray(part)[None, :] for part in (brdf.kd, brdf.ks))
+    predicted = kd * (diffuse + fast[:, 0]) + ks * (specular + fast[:, 1])
+    return np.asarray(predicted)
