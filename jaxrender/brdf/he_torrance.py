@@ -51,6 +51,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 # directions at that g.
 _SMOOTH, _TERMS, _MOMENTS = 64.0, 112, 12
 _TERMS_AT_ONCE = 8
+_VANISHED = 90.0
 # Newton's steps for u exp(u) = c: ten settle any c up to 1e12, which is grazing.
 _NEWTON_STEPS = 10
 # Lambda is 0 in any precision for slopes q = cot t / (2 sigma / tau) above it.
@@ -303,7 +304,8 @@ def _by_moments(g: Float[Array, "*#batch"], q: Float[Array, "*#batch"]) -> Float
     polynomials, and the means of d^k are Poisson's central moments over g^k.
     """
     g = jnp.maximum(g, _SMOOTH)
-    z = q / g
+    # Further off exp(-z) is zero, and powers of z would overflow.
+    z = jnp.minimum(q / g, _VANISHED)
     before, here, total = jnp.zeros_like(z), jnp.ones_like(z), jnp.zeros_like(z)
     for k, moment in enumerate(_poisson_moments(_MOMENTS)):
         # Coefficients of g^0 to g^k, divided by g^k, are those of a polynomial in 1 / g.

@@ -10,6 +10,7 @@ energy head-on shared with the mirror part; mixtures add.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
@@ -247,6 +248,15 @@ def test_diffraction_series(g, steepness):
     peak = max(float(terms), 1 / max(g, 1) * g / (1 + g))
     found = float(diffraction_series(jnp.full(1, g), jnp.full(1, q))[0])
     assert found == pytest.approx(float(terms), abs=1e-7 * peak)
+
+
+@pytest.mark.parametrize("g", [0.5, 63.0, 100.0])
+def test_the_series_ends_in_nothing_far_from_the_mirror_direction(g):
+    """In single precision the powers of an expansion would overflow there."""
+    at, far = jnp.float32(g), jnp.float32(1e7)
+    assert float(diffraction_series(at, far)) == 0
+    slopes = jax.grad(lambda a, q: diffraction_series(a, q), (0, 1))(at, far)
+    np.testing.assert_array_equal(slopes, np.zeros(2))
 
 
 def test_product_logarithm_is_the_inverse_of_u_exp_u():
