@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
-from jaxrender.brdf.half_vector import are_visible, half_vector, lifted, power
+from jaxrender.brdf.half_vector import half_vector, lifted, power
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -65,14 +65,6 @@ class BlinnPhong(WithoutIndex):
     def energy(self) -> float:
         """One: ks is about the lobe's albedo at normal exitance."""
         return 1.0
-
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine, and the normalised power times the clamped cosine."""
-        visible = are_visible(incoming, outgoing)
-        lobe = self.specular_transfer(incoming, outgoing)
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
 
     def specular_transfer(
         self, incoming: Components, outgoing: Components

@@ -19,6 +19,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxrender.brdf.base import BRDF
+from jaxrender.brdf.half_vector import are_visible
 from jaxrender.brdf.parameters import Scalar
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
@@ -83,6 +84,14 @@ class Glossy(BRDF):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate the lobe times cos t_i for directions above the horizon (below: meaningless)."""
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
+        visible = are_visible(incoming, outgoing)
+        lobe = self.specular_transfer(incoming, outgoing)
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
 
     @property
     def amplitudes(self) -> Float[AnyArray, "2 channel"]:

@@ -202,14 +202,6 @@ class HeTorranceLobe(Glossy):
         """Have no factor to drop: the reflectance belongs to the lobe."""
         return self
 
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
-        visible = are_visible(incoming, outgoing)
-        lobe = self.specular_transfer(incoming, outgoing)
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
-
     def specular_transfer(
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:

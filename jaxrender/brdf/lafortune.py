@@ -141,14 +141,6 @@ class CosineLobe(WithoutIndex):
         """The lobe's albedo at normal exitance, 2 pi C_z^n / (n + 2)."""
         return 2 * np.pi * self.c_z**self.exponent / (self.exponent + 2)
 
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
-        visible = are_visible(incoming, outgoing)
-        lobe = self.specular_transfer(incoming, outgoing)
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
-
     def specular_transfer(
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:

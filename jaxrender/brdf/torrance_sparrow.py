@@ -16,7 +16,7 @@ from jaxrender.brdf.distributions import Distribution
 from jaxrender.brdf.facets import distribution_named, facet_transfer, facets_conserve_energy
 from jaxrender.brdf.fresnel import fresnel, head_on_reflectance, schlick_fresnel
 from jaxrender.brdf.glossy import Glossy, ShapeParameter
-from jaxrender.brdf.half_vector import are_visible, lifted
+from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import FACET_MASKINGS
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -109,14 +109,6 @@ class TorranceSparrow(Glossy):
     def as_metal(self) -> "TorranceSparrow":
         """Have no factor to drop: the reflectance belongs to the lobe."""
         return self
-
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine and F D G / (4 cos t_o)."""
-        visible = are_visible(incoming, outgoing)
-        lobe = self.specular_transfer(incoming, outgoing)
-        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
 
     def specular_transfer(
         self, incoming: Components, outgoing: Components
