@@ -8,8 +8,8 @@
     diffuse surfaces, smooth and rough
 ``microfacet``
     the thesis's own model (T 6.2), which the fits recover
-``glossy``
-    a base and one lobe: what a fit can recover
+``parametric`` ``glossy``
+    a base and one lobe: what a fit can recover; those whose lobe is about the reflected direction
 ``phong`` ``blinn_phong`` ``lafortune``
     powers of cosines
 ``torrance_sparrow`` ``cook_torrance`` ``he_torrance``
@@ -50,7 +50,7 @@ from jaxrender.brdf.fresnel import (
     normalised_fresnel,
     schlick_fresnel,
 )
-from jaxrender.brdf.glossy import Glossy, ShapeParameter, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
 from jaxrender.brdf.isotropic_mean import IsotropicMean
 from jaxrender.brdf.kajiya_kay import KajiyaKay
@@ -65,7 +65,8 @@ from jaxrender.brdf.masking import (
 )
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
-from jaxrender.brdf.oren_nayar import OrenNayar
+from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
+from jaxrender.brdf.parametric import IndexParameter, Parametric, ShapeParameter, WithoutIndex
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import (
@@ -75,7 +76,7 @@ from jaxrender.brdf.properties import (
     reciprocity_error,
     separability_error,
 )
-from jaxrender.brdf.registry import BRDFS, SIMPLE_GLOSSY, brdf_named, simple_glossy_named
+from jaxrender.brdf.registry import BRDFS, SIMPLE_PARAMETRIC, brdf_named, simple_parametric_named
 from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
 from jaxrender.brdf.scattering_trees import ScatteringTrees
 from jaxrender.brdf.tables.cell_means import Samples, tabulate
@@ -98,10 +99,11 @@ from jaxrender.brdf.tables.zernike import ZernikeBRDF
 from jaxrender.brdf.tables.zernike_fit import ZernikeFit, fit_zernike
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.tree_sampler import TreeSampler
-from jaxrender.brdf.ward import WARD_NORMALISATIONS, Ward
+from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
+    "AnisotropicWard",
     "BRDF",
     "BRDFS",
     "COSINE",
@@ -110,7 +112,7 @@ __all__ = [
     "FRESNEL_ANGLES",
     "MASKINGS",
     "RECONSTRUCTIONS",
-    "SIMPLE_GLOSSY",
+    "SIMPLE_PARAMETRIC",
     "WARD_NORMALISATIONS",
     "Beckmann",
     "BlinnPhong",
@@ -133,7 +135,10 @@ __all__ = [
     "Microfacet",
     "Mixture",
     "Nearest",
+    "IndexParameter",
     "OrenNayar",
+    "OrenNayarLobe",
+    "Parametric",
     "Phong",
     "PolarIsotropicTable",
     "PolarNodesTable",
@@ -172,7 +177,7 @@ __all__ = [
     "reciprocity_error",
     "schlick_fresnel",
     "separability_error",
-    "simple_glossy_named",
+    "simple_parametric_named",
     "smith_facet_masking",
     "smith_masking",
     "tabulate",

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import half_vector, lifted, power
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -21,6 +21,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -28,7 +29,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 _NEGLIGIBLE = 25.0
 
 
-class BlinnPhong(WithoutIndex):
+class BlinnPhong(WithoutIndex, Glossy):
     """The half vector's power over a Lambertian base, with a real ``exponent`` s >= 0."""
 
     # cos^s t_h is about exp(-s t_h^2 / 2), so s = 2 / sigma^2.

@@ -33,7 +33,7 @@ from jax.scipy.special import erfc
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.cook_torrance import diagonal_amplitudes, refuse_metal
 from jaxrender.brdf.fresnel import conductor_fresnel, fresnel, head_on_reflectance
-from jaxrender.brdf.glossy import Glossy, ShapeParameter
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -43,6 +43,7 @@ from jaxrender.brdf.parameters import (
     refuse_other_channels,
     refuse_outside,
 )
+from jaxrender.brdf.parametric import ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 

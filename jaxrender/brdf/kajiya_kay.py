@@ -11,19 +11,24 @@ As in the paper, and for the thesis, the expression is the transfer function: li
 not foreshortened by the normal.  Both lobes have their peak at 1 and are cut at the horizon.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible, power
 from jaxrender.brdf.parameters import Scalar, as_scalar, matching, refuse_outside
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 
-class KajiyaKay(BRDF):
+class KajiyaKay(WithoutIndex):
     """Fibres with a diffuse and a specular part, kd and ks in 1/sr, ``exponent`` s >= 0."""
+
+    # cos^s t is about exp(-s t^2 / 2).
+    shape: ClassVar[ShapeParameter] = ShapeParameter("exponent", 2.0, -2.0)
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -31,11 +36,6 @@ class KajiyaKay(BRDF):
 
     def __check_init__(self):
         refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower, 32 is glossy")
-
-    @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The diffuse and the specular lobe's: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
 
     @property
     def reciprocal(self) -> bool:
@@ -51,6 +51,11 @@ class KajiyaKay(BRDF):
     def isotropic(self) -> bool:
         """Only black fibres."""
         return self.reciprocal
+
+    @property
+    def energy(self) -> Scalar:
+        """The lobe's integral at normal exitance, pi int cos^(s + 1), to 2 % from s = 1 on."""
+        return np.pi * (2 * np.pi / (jnp.asarray(self.exponent) + 1.5)) ** 0.5
 
     def transfer(
         self, incoming: Components, outgoing: Components

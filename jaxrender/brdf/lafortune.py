@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import are_visible, power
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -24,6 +24,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -93,7 +94,7 @@ class Lafortune(BRDF):
         return jnp.where(visible, incoming.z, 0), *lobes
 
 
-class CosineLobe(WithoutIndex):
+class CosineLobe(WithoutIndex, Glossy):
     """One isotropic lobe (-1, -1, ``c_z``) of an ``exponent`` n >= 0 over kd; c_z = 1 is Phong's.
 
     ``ks`` in 1/sr is the value where the generalised cosine is 1.

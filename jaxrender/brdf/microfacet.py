@@ -22,7 +22,7 @@ import numpy as np
 from jaxrender.brdf.distributions import DISTRIBUTIONS
 from jaxrender.brdf.facets import facet_transfer
 from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
-from jaxrender.brdf.glossy import Glossy, ShapeParameter
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import FACET_MASKINGS, MASKINGS
 from jaxrender.brdf.parameters import (
@@ -34,6 +34,7 @@ from jaxrender.brdf.parameters import (
     refuse_unlisted,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import ShapeParameter
 from jaxrender.geometry import Components, squared_acute_angle
 from jaxrender.shapes import AnyArray, Array, Float
 

@@ -7,6 +7,8 @@ and, as the qualitative model, rho / pi (A + B max(cos p, 0) sin a tan b)       
 ``kd`` is rho / pi, so the lobe of light reflected twice has the amplitude pi kd^2.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -20,11 +22,15 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import Parametric, ShapeParameter
 from jaxrender.geometry import Components, squared_acute_angle
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Sines below it count as the pole, where the azimuth is nothing to differentiate by.
 _SMALLEST_SQUARED_SINE = 1e-12
+
+# The lobe is about as wide as a cosine.
+_WIDTH = 1.0
 
 # The largest directional albedo of white sides over all sigma and angles, found numerically.
 _FULL_OVERSHOOT, _QUALITATIVE_OVERSHOOT = 1.052, 1.017
@@ -89,6 +95,73 @@ class OrenNayar(BRDF):
             jnp.where(visible, lobe * incoming.z, 0)
             for lobe in lobes(sigma * sigma, incoming, outgoing)
         )
+
+
+class OrenNayarLobe(Parametric):
+    """The qualitative model as a fit knows it, one lobe with the amplitude that Oren calls kd.
+
+    The lobe is ``ks`` here; ``kd``, that of a Lambertian base under it, is to be black.
+    """
+
+    shape: ClassVar[ShapeParameter] = ShapeParameter("sigma")
+    amplitude_names: ClassVar[tuple[str | None, str | None]] = (None, "kd")
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    sigma: Scalar = eqx.field(converter=as_scalar)
+
+    def __check_init__(self):
+        refuse_outside("sigma", self.sigma, "[0, 1.5708)", "it is in radians, 30 degrees are .52")
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """When the albedo is low enough for the fitted formula, which overshoots at grazing."""
+        return share_of_energy_is_bounded(self.kd * np.pi, self.ks * np.pi * _QUALITATIVE_OVERSHOOT)
+
+    @property
+    def isotropic(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def mu(self) -> None:
+        """None."""
+        return None
+
+    @property
+    def fresnel_is_factor(self) -> bool:
+        """Of a ratio that is one everywhere."""
+        return True
+
+    def as_metal(self) -> "OrenNayarLobe":
+        """Have no Fresnel ratio to drop."""
+        return self
+
+    @property
+    def energy(self) -> float:
+        """About pi: ks is an albedo over pi."""
+        return np.pi
+
+    @property
+    def width(self) -> float:
+        """About a radian, whatever the grooves."""
+        return _WIDTH
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
+        visible = are_visible(incoming, outgoing)
+        incoming, outgoing = lifted(incoming), lifted(outgoing)
+        sigma = matching(self.sigma, incoming.z)
+        (lobe,) = _qualitative(sigma * sigma, incoming, outgoing)
+        cosine = jnp.where(visible, incoming.z, 0)
+        return cosine, lobe * cosine
 
 
 def _qualitative(

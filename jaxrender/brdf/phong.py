@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import are_visible, power
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -22,6 +22,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -29,7 +30,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 _NEGLIGIBLE = 25.0
 
 
-class Phong(WithoutIndex):
+class Phong(WithoutIndex, Glossy):
     """T 3.34 over a Lambertian base, with a real ``exponent`` s >= 0.
 
     ``clipped=False`` lets the lobe reach below the horizon of the incoming light, as the thesis

@@ -13,14 +13,13 @@ the specular one uses Gauss-Legendre nodes about its peak where the authors used
 polynomials.  Light that bounces twice is left out.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import blinn_normalisation
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted, power
 from jaxrender.brdf.parameters import (
@@ -30,6 +29,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -52,12 +52,15 @@ class _Interval(NamedTuple):
         return _Interval(self.low, jnp.maximum(self.low, self.high))
 
 
-class PoulinFournier(BRDF):
+class PoulinFournier(WithoutIndex):
     """Cylinders with a material of kd and Blinn's lobe ks, ``exponent`` s >= 0.
 
     ``spacing`` d >= 2 between the axes and ``height`` in (0, 1], both in radii: 1 is half a
     cylinder, near 0 the surface is flat.  Raises ``ValueError`` outside these ranges.
     """
+
+    # Of the material, as that of Blinn's lobe.
+    shape: ClassVar[ShapeParameter] = ShapeParameter("exponent", 2.0, -2.0)
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
@@ -69,11 +72,6 @@ class PoulinFournier(BRDF):
         refuse_outside("exponent", self.exponent, "[0, inf)", "larger is narrower, 32 is glossy")
         refuse_outside("spacing", self.spacing, "[2, inf)", "cylinders of radius 1 touch at 2")
         refuse_outside("height", self.height, "(0, 1]", "1 is half of a cylinder of radius 1")
-
-    @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The material's diffuse and specular part: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
 
     @property
     def reciprocal(self) -> bool:
@@ -89,6 +87,11 @@ class PoulinFournier(BRDF):
     def isotropic(self) -> bool:
         """Never: the cylinders have a direction."""
         return False
+
+    @property
+    def energy(self) -> float:
+        """About one: ks is the material's albedo."""
+        return 1.0
 
     def transfer(
         self, incoming: Components, outgoing: Components

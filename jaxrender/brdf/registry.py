@@ -10,18 +10,18 @@ import numpy as np
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
-from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
 from jaxrender.brdf.kajiya_kay import KajiyaKay
 from jaxrender.brdf.lafortune import CosineLobe, Lafortune
 from jaxrender.brdf.lambertian import Lambertian
 from jaxrender.brdf.microfacet import Microfacet
 from jaxrender.brdf.mixture import Mixture
-from jaxrender.brdf.oren_nayar import OrenNayar
+from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
+from jaxrender.brdf.parametric import Parametric
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
-from jaxrender.brdf.ward import Ward
+from jaxrender.brdf.ward import AnisotropicWard, Ward
 
 BRDFS: dict[str, type[BRDF]] = {
     "lambertian": Lambertian,
@@ -33,38 +33,40 @@ BRDFS: dict[str, type[BRDF]] = {
     "cook-torrance": CookTorrance,
     "he-torrance": HeTorrance,
     "ward": Ward,
+    "anisotropic-ward": AnisotropicWard,
     "lafortune": Lafortune,
     "kajiya-kay": KajiyaKay,
     "poulin-fournier": PoulinFournier,
     "mixture": Mixture,
 }
 
-# Those that a fit knows by one number for the lobe and perhaps an index; Microfacet has variants
+# Those that a fit knows by one number for the lobe and perhaps a second; Microfacet has variants
 # besides.  Of Lafortune's model one lobe.  Cook and Torrance's has a lobe for each channel, but if
 # all have one real index it is Torrance and Sparrow's with other facets; of He and Torrance's that
-# of one wavelength.
-_OF_ONE_LOBE: dict[str, type[Glossy]] = {
+# of one wavelength; of Oren and Nayar's the shorter one, whose lobe is linear in the albedo.
+_OF_ONE_LOBE: dict[str, type[Parametric]] = {
     "cook-torrance": TorranceSparrow,
     "he-torrance": HeTorranceLobe,
     "lafortune": CosineLobe,
+    "oren-nayar": OrenNayarLobe,
 }
 _FACETS = {"cook-torrance": {"distribution": "beckmann"}}
-SIMPLE_GLOSSY: dict[str, type[Glossy]] = {
+SIMPLE_PARAMETRIC: dict[str, type[Parametric]] = {
     name: model
     for name, model in {**BRDFS, **_OF_ONE_LOBE}.items()
-    if issubclass(model, Glossy) and model is not Microfacet
+    if issubclass(model, Parametric) and model is not Microfacet
 }
 # The width that such a model is made with does not matter.
 _ANY_WIDTH = 0.1
 
 
-def simple_glossy_named(name: str, channels: int = 3, **choices: Any) -> Glossy:
-    """Make a black model of ``SIMPLE_GLOSSY``, to be given amplitudes, width and index.
+def simple_parametric_named(name: str, channels: int = 3, **choices: Any) -> Parametric:
+    """Make a black model of ``SIMPLE_PARAMETRIC``, to be given amplitudes, width and index.
 
     ``choices`` are numbers that are not searched for, such as ``c_z`` of lafortune or
     ``deviation`` of he-torrance.
     """
-    model, black = SIMPLE_GLOSSY[name], np.zeros(channels)
+    model, black = SIMPLE_PARAMETRIC[name], np.zeros(channels)
     number = model.shape.of_width(_ANY_WIDTH)
     given: dict[str, Any] = {"kd": black, "ks": black, model.shape.name: number}
     return model(**{**given, **_FACETS.get(name, {}), **choices})

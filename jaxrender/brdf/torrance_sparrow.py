@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxrender.brdf.distributions import Distribution
 from jaxrender.brdf.facets import distribution_named, facet_transfer, facets_conserve_energy
 from jaxrender.brdf.fresnel import fresnel, head_on_reflectance, schlick_fresnel
-from jaxrender.brdf.glossy import Glossy, ShapeParameter
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import FACET_MASKINGS
 from jaxrender.brdf.parameters import (
@@ -26,6 +26,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     refuse_unlisted,
 )
+from jaxrender.brdf.parametric import ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 

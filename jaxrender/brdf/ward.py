@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.distributions import STEEPEST
-from jaxrender.brdf.glossy import ShapeParameter, WithoutIndex
+from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import HalfVector, are_visible, half_vector, lifted
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -25,6 +25,7 @@ from jaxrender.brdf.parameters import (
     refuse_unlisted,
     share_of_energy_is_bounded,
 )
+from jaxrender.brdf.parametric import IndexParameter, Parametric, ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -47,7 +48,7 @@ _REACH = 5.0
 WARD_NORMALISATIONS = {"ward": _by_ward, "duer": _by_duer, "bounded": _bounded}
 
 
-class Ward(WithoutIndex):
+class Ward(WithoutIndex, Glossy):
     """Ward's lobe over a Lambertian base, roughness along +X and across it in (0, 1].
 
     ``roughness_y=None`` is the isotropic model.  Roughness is the slopes' deviation times sqrt(2),
@@ -109,11 +110,96 @@ class Ward(WithoutIndex):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate the lobe times cos t_i."""
-        incoming, outgoing = lifted(incoming), lifted(outgoing)
-        half = half_vector(incoming, outgoing)
-        along = matching(self.roughness, half.cosine)
-        across = along if self.roughness_y is None else matching(self.roughness_y, half.cosine)
-        h = half.direction
-        exponent = ((h.x / along) ** 2 + (h.y / across) ** 2) / jnp.maximum(h.z * h.z, STEEPEST)
-        scale = WARD_NORMALISATIONS[self.normalisation](incoming, outgoing, half)
-        return jnp.exp(-exponent) * scale * incoming.z / (4 * np.pi * along * across)
+        across = self.roughness if self.roughness_y is None else self.roughness_y
+        return _lobe(incoming, outgoing, (self.roughness, across), self.normalisation)
+
+
+class AnisotropicWard(Parametric):
+    """Ward's own model with a roughness along +X and another across it, both to be found.
+
+    ``roughness_y`` is searched for as an index (``IndexParameter``): it lies above 0 as mu lies
+    above 1.  Raises ``ValueError`` for a roughness outside (0, 1].
+    """
+
+    shape: ClassVar[ShapeParameter] = ShapeParameter("roughness")
+    index: ClassVar[IndexParameter] = IndexParameter("roughness_y", 1.0, 1.0)
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    roughness: Scalar = eqx.field(converter=as_scalar)
+    roughness_y: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
+
+    def __check_init__(self):
+        for name in ("roughness", "roughness_y"):
+            if (value := getattr(self, name)) is not None:
+                refuse_outside(name, value, "(0, 1]", "measured surfaces have .02 to .3")
+
+    @property
+    def sigma(self) -> Scalar:
+        """The roughness along +X."""
+        return self.roughness
+
+    @property
+    def mu(self) -> Scalar | None:
+        """What the roughness across it stands for in a search."""
+        return None if self.roughness_y is None else self.index.index_of(self.roughness_y)
+
+    @property
+    def width(self) -> Scalar:
+        """The smaller of both."""
+        across = self.roughness if self.roughness_y is None else self.roughness_y
+        return jnp.minimum(self.roughness, across)
+
+    @property
+    def fresnel_is_factor(self) -> bool:
+        """No: there is no Fresnel term."""
+        return False
+
+    def as_metal(self) -> "AnisotropicWard":
+        """Have no Fresnel ratio to drop."""
+        return self
+
+    @property
+    def reciprocal(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Only without the lobe, as Ward's normalisation says nothing of grazing angles."""
+        return not np.any(self.ks) and share_of_energy_is_bounded(np.pi * self.kd)
+
+    @property
+    def isotropic(self) -> bool:
+        """Unless the roughness differs along and across the tangent."""
+        return self.roughness_y is None or bool(self.roughness_y == self.roughness)
+
+    @property
+    def energy(self) -> float:
+        """One: ks is about the lobe's albedo at normal exitance."""
+        return 1.0
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
+        visible = are_visible(incoming, outgoing)
+        across = self.roughness if self.roughness_y is None else self.roughness_y
+        lobe = _lobe(incoming, outgoing, (self.roughness, across), "ward")
+        return jnp.where(visible, lifted(incoming).z, 0), jnp.where(visible, lobe, 0)
+
+
+def _lobe(
+    incoming: Components,
+    outgoing: Components,
+    roughness: tuple[Scalar, Scalar],
+    normalisation: str,
+) -> Float[Array, "*batch"]:
+    """Evaluate the lobe times cos t_i, given the roughness along the tangent and across it."""
+    incoming, outgoing = lifted(incoming), lifted(outgoing)
+    half = half_vector(incoming, outgoing)
+    along, across = (matching(value, half.cosine) for value in roughness)
+    h = half.direction
+    exponent = ((h.x / along) ** 2 + (h.y / across) ** 2) / jnp.maximum(h.z * h.z, STEEPEST)
+    scale = WARD_NORMALISATIONS[normalisation](incoming, outgoing, half)
+    return jnp.exp(-exponent) * scale * incoming.z / (4 * np.pi * along * across)

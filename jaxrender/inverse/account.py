@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, ShapeParameter
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
 from jaxrender.inverse.known_light import PreparedLight
@@ -20,19 +20,17 @@ from jaxrender.inverse.uncertainty import (
 )
 from jaxrender.inverse.weights import variance_factor
 
-_SIGMA = ShapeParameter("sigma")
-
 
 class Account(NamedTuple):
-    """The error bars of a fit, and what the one of sigma rests on."""
+    """The error bars of a fit, and what the one of sigma rests on (of a glossy model)."""
 
     parameters: Uncertain
-    evidence: SigmaEvidence
+    evidence: SigmaEvidence | None
 
 
 def account_for(
     stop: Stop,
-    variant: Glossy,
+    variant: Parametric,
     prepared: PreparedLight,
     settings: FitSettings,
     shape: Shape | None = None,
@@ -51,6 +49,8 @@ def account_for(
         settings.noise is not None,
         variance_factor=variance_factor(in_deviations(stop), settings.loss),
     )
+    if not isinstance(variant, Glossy):
+        return Account(uncertain, None)
     samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)
     darkened = shadows_of(shape, stop.observations, light)
@@ -60,13 +60,11 @@ def account_for(
 
 
 def judge(
-    stop: Stop, account: Account, shape: ShapeParameter = _SIGMA
+    stop: Stop, account: Account, variant: Parametric
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
-    """Decide what is identifiable, how the fit ended, and why, in the model's own words.
-
-    What the search calls sigma is the number of the model that ``shape`` says.
-    """
-    account = account._replace(parameters=in_own_units(account.parameters, shape))
+    """Decide what is identifiable, how the fit ended, and why, in the model's own words."""
+    account = account._replace(parameters=in_own_units(account.parameters, variant))
+    least_index = variant.index.of_index(1.0)
     unknowns = stop.problem.unknowns
     eliminated = np.asarray(stop.fit.linear.eliminated)
     bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
@@ -77,8 +75,8 @@ def judge(
     names = [name for name, unknown in free.items() if unknown is not None and unknown.free]
     identifiable, reasons = {}, []
     for name in names:
-        reached = within_reach(account.parameters, name)
-        own = shape.name if name == "sigma" else name
+        reached = within_reach(account.parameters, name, least_index)
+        own = variant.called(name) or name
         identifiable[own] = reached and not bound[name]
         if bound[name]:
             reasons.append(f"{own} is at a bound of its range")
@@ -99,6 +97,8 @@ def _why(name: str, account: Account, own: str) -> str:
     sentence = f"{own} is not identifiable: its 90 % interval is {', '.join(intervals)}"
     if name not in ("sigma", "mu"):
         return sentence
+    if account.evidence is None:
+        return f"{sentence}; these views and this light show too little of the lobe's shape"
     # Where the light is silent about any gloss, however strong, ks is lost along with the others.
     silent = not np.isfinite(account.evidence.spectrum)
     if not silent and not within_reach(account.parameters, "ks"):

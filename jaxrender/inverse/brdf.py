@@ -12,6 +12,9 @@ On a concave shape the frequency view is T 6.12, with transfer vectors and the v
 of the sources, and the exact one asks for every node of the light whether a sample sees it.  Light
 that bounces from one part of the object to another is in neither, and joins the exact one where it
 is asked for (``settings.interreflection``, T 6.6).
+
+A material whose lobe is not about the reflected direction has no frequency view: there a coarse fit
+by the integral takes the place of the first two steps (``coarse_fit``).
 """
 
 from collections.abc import Callable
@@ -21,13 +24,20 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.account import account_for, judge
+from jaxrender.inverse.coarse_fit import fit_coarsely, width_of
 from jaxrender.inverse.conditioning import SigmaEvidence
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
-from jaxrender.inverse.known_light import KnownLight, PreparedLight, exact_nodes, prepare_light
+from jaxrender.inverse.known_light import (
+    KnownLight,
+    PreparedLight,
+    exact_nodes,
+    prepare_light,
+    undivided,
+)
 from jaxrender.inverse.models import ExactModel, TabulatedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.outcomes import Outcome
@@ -62,11 +72,11 @@ Stage = Callable[[str], AbstractContextManager]
 class BRDFFit(NamedTuple):
     """A recovered material with all that is known about how well it is known."""
 
-    brdf: Glossy
+    brdf: Parametric
     outcome: Outcome
     parameters: Uncertain
     identifiable: dict[str, bool]
-    evidence: SigmaEvidence
+    evidence: SigmaEvidence | None
     frequency: Stop
     exact: Stop | None
     light: PreparedLight
@@ -75,7 +85,7 @@ class BRDFFit(NamedTuple):
 
     @property
     def final(self) -> Stop:
-        """The refined fit where there is one, else the frequency fit."""
+        """The refined fit where there is one, else the frequency fit (or the coarse one)."""
         return self.frequency if self.exact is None else self.exact
 
     @property
@@ -94,23 +104,69 @@ def fit_brdf(
     observations: Observations,
     light: KnownLight,
     unknowns: MicrofacetUnknowns,
-    variant: Glossy,
+    variant: Parametric,
     settings: FitSettings = DEFAULTS,
     stage: Stage = lambda name: nullcontext(),
     *,
     shape: Shape | None = None,
 ) -> BRDFFit:
-    """Recover kd, ks, the width sigma and mu of a glossy model from samples of reflected light.
+    """Recover kd, ks, the width sigma and mu of any parametric model from reflected light.
 
     ``variant`` tells the model: of a microfacet the distribution, the Fresnel angle, the masking
     and, by ``mu=None``, a metal; its numbers do not matter.  One without an index wants
     ``unknowns.mu`` to be None.  ``stage`` is entered with the name of each step.  ``shape`` is
     asked for shadows where it is concave, and then the observations must have places.  Raises
-    ``ValueError`` for fewer samples than unknowns.
+    ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base that is
+    not Lambertian.
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
     shape = concave(shape)
+    sought, helpers = (problem, variant), (shape, stage)
+    if isinstance(variant, Glossy):
+        found, prepared = _frequency_fit(observations, light, (problem, variant), settings, helpers)
+        choice, predicted = found.observations, np.asarray(found.fit.predicted)
+    else:
+        if settings.interreflection:
+            raise ValueError(
+                "interreflection is that of a Lambertian base, which this model has not: leave "
+                "solve.interreflection out, or choose a glossy model"
+            )
+        with stage("solve"):
+            found, choice, predicted = fit_coarsely(observations, light, sought, settings, shape)
+        with stage("split"):
+            prepared = undivided(light, observations, settings.band_limit)
+    exact, bounced = None, None
+    if settings.refine:
+        begin = (found, choice, predicted)
+        exact, bounced = _refine(begin, light, variant, settings, helpers)
+    final = found if exact is None else exact
+    with stage("account"):
+        account = account_for(final, variant, prepared, settings, shape)
+        outcome, identifiable, reasons = judge(final, account, variant)
+    return BRDFFit(
+        _material(final, variant),
+        outcome,
+        account.parameters,
+        identifiable,
+        account.evidence,
+        found,
+        exact,
+        prepared,
+        reasons,
+        bounced,
+    )
+
+
+def _frequency_fit(
+    observations: Observations,
+    light: KnownLight,
+    sought: tuple[Problem, Glossy],
+    settings: FitSettings,
+    helpers: tuple[Shape | None, Stage],
+) -> tuple[Stop, PreparedLight]:
+    """Split the light and fit the dual model, again until both are made for one roughness."""
+    (problem, variant), (shape, stage) = sought, helpers
     if shape is not None:
         with stage("shadows"):
             observations = with_transfer(observations, shape, light.diffuse_degrees)
@@ -121,7 +177,7 @@ def fit_brdf(
         with stage("shadows"):
             return shadows_of(shape, observations, light)
 
-    found = _rough_fit(observations, light, (problem, variant), settings, (shadows, stage))
+    found, prepared = _rough_fit(observations, light, sought, settings, (shadows, stage)), None
     for _ in range(_SPLITS):
         at = _sigma(found)
         with stage("split"):
@@ -140,7 +196,7 @@ def fit_brdf(
                 variant,
                 observations.samples,
                 prepared.dual,
-                _table_range(unknowns, at),
+                _table_range(problem.unknowns, at),
                 transfer=settings.transfer,
                 shadows=darkened,
             )
@@ -149,25 +205,8 @@ def fit_brdf(
             found = fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
         if abs(np.log(_sigma(found) / at)) < _SPLIT_AGAIN:
             break
-    exact, bounced = None, None
-    if settings.refine:
-        exact, bounced = _refine(found, light, variant, settings, (shape, stage))
-    final = found if exact is None else exact
-    with stage("account"):
-        account = account_for(final, variant, prepared, settings, shape)
-        outcome, identifiable, reasons = judge(final, account, variant.shape)
-    return BRDFFit(
-        _material(final, variant),
-        outcome,
-        account.parameters,
-        identifiable,
-        account.evidence,
-        found,
-        exact,
-        prepared,
-        reasons,
-        bounced,
-    )
+    assert prepared is not None
+    return found, prepared
 
 
 def _rough_fit(
@@ -205,33 +244,37 @@ def _rough_fit(
 
 
 def _refine(
-    frequency: Stop,
+    found: tuple[Stop, Observations, Float[np.ndarray, "sample channel"]],
     light: KnownLight,
-    variant: Glossy,
+    variant: Parametric,
     settings: FitSettings,
     where: tuple[Shape | None, Stage],
 ) -> tuple[Stop, Bounced | None]:
-    """Continue on the exact integral over a stratified subset, and with bounces if asked."""
-    shape, stage = where
+    """Continue on the exact integral over a stratified subset, and with bounces if asked.
+
+    ``found`` is where a quicker fit ended, samples to choose from, and what it predicts of them.
+    """
+    (quick, choice, expected), (shape, stage) = found, where
     with stage("refine"):
         some, predicted = stratified_subset(
-            frequency.observations, frequency.fit.predicted, settings.refine_samples, settings.seed
+            choice, expected, settings.refine_samples, settings.seed
         )
         cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-        nodes = exact_nodes(light, np.asarray(some.frame), _sigma(frequency), cells)
+        nodes = exact_nodes(light, np.asarray(some.frame), width_of(quick, variant), cells)
     seen = None
     if shape is not None:
         with stage("shadows"):
             seen = nodes_seen(shape, some, nodes)
     with stage("refine"):
         model = ExactModel(variant, some.samples, nodes, seen)
-        stop = descend(frequency, model, some, predicted, settings)
+        stop = descend(quick.problem, model, some, quick.onward(predicted), settings)
     if shape is None or not settings.interreflection:
         return stop, None
 
     def refit(before: Stop, bounced: Float[np.ndarray, "sample channel"]) -> Stop:
         at = np.asarray(before.fit.predicted)
-        return descend(before, WithBounced(model, bounced), some, at, settings)
+        brighter = WithBounced(model, bounced)
+        return descend(before.problem, brighter, some, before.onward(at), settings)
 
     with stage("interreflection"):
         return fit_with_bounces(stop, (shape, light), refit)
@@ -241,7 +284,7 @@ def _sigma(stop: Stop) -> float:
     return float(stop.problem.unknowns.unpack(stop.fit.solution.point).sigma)
 
 
-def _material(stop: Stop, variant: Glossy) -> Glossy:
+def _material(stop: Stop, variant: Parametric) -> Parametric:
     found = values_of(stop)
     mu = None if variant.mu is None else float(found.mu)
     lobe = variant.with_roughness(float(found.sigma), mu)

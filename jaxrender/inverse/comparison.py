@@ -20,7 +20,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA, BRDFFit, fit_brdf
@@ -54,7 +54,7 @@ class Candidate(NamedTuple):
     """A model to be fitted: its name, the lobe (its numbers do not matter), what is unknown."""
 
     name: str
-    variant: Glossy
+    variant: Parametric
     unknowns: MicrofacetUnknowns
 
 
@@ -62,7 +62,7 @@ class Asked(NamedTuple):
     """A model for a factorization: its name, the lobe, and what is known of its material."""
 
     name: str
-    variant: Glossy
+    variant: Parametric
     known: Known = NOTHING_KNOWN
 
 
@@ -214,7 +214,7 @@ def _predicted(
     """Predict samples by the exact integral with what a fit has found, unknown gains included."""
     shape = concave(shape)
     cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-    nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.sigma), cells)
+    nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.width), cells)
     seen = nodes_seen(shape, rest, nodes)
     problem, end = fit.final.problem, fit.final.fit
     model = ExactModel(fit.brdf, rest.samples, nodes, seen)

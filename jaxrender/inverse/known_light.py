@@ -39,6 +39,8 @@ _DUAL_ERROR = 0.007
 _MOST_SOURCES = 1024
 _ROUGH_SOURCES = 64
 _SAMPLES_FOR_SPLIT = 128
+# Light that is not split is told to this degree; what it would be split for does not matter.
+_SHOWN_BAND_LIMIT, _ANY_WIDTH = 20, 0.5
 # Environments above this size are condensed for the exact integral, to cells this narrow.
 _MOST_NODES = 2**15
 _NODE_ANGLE_PER_SIGMA = 1 / 6
@@ -127,6 +129,19 @@ def prepare_light(
     else:
         divided, needed = _divide(light.environment, float(brdf.sigma), split), None
     return PreparedLight(dual_light(divided, light.directional, degrees, frames), divided, needed)
+
+
+def undivided(
+    light: KnownLight, observations: Observations, band_limit: int | None
+) -> PreparedLight:
+    """Analyse light as it is, for a material that the dual model does not know."""
+    frames = light.frame_nodes(np.asarray(observations.frame))
+    if light.environment is None:
+        return PreparedLight(dual_light(None, light.directional, 0, frames), None, None)
+    highest = light.environment.grid.band_limit
+    degrees = min(_SHOWN_BAND_LIMIT if band_limit is None else band_limit, highest)
+    whole = take(light.environment, candidates(light.environment, _ANY_WIDTH), 0, _ANY_WIDTH)
+    return PreparedLight(dual_light(whole, light.directional, degrees, frames), None, None)
 
 
 def exact_nodes(

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy, normalised_fresnel
+from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import (
@@ -99,7 +99,7 @@ class ExactModel(eqx.Module):
     ``seen`` tells for each part of the light which of its nodes every sample sees; None: all.
     """
 
-    variant: Glossy
+    variant: Parametric
     samples: SurfaceSamples
     nodes: tuple[LightNodes | FrameNodes, ...]
     seen: tuple[Bool[AnyArray, "sample node"], ...] | None = None
@@ -128,7 +128,7 @@ class ExactModel(eqx.Module):
         return ExactModel(self.variant, samples, nodes, seen)
 
     def _integrate(
-        self, lobe: Glossy, widths: Float[Array, "sample"] | None
+        self, lobe: Parametric, widths: Float[Array, "sample"] | None
     ) -> Float[Array, "sample 2 channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [

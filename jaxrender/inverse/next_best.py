@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.candidate_views import View, candidate_directions
 from jaxrender.inverse.elimination import Problem
@@ -201,7 +201,7 @@ def _lamp_grams(
 
 @eqx.filter_jit
 def _lamp_columns(
-    lobe: tuple[Glossy, Float[Array, ""], Float[Array, ""] | None],
+    lobe: tuple[Parametric, Float[Array, ""], Float[Array, ""] | None],
     samples: SurfaceSamples,
     directions: Float[Array, "lamp 3"],
     irradiance: Float[Array, "channel"],

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, SIMPLE_GLOSSY, Glossy, Microfacet, simple_glossy_named
+from jaxrender.brdf import BRDF, SIMPLE_PARAMETRIC, Microfacet, Parametric, simple_parametric_named
 from jaxrender.geometry import NUSSELT, Components
 from jaxrender.inverse.elimination import Data, Problem, search
 from jaxrender.inverse.models import Columns
@@ -31,7 +31,7 @@ _FACETS = {
 }
 _ANY_WIDTH, _ANY_INDEX = 0.1, 1.5
 CANDIDATES = ("microfacet", "ggx", "ward", "phong", "blinn-phong", "torrance-sparrow")
-KNOWN = (*_FACETS, *SIMPLE_GLOSSY)
+KNOWN = (*_FACETS, *SIMPLE_PARAMETRIC)
 
 _STARTS = 4
 _evaluate = eqx.filter_jit(BRDF.evaluate)
@@ -41,7 +41,7 @@ class Candidate(NamedTuple):
     """A fitted model; ``relative_rms`` is of what it misses over the BRDF's own."""
 
     name: str
-    brdf: Glossy
+    brdf: Parametric
     relative_rms: float
     parameters: dict[str, float | list[float]]
     converged: bool
@@ -50,7 +50,7 @@ class Candidate(NamedTuple):
 class _Pairs(eqx.Module):
     """The forward model: a glossy BRDF's two lobes at pairs of directions."""
 
-    variant: Glossy
+    variant: Parametric
     incoming: Float[AnyArray, "sample 3"]
     outgoing: Float[AnyArray, "sample 3"]
     channels: int = eqx.field(static=True)
@@ -118,12 +118,12 @@ def _fitted(
     return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
 
 
-def _variant(name: str, channels: int) -> Glossy:
+def _variant(name: str, channels: int) -> Parametric:
     """Make a black model of that name, with an index if it can have one."""
     black = np.zeros(channels)
     if name in _FACETS:
         return Microfacet(black, black, _ANY_WIDTH, _ANY_INDEX, *_FACETS[name])
-    model = simple_glossy_named(name, channels)
+    model = simple_parametric_named(name, channels)
     return model.with_roughness(_ANY_WIDTH, _ANY_INDEX)
 
 

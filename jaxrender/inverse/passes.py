@@ -80,6 +80,10 @@ class Stop(NamedTuple):
         residual = np.asarray(self.data.radiance) - np.asarray(self.fit.predicted)
         return float(np.sqrt(np.sum(residual**2) / np.sum(np.asarray(self.data.radiance) ** 2)))
 
+    def onward(self, predicted: Float[np.ndarray, "sample channel"]) -> "Begin":
+        """Let another pass begin here; ``predicted`` is the prediction of its samples."""
+        return Begin(self.noise, predicted, np.asarray(self.fit.solution.point)[None])
+
 
 class Begin(NamedTuple):
     """Where a pass begins: the noise and the prediction known so far, and the starting points."""
@@ -118,10 +122,10 @@ def fit_in_rounds(
 
 
 def descend(
-    frequency: Stop,
+    problem: Problem,
     model: Model,
     observations: Observations,
-    predicted: Float[np.ndarray, "sample channel"],
+    begin: Begin,
     settings: FitSettings,
     tolerance: float = 1e-5,
 ) -> Stop:
@@ -131,12 +135,10 @@ def descend(
     weights included, is solved to the end on the linearised columns.  A step that makes the true
     residual larger is halved until it does not.  Ends when no search variable moves by more than
     ``tolerance``, or when a step has gained nothing that noise could tell, as where a parameter is
-    at its bound or the data are silent about it.
+    at its bound or the data are silent about it.  The first of ``begin.starts`` is where it begins.
     """
-    problem, noise = frequency.problem, settings.noise or frequency.noise
-    point = np.asarray(frequency.fit.solution.point)
+    noise, predicted, point = settings.noise or begin.noise, begin.predicted, begin.starts[0]
     before: _Step | None = None
-    stop = frequency
     for _ in range(_STEPS):
         physical = problem.unknowns.unpack(jnp.asarray(point))
         near = LinearisedModel.about(model, physical.sigma, physical.mu)
@@ -153,7 +155,8 @@ def descend(
         point = np.asarray(stop.fit.solution.point)
         if gain < _LEAST_GAIN or np.all(np.abs(point - before.point) < tolerance):
             return stop
-    return _not_converged(stop)
+    assert before is not None
+    return _not_converged(before.stop)
 
 
 def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import ShapeParameter
+from jaxrender.brdf import Parametric
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.shapes import AnyArray, Array, Float
@@ -87,22 +87,27 @@ def intervals(
     return Uncertain(value, low, high, error, covariance)
 
 
-def in_own_units(uncertain: Uncertain, shape: ShapeParameter) -> Uncertain:
-    """Say the width sigma as the model's own number, such as an exponent, in its place.
+def in_own_units(uncertain: Uncertain, brdf: Parametric) -> Uncertain:
+    """Say the width sigma as the model's own number, such as an exponent, in its place; mu too.
 
     Powers keep an interval symmetric in the logarithm; a negative one swaps its ends.
     """
+    shape, index = brdf.shape, brdf.index
     value, low, high = (shape.of_width(part.sigma) for part in uncertain[:3])
     error = abs(shape.power) * value * uncertain.standard_error.sigma / uncertain.value.sigma
     low, high = (low, high) if shape.power > 0 else (high, low)
     numbers = (value, low, high, error)
     own = [part._replace(sigma=number) for part, number in zip(uncertain[:4], numbers)]
-    return Uncertain(own[0], own[1], own[2], own[3])
+    value, low, high = (part._replace(mu=index.of_index(part.mu)) for part in own[:3])
+    return Uncertain(value, low, high, own[3])
 
 
-def within_reach(uncertain: Uncertain, name: str) -> bool:
-    """Say whether a parameter's interval lies within 25 % of its value (for mu: of mu - 1)."""
-    origin = 1.0 if name == "mu" else 0.0
+def within_reach(uncertain: Uncertain, name: str, least_index: float = 1.0) -> bool:
+    """Say whether a parameter's interval lies within 25 % of its value (for mu: of mu - 1).
+
+    ``least_index`` is what stands for an index of 1 where mu is in a model's own units.
+    """
+    origin = least_index if name == "mu" else 0.0
     value, low, high = (
         np.asarray(getattr(part, name)) - origin
         for part in (uncertain.value, uncertain.lower, uncertain.upper)

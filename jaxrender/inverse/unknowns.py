@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf import Parametric
 from jaxrender.shapes import Array, Bool, Float
 
 # The search space where the user names no bounds: from nearly mirror to nearly diffuse, and from
@@ -56,6 +57,12 @@ def mu_unknown(
 ) -> Unknown:
     """A free refractive index, within ``MU_BOUNDS`` unless said otherwise."""
     return Unknown(None, lower, upper, start)
+
+
+def index_bounds(brdf: Parametric | type[Parametric]) -> tuple[float, float]:
+    """Bound the index of a model, or what its own second number stands for as an index."""
+    highest = brdf.index.highest
+    return MU_BOUNDS[0], MU_BOUNDS[1] if highest is None else brdf.index.index_of(highest)
 
 
 class Physical(eqx.Module):

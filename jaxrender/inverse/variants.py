@@ -94,7 +94,7 @@ def fit_variants(
 
     def refit(variant: Microfacet) -> Stop:
         model = ExactModel(_Switched.to(variant), some.samples, nodes, seen)
-        return descend(final, model, some, predicted, settings, _TOLERANCE)
+        return descend(final.problem, model, some, final.onward(predicted), settings, _TOLERANCE)
 
     base = refit(fitted)
     found = []

@@ -7,11 +7,12 @@ import h5netcdf
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.geometry import Shape
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import Shape, SurfaceSamples, SurfaceView
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
 from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
 from jaxrender.inverse.comparison import Asked, Comparison, compare_factorizations, divided
-from jaxrender.inverse.factorization import RecoveredScene, Round
+from jaxrender.inverse.factorization import RecoveredScene, Round, predict
 from jaxrender.inverse.uncertainty import Uncertain, in_own_units
 from jaxrender.io import write_environment
 from jaxrender.lighting import DirectionalSources, Environment
@@ -77,7 +78,10 @@ class LightRecovery(Recovery):
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph with the recovered light and material."""
         views = [photograph.view for photograph in self.photographs]
-        images = render_views(self.found.brdf, views, self._forward())
+        if isinstance(self.found.brdf, Glossy):
+            images = render_views(self.found.brdf, views, self._forward())
+        else:
+            images = [self._integrated(view) for view in views]
         # A sum of few degrees may dip below zero where the light is dark.
         return [np.maximum(image, 0) for image in images]
 
@@ -97,6 +101,14 @@ class LightRecovery(Recovery):
 
         images = light_images(self.found.scene)
         return LightContents(title, result, self.found, images, frames)
+
+    def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
+        samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
+        count, channels = len(samples.normals), self.found.scene.slow.shape[1]
+        unseen = Observations(samples, np.zeros((count, channels)), np.zeros(count, int))
+        image = np.zeros((*view.hit.shape, channels))
+        image[view.hit] = predict(self.found, unseen)
+        return image
 
     def _forward(self) -> ForwardModel | ShadowedModel:
         if self.shape.is_convex():
@@ -177,7 +189,7 @@ def _result(recovery: LightRecovery) -> dict[str, Any]:
     """Build the summary of ``result.json``."""
     found = recovery.found
     words = OwnWords(recovery.model, found.brdf)
-    parameters = in_own_units(found.parameters, found.brdf.shape)
+    parameters = in_own_units(found.parameters, found.brdf)
     result = {
         "task": recovery.task,
         "outcome": found.outcome.value,
@@ -202,7 +214,7 @@ def _result(recovery: LightRecovery) -> dict[str, Any]:
                 "sources": one.sources,
                 "ks_share": one.share.tolist(),
                 "sigma": one.sigma,
-                "mu": one.mu,
+                found.brdf.index.name: found.brdf.index.of_index(one.mu),
                 "relative_rms": one.relative_rms,
             }
             for one in found.rounds

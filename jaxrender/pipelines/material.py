@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Mesh, Shape
 from jaxrender.inverse import BRDFFit, KnownLight, Observations, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
@@ -13,6 +14,7 @@ from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
@@ -30,7 +32,15 @@ from jaxrender.pipelines.shadows import (
     sentence_on,
     with_bounces,
 )
-from jaxrender.reflection import DualForward, ShadowedDual, dual_light, render_view, render_views
+from jaxrender.reflection import (
+    DualForward,
+    ForwardModel,
+    ShadowedDual,
+    ShadowedModel,
+    dual_light,
+    render_view,
+    render_views,
+)
 
 
 class MaterialRecovery(Recovery):
@@ -59,15 +69,18 @@ class MaterialRecovery(Recovery):
         return ReportContents(title, result, self.finding.fit, self.finding.light, frames)
 
     def predict(self) -> list[np.ndarray]:
-        """Render every photograph again with the recovered material, by the dual model."""
+        """Render every photograph again, by the dual model if the material has it."""
         finding = self.finding
         material, prepared = finding.fit.brdf, finding.fit.light
         gains = np.asarray(finding.fit.parameters.value.gains)
         scale = float(finding.fit.parameters.value.scale)
         views = [photograph.view for photograph in finding.photographs]
 
-        def light_of(number: int) -> DualForward | ShadowedDual:
+        def light_of(number: int) -> ForwardModel | ShadowedModel:
             own = sources_of_frame(finding.light, number)
+            if not isinstance(material, Glossy):
+                light = KnownLight(finding.light.environment, own)
+                return exact_forward(light, float(material.width), finding.shape, condensed=True)
             dual = dual_light(prepared.split, own, prepared.dual.band_limit)
             if finding.transfer is None:
                 return DualForward(dual)
@@ -130,6 +143,7 @@ def recover_material(
         found,
         variants,
         light,
+        shape,
         photographs,
         model,
         config.brdf.ks_per_channel,

@@ -8,28 +8,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, Microfacet, WithoutIndex
+from jaxrender.brdf import Microfacet, Parametric
 from jaxrender.inverse.uncertainty import Parameters
 from jaxrender.pipelines.config.brdf import chosen_numbers_of
+
+_SEARCHED = ("kd", "ks", "sigma", "mu")
 
 
 class OwnWords(NamedTuple):
     """How one model says its parameters; with ``one_ks`` a ks that all channels share once."""
 
     model: str
-    brdf: Glossy
+    brdf: Parametric
     one_ks: bool = False
 
     @property
     def names(self) -> list[str]:
         """What the model has: kd, ks, the lobe's number, and the index where there is one."""
-        if self.model == "lambertian":
-            return ["kd"]
-        return ["kd", "ks", self.brdf.shape.name] + ([] if self.brdf.mu is None else ["mu"])
+        return list(self._searched)
 
     def of_widths(self, parameters: Parameters) -> Parameters:
-        """Put the model's own number in the place of the width."""
-        return parameters._replace(sigma=self.brdf.shape.of_width(parameters.sigma))
+        """Put the model's own numbers in the place of the width and the index."""
+        shape, index = self.brdf.shape, self.brdf.index
+        return parameters._replace(
+            sigma=shape.of_width(parameters.sigma), mu=index.of_index(parameters.mu)
+        )
 
     def values(self, parameters: Parameters) -> dict[str, Any]:
         """Name the numbers of ``parameters``, which are the model's own."""
@@ -38,9 +41,8 @@ class OwnWords(NamedTuple):
     def material(self, parameters: Parameters) -> dict[str, Any]:
         """Name them, and a metal's index, which there is none of."""
         values = self.values(parameters)
-        indexed = self.model != "lambertian" and not isinstance(self.brdf, WithoutIndex)
-        if indexed and self.brdf.mu is None:
-            values["mu"] = "none"
+        if self.model != "lambertian" and self.brdf.has_index() and self.brdf.mu is None:
+            values[self.brdf.index.name] = "none"
         return values
 
     def choices(self) -> dict[str, Any]:
@@ -59,25 +61,35 @@ class OwnWords(NamedTuple):
         """Turn relative biases, that of the width among them, into those of the own numbers."""
         return {name: plain(self._bias(name, of_widths)) for name in self.names}
 
+    @property
+    def _searched(self) -> dict[str, str]:
+        """What the search calls each of the model's own parameters."""
+        if self.model == "lambertian":
+            return {"kd": "kd"}
+        own = {self.brdf.called(name): name for name in _SEARCHED}
+        absent = {None} if self.brdf.mu is not None else {None, self.brdf.called("mu")}
+        return {name: searched for name, searched in own.items() if name and name not in absent}
+
     def _bias(self, name: str, of_widths: dict[str, np.ndarray]) -> np.ndarray:
-        bias, power = np.asarray(of_widths[_attribute(name)]), self.brdf.shape.power
-        return (1 + bias) ** power - 1 if _attribute(name) == "sigma" and power != 1 else bias
+        searched = self._searched[name]
+        bias, power = np.asarray(of_widths[searched]), self.brdf.shape.power
+        return (1 + bias) ** power - 1 if searched == "sigma" and power != 1 else bias
 
     def _of(self, name: str, parameters: Parameters) -> np.ndarray:
-        value = np.asarray(getattr(parameters, _attribute(name)))
+        value = np.asarray(getattr(parameters, self._searched[name]))
         if name == "ks" and self.one_ks and np.ptp(value) == 0:
             return np.asarray(value[0])
         return value
 
 
+def called(brdf: Parametric, name: str) -> str:
+    """Say what a model calls an unknown of the search; what is no parameter keeps its name."""
+    return (brdf.called(name) or name) if name in _SEARCHED else name
+
+
 def plain(value) -> Any:
     """Turn an array into numbers, or lists of them."""
     return np.asarray(value, float).tolist()
-
-
-def _attribute(name: str) -> str:
-    """Where parameters keep what a model calls ``name``: any number for the lobe's width."""
-    return name if name in ("kd", "ks", "mu") else "sigma"
 
 
 def _pairs(lower: np.ndarray, upper: np.ndarray) -> list:

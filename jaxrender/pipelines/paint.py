@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import sphere_coordinates
 from jaxrender.harmonics import coefficient_count, real_basis
@@ -54,7 +54,7 @@ def _sigma(
 
 def render_painted(
     recipe: RecipeConfig,
-    lobe: Glossy,
+    lobe: Parametric,
     view: SurfaceView,
     seen: tuple[Shape, ForwardModel | ShadowedModel],
 ) -> Float[np.ndarray, "row column channel"]:
@@ -75,6 +75,7 @@ def render_painted(
     else:
         samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
         places = SurfacePlaces.of_views([view])
+        assert isinstance(gloss, Glossy)
         specular = render_widths(gloss, paint.sigma, samples, light, places)
     image = np.zeros_like(diffuse)
     image[view.hit] = paint.kd * diffuse[view.hit] + np.asarray(paint.ks)[:, None] * specular

@@ -3,21 +3,20 @@
 from pathlib import Path
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet
+from jaxrender.brdf import SIMPLE_PARAMETRIC, Glossy, Microfacet, Parametric
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
-from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA
-from jaxrender.inverse.known_light import exact_nodes, prepare_light
+from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.observations import Observations
 from jaxrender.io import Capture, read_capture, read_environment, write_image
-from jaxrender.lighting import DirectionalSources, LightNodes
+from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.config.brdf import distribution_of
 from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
+from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -31,14 +30,7 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.subject import Subject, subject_of
-from jaxrender.reflection import (
-    DualForward,
-    ExactForward,
-    ForwardModel,
-    ShadowedDual,
-    ShadowedForward,
-    ShadowedModel,
-)
+from jaxrender.reflection import DualForward, ForwardModel, ShadowedDual, ShadowedModel
 
 MODELS = ("integral", "dual")
 
@@ -90,12 +82,12 @@ def render_config(
     return out
 
 
-def material_of(brdf: dict) -> Glossy:
+def material_of(brdf: dict) -> Parametric:
     """Build the material that a ``result.json`` holds."""
     kd = np.array(brdf["kd"], float)
     if brdf["model"] == "lambertian":
         return Microfacet(kd, np.zeros_like(kd), 0.1, None)
-    if brdf["model"] in SIMPLE_GLOSSY:
+    if brdf["model"] in SIMPLE_PARAMETRIC:
         return simple_material(brdf["model"], brdf)
     ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
     mu = None if brdf["mu"] == "none" else float(brdf["mu"])
@@ -145,8 +137,11 @@ def _render_views(
     capture = _capture_of(config, cameras)
     shape = shape_of(config.capture.geometry)
     subject = subject_of(config, result, shape, material_of)
-    if subject.lobe is None and model == "dual":
-        raise InputError(f"{result[0]}: coefficients have no lobe for --model dual; use integral")
+    if model == "dual" and not isinstance(subject.lobe, Glossy):
+        raise InputError(
+            f"{result[0]}: --model dual is for a lobe about the reflected direction, which this "
+            "material has not; use --model integral"
+        )
     covariance = _covariance(config, result[0], scene, progress)
     if light.per_frame is not None and len(light.per_frame) != len(capture.frames):
         raise InputError(
@@ -203,19 +198,13 @@ def _forward(
 ) -> ForwardModel | ShadowedModel:
     """Prepare one photograph's light for either model."""
     shape, view = seen
-    convex = shape.is_convex()
     if model == "integral":
-        cells = None if convex else SHADOWED_ANGLE_PER_SIGMA
-        parts = exact_nodes(light, np.zeros(0, int), subject.width, cells)
-        nodes = parts[0]
-        assert isinstance(nodes, LightNodes)
-        nodes = LightNodes(*(jnp.asarray(a) for a in nodes))
-        return ExactForward(nodes) if convex else ShadowedForward(shape, nodes)
+        return exact_forward(light, subject.width, shape)
     samples = camera_samples(view)
     observed = Observations(samples, np.zeros((len(samples.normals), 3)), np.zeros(0, int))
-    assert subject.lobe is not None
+    assert isinstance(subject.lobe, Glossy)
     dual = prepare_light(light, observed, subject.lobe, "auto", None).dual
-    if convex:
+    if shape.is_convex():
         return DualForward(dual)
     field = TransferField.of(shape, light.diffuse_degrees, len(samples.normals))
     return ShadowedDual(shape, dual, field.at)

@@ -12,7 +12,9 @@ import h5netcdf
 import numpy as np
 
 from jaxrender import __version__
+from jaxrender.brdf import Glossy
 from jaxrender.errors import InputError
+from jaxrender.geometry import Shape
 from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison, Score
@@ -21,7 +23,7 @@ from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.pipelines.deviation import write_covariance
-from jaxrender.pipelines.own_words import OwnWords
+from jaxrender.pipelines.own_words import OwnWords, called
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
@@ -35,6 +37,7 @@ class Finding(NamedTuple):
     fit: BRDFFit
     variants: tuple[Variant, ...]
     light: KnownLight
+    shape: Shape
     photographs: list[Photograph]
     model: str
     ks_per_channel: bool
@@ -47,7 +50,7 @@ def result_of(finding: Finding) -> dict[str, Any]:
     """Build the summary: values, intervals, what is identifiable, light, residuals."""
     fit = finding.fit
     words = _words(finding)
-    final, own = fit.final, in_own_units(fit.parameters, fit.brdf.shape)
+    final, own = fit.final, in_own_units(fit.parameters, fit.brdf)
     result: dict[str, Any] = {
         "task": "brdf",
         "outcome": fit.outcome.value,
@@ -65,14 +68,14 @@ def result_of(finding: Finding) -> dict[str, Any]:
         "pixels": pixels_of(finding.photographs),
     }
     result["brdf"] |= words.choices()
-    if finding.model != "lambertian":
+    if finding.model != "lambertian" and fit.evidence is not None:
         sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
         result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
     if finding.comparison is not None:
         result["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
     if finding.forecast is not None:
         result["forecast"] = _forecast(finding, finding.forecast)
-    if fit.exact is not None:
+    if fit.exact is not None and isinstance(fit.brdf, Glossy):
         result["frequency"] = {
             "brdf": words.material(words.of_widths(values_of(fit.frequency))),
             "residual": _residual(fit.frequency),
@@ -151,7 +154,7 @@ def ranking_of(comparison: Comparison, one_ks: bool = False) -> dict[str, Any]:
 
     def one(score: Score) -> dict[str, Any]:
         words = OwnWords(score.name, score.fit.brdf, one_ks)
-        parameters = in_own_units(score.fit.parameters, score.fit.brdf.shape)
+        parameters = in_own_units(score.fit.parameters, score.fit.brdf)
         return {
             "model": score.name,
             "outcome": score.fit.outcome.value,
@@ -180,15 +183,15 @@ def sentence_of(comparison: Comparison) -> str:
 
 def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
     """Say what the material that was found could have been expected to tell."""
-    own = in_own_units(forecast.parameters, finding.fit.brdf.shape)
-    shape = finding.fit.brdf.shape.name
+    own = in_own_units(forecast.parameters, finding.fit.brdf)
+    brdf = finding.fit.brdf
     return {
         "standard_error": _words(finding).values(own.standard_error),
         "recoverable_degree": forecast.highest_degree,
         "singular_values": forecast.singular_values.tolist(),
-        "unknowns": [shape if name == "sigma" else name for name in forecast.unknowns],
+        "unknowns": [called(brdf, name) for name in forecast.unknowns],
         "weakest": forecast.weakest.tolist(),
-        "sentences": [sentence.replace("sigma", shape) for sentence in forecast.sentences],
+        "sentences": [s.replace("sigma", brdf.shape.name) for s in forecast.sentences],
     }
 
 

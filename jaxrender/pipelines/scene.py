@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from jaxrender.brdf import (
-    SIMPLE_GLOSSY,
-    Glossy,
+    SIMPLE_PARAMETRIC,
     Microfacet,
+    Parametric,
     ShapeParameter,
-    simple_glossy_named,
+    simple_parametric_named,
 )
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown
-from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
+from jaxrender.inverse.unknowns import index_bounds, mu_unknown, sigma_unknown
 from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
@@ -31,7 +31,6 @@ from jaxrender.pipelines.config.brdf import (
     BrdfConfig,
     chosen_numbers_of,
     distribution_of,
-    numbers_of,
 )
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
@@ -68,9 +67,9 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         return Mesh.ellipsoid(np.array(radii, float), subdivisions)
 
 
-def true_material(brdf: RecipeBrdfConfig) -> Glossy:
+def true_material(brdf: RecipeBrdfConfig) -> Parametric:
     """Build the material that a recipe states; Lambertian is a microfacet without specular part."""
-    if brdf.model in SIMPLE_GLOSSY:
+    if brdf.model in SIMPLE_PARAMETRIC:
         return simple_material(brdf.model, dict(brdf))
     mu = None if brdf.mu == "none" else float(brdf.mu)
     with fault_of("brdf"):
@@ -85,24 +84,30 @@ def true_material(brdf: RecipeBrdfConfig) -> Glossy:
         )
 
 
-def lobe_of(brdf: BrdfConfig) -> Glossy:
+def lobe_of(brdf: BrdfConfig) -> Parametric:
     """Build the lobe of any model that is to be fitted; its numbers do not matter."""
-    if brdf.model not in SIMPLE_GLOSSY:
+    if brdf.model not in SIMPLE_PARAMETRIC:
         return variant_of(brdf)
     chosen = {name: getattr(brdf, name) for name in chosen_numbers_of(brdf.model)}
-    lobe = simple_glossy_named(brdf.model, **chosen)
-    return lobe.with_roughness(lobe.sigma, None if brdf.mu == "none" else _ANY_INDEX)
+    lobe = simple_parametric_named(brdf.model, **chosen)
+    metal = getattr(brdf, lobe.index.name) == "none"
+    return lobe.with_roughness(lobe.sigma, None if metal else _ANY_INDEX)
 
 
-def simple_material(model: str, numbers: Mapping[str, Any]) -> Glossy:
+def simple_material(model: str, numbers: Mapping[str, Any]) -> Parametric:
     """Build a material of a model without variants from its own numbers by name."""
     chosen: dict[str, Any] = {name: float(numbers[name]) for name in chosen_numbers_of(model)}
-    lobe = simple_glossy_named(model, **chosen)
+    lobe = simple_parametric_named(model, **chosen)
     width = lobe.shape.width_of(float(numbers[lobe.shape.name]))
-    mu = numbers["mu"] if "mu" in numbers_of(model) else None
-    lobe = lobe.with_roughness(width, None if mu in (None, "none") else float(mu))
-    kd = np.array(numbers["kd"], float)
-    return lobe.with_amplitudes(kd, np.broadcast_to(np.array(numbers["ks"], float), kd.shape))
+    second = numbers[lobe.index.name] if lobe.has_index() else None
+    known = second not in (None, "none")
+    lobe = lobe.with_roughness(width, lobe.index.index_of(float(second)) if known else None)
+    shape = np.shape(numbers["kd"])
+    kd, ks = (
+        np.zeros(shape) if name is None else np.broadcast_to(np.array(numbers[name], float), shape)
+        for name in lobe.amplitude_names
+    )
+    return lobe.with_amplitudes(kd, ks)
 
 
 def variant_of(brdf: BrdfConfig) -> Microfacet:
@@ -124,15 +129,21 @@ def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
             free_gains=free_gains,
             free_scale=config.lighting.free_scale,
         )
-    shape = SIMPLE_GLOSSY.get(brdf.model, Microfacet).shape
-    metal = "mu" not in numbers_of(brdf.model) or brdf.mu == "none"
+    model = SIMPLE_PARAMETRIC.get(brdf.model, Microfacet)
+    kd, ks = (
+        Unknown(fixed=(0.0,)) if name is None else _unknown(name, getattr(brdf, name), Unknown)
+        for name in model.amplitude_names
+    )
+    shape = model.shape
     width = _as_width(getattr(brdf, shape.name), shape)
+    second = getattr(brdf, model.index.name) if model.has_index() else "none"
     return MicrofacetUnknowns(
-        kd=_unknown("kd", brdf.kd, Unknown),
-        ks=_unknown("ks", brdf.ks, Unknown),
+        kd=kd,
+        ks=ks,
         sigma=_unknown(shape.name, width, sigma_unknown),
-        mu=None if metal or brdf.mu == "none" else _unknown("mu", brdf.mu, mu_unknown),
-        ks_per_channel=brdf.ks_per_channel,
+        mu=None if second == "none" else _second_unknown(second, model),
+        # What the model itself calls kd has a value for each channel.
+        ks_per_channel=brdf.ks_per_channel or model.amplitude_names[1] == "kd",
         free_gains=free_gains,
         free_scale=config.lighting.free_scale,
     )
@@ -235,6 +246,22 @@ def _as_width(parameter: Parameter, shape: ShapeParameter) -> Parameter:
     }
     ends = sorted(float(shape.width_of(float(bound))) for bound in given.get("bounds", ()))
     return Parameter.model_validate(widths | ({"bounds": tuple(ends)} if ends else {}))
+
+
+def _second_unknown(parameter: Parameter, model: type[Parametric]) -> Unknown:
+    """Say what is known of a model's own second number as what is known of an index."""
+    ends = () if model.index.highest is None else index_bounds(model)
+    if parameter.free and parameter.bounds is None and parameter.start is None:
+        return mu_unknown(*ends)
+    given = {
+        key: [float(model.index.index_of(float(number))) for number in np.atleast_1d(value)]
+        for key, value in parameter.model_dump().items()
+        if value is not None
+    }
+    if ends and "start" in given and "bounds" not in given:
+        given["bounds"] = list(ends)
+    shown = {key: value[0] if len(value) == 1 else tuple(value) for key, value in given.items()}
+    return _unknown(model.index.name, Parameter.model_validate(shown), mu_unknown)
 
 
 def _unknown(name: str, parameter: Parameter, make) -> Unknown:

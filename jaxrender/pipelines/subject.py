@@ -7,7 +7,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import surface_sites
@@ -29,7 +29,7 @@ class Subject(abc.ABC):
     ``width`` the width of its finest detail, radians.
     """
 
-    lobe: Glossy | None
+    lobe: Parametric | None
     width: float
 
     @abc.abstractmethod
@@ -48,8 +48,8 @@ class Subject(abc.ABC):
 class UniformSubject(Subject):
     """One material everywhere."""
 
-    def __init__(self, lobe: Glossy):
-        self.lobe, self.width = lobe, float(lobe.sigma)
+    def __init__(self, lobe: Parametric):
+        self.lobe, self.width = lobe, float(lobe.width)
 
     def image(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel

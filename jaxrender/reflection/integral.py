@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, Glossy
+from jaxrender.brdf import BRDF, Parametric
 from jaxrender.geometry import (
     Components,
     Shape,
@@ -61,7 +61,7 @@ def integral_columns(
 ) -> Float[Array, "sample lobe channel"]:
     """Sum each lobe's transfer function over all nodes of one light, or over those it sees.
 
-    ``widths`` give a glossy BRDF a sigma of its own at each sample.
+    ``widths`` give a parametric BRDF a sigma of its own at each sample.
     """
     light = LightNodes(*(jnp.asarray(a) for a in nodes))
 
@@ -132,8 +132,7 @@ def polar_columns(
         frame = incidence_frame(sample)
         world = jnp.matmul(local, frame.T, precision="highest")
         light = radiance_of(world) * solid_angle[:, None]
-        outgoing = Components.of(sample.outgoing).in_frame(frame)
-        return _sum(brdf.transfer(Components.of(local), outgoing), light)
+        return _sum(brdf.transfer(*_in_own_frame(sample, local, frame)), light)
 
     return by_chunks(one, arrays, local.shape[0])
 
@@ -152,11 +151,21 @@ def polar_coefficients(
 
     def one(sample: SurfaceSamples) -> Float[Array, "lobe coefficient"]:
         frame = incidence_frame(sample)
-        outgoing = Components.of(sample.outgoing).in_frame(frame)
-        own = _sum(brdf.transfer(Components.of(local), outgoing), harmonics)
+        own = _sum(brdf.transfer(*_in_own_frame(sample, local, frame)), harmonics)
         return rotate(own.T, frame).T
 
     return by_chunks(one, arrays, local.shape[0])
+
+
+def _in_own_frame(
+    sample: SurfaceSamples, local: Float[Array, "node 3"], incidence: Float[Array, "3 3"]
+) -> tuple[Components, Components]:
+    """Turn nodes about the normal from the plane of incidence to where the surface's tangent is."""
+    own = world_from_local(sample.normals)
+    outgoing = Components.of(sample.outgoing).in_frame(own)
+    cosine, sine = incidence[:, 0] @ own[:, 0], incidence[:, 0] @ own[:, 1]
+    x, y, z = local.T
+    return Components(cosine * x - sine * y, sine * x + cosine * y, z), outgoing
 
 
 def _polar_rule(polar_nodes: int, dtype) -> tuple[Float[Array, "node 3"], Float[Array, "node"]]:
@@ -231,8 +240,8 @@ def with_width(brdf: BRDF, width: Float[Array, ""] | None) -> BRDF:
     """Make the BRDF of one sample; None: it is that of all."""
     if width is None:
         return brdf
-    if not isinstance(brdf, Glossy):
-        raise ValueError("only a glossy BRDF has a width: leave widths out")
+    if not isinstance(brdf, Parametric):
+        raise ValueError("only a parametric BRDF has a width: leave widths out")
     return brdf.with_roughness(width, brdf.mu)
 
 

@@ -9,14 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.reflection.render import ForwardModel, ShadowedModel, batches
 from jaxrender.shapes import Array, Float
 
 
 def sensitivities(
-    brdf: Glossy, view: SurfaceView, model: ForwardModel | ShadowedModel
+    brdf: Parametric, view: SurfaceView, model: ForwardModel | ShadowedModel
 ) -> Float[np.ndarray, "pixel 4 channel"]:
     """Differentiate the radiance of the pixels that are hit by K_d, K_s, sigma and mu.
 
@@ -32,7 +32,7 @@ def sensitivities(
 
 @eqx.filter_jit
 def _differentiate(
-    brdf: Glossy, samples: SurfaceSamples, model: ForwardModel
+    brdf: Parametric, samples: SurfaceSamples, model: ForwardModel
 ) -> Float[Array, "pixel 4 channel"]:
     sigma = jnp.asarray(brdf.sigma, float)
     one = jnp.ones_like(sigma)

@@ -51,6 +51,7 @@ from jaxrender.spectra.microfacet import (
     exit_cosine_transfer,
     extent_of,
     gaussian_transfer,
+    head_on_transfer,
     normal_exitance_transfer,
     transfer_of_samples,
 )
@@ -135,6 +136,7 @@ __all__ = [
     "residual_bound",
     "spectrum_of",
     "tabulated_spectrum",
+    "head_on_transfer",
     "transfer_of_samples",
     "uniform_coefficients",
     "zonal_coefficients",

@@ -19,7 +19,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 
-from jaxrender.brdf import Glossy, normalised_fresnel
+from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
@@ -66,6 +66,17 @@ def normal_exitance_transfer(
     cosines = jnp.asarray(exit_cosines)
     head_on = exit_cosine_transfer(brdf, jnp.ones_like(cosines[:1]), band_limit)
     return head_on * normalised_fresnel(brdf.mu, cosines)[:, None]
+
+
+@eqx.filter_jit
+def head_on_transfer(brdf: Parametric, band_limit: int) -> Float[Array, "degree"]:
+    """Compute the transfer of any parametric BRDF at normal exitance, where N is R (T 3.44).
+
+    The mean over the azimuth is that of anisotropic lobes, too.
+    """
+    one = jnp.ones(1)
+    extent = jnp.asarray(jnp.pi / 2, one.dtype)
+    return mean_transfer(lambda i, o: brdf.transfer(i, o)[1], one, band_limit, extent)[0]
 
 
 def gaussian_transfer(

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import (
+    AnisotropicWard,
     BlinnPhong,
     CookTorrance,
     CosineLobe,
@@ -15,6 +16,7 @@ from jaxrender.brdf import (
     Microfacet,
     Mixture,
     OrenNayar,
+    OrenNayarLobe,
     Phong,
     PoulinFournier,
     TorranceSparrow,
@@ -29,6 +31,7 @@ MODELS = {
     "lambertian": (Lambertian(KD), True, True, True),
     "oren-nayar": (OrenNayar(KD, 0.4), True, True, True),
     "oren-nayar qualitative": (OrenNayar(KD, 0.4, qualitative=True), True, True, True),
+    "oren-nayar one lobe": (OrenNayarLobe(0 * KD, KD, 0.4), True, True, True),
     "phong": (Phong(KD, KS, 20.5), False, False, True),
     "blinn-phong": (BlinnPhong(KD, KS, 33.3), True, True, True),
     "microfacet": (Microfacet(KD, KS, 0.2, 1.5), False, False, True),
@@ -58,6 +61,7 @@ MODELS = {
     "he-torrance one lobe": (HeTorranceLobe(KD, KS, 0.2, 1.5), True, False, True),
     "ward": (Ward(KD, KS, 0.2), True, False, True),
     "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
+    "anisotropic-ward": (AnisotropicWard(KD, KS, 0.15, 0.4), True, False, False),
     "lafortune": (
         Lafortune(
             KD,

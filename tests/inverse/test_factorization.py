@@ -34,7 +34,7 @@ from jaxrender.inverse.factorization.joint import (
     solve_light,
 )
 from jaxrender.inverse.factorization.pursuit import pursue
-from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
     State,
     Task,
@@ -48,6 +48,7 @@ from jaxrender.inverse.factorization.rounds import (
     with_neighbours_merged,
     without_idle_lamps,
 )
+from jaxrender.inverse.unknowns import index_bounds
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
@@ -85,7 +86,7 @@ def _lamp() -> DirectionalSources:
 
 
 def _task(photographs: Observations) -> Task:
-    response = Response.of_convex(PAINT, photographs.samples, BAND_LIMIT, LAMPS)
+    response = MirrorResponse.of_convex(PAINT, photographs.samples, BAND_LIMIT, LAMPS)
     settings = FactorSettings(BAND_LIMIT, LAMPS)
     return Task(photographs.radiance, response, settings=settings)
 
@@ -147,7 +148,10 @@ def test_derivatives_of_the_prediction(photographs):
     for unknown in [0, 2, 3, 4, 5, 6, 5 + LAMPS, 6 + LAMPS]:
         step = np.zeros(tangents.shape[-1])
         step[unknown] = 1e-5
-        ahead, behind = (predict(_moved(state.guess, jnp.asarray(s))) for s in (step, -step))
+        bounds = index_bounds(PAINT)
+        ahead, behind = (
+            predict(_moved(state.guess, jnp.asarray(s), bounds)) for s in (step, -step)
+        )
         slope = np.asarray(ahead - behind) / 2e-5
         np.testing.assert_allclose(
             tangents[..., unknown], slope, atol=2e-6 * np.abs(slope).max(), err_msg=str(unknown)

@@ -17,7 +17,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
-from jaxrender.inverse.factorization.response import Response, gloss_share
+from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
 from jaxrender.inverse.factorization.rounds import Task, begin
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
@@ -107,7 +107,7 @@ def test_a_comparison_needs_two_models():
 def test_the_search_begins_with_as_much_gloss_as_paint():
     samples, _ = ball_samples(20, 0.15, seed=1)
     for truth in MODELS.values():
-        task = Task(np.ones((20, 3)), Response.of_convex(truth, samples, 2, 2))
+        task = Task(np.ones((20, 3)), MirrorResponse.of_convex(truth, samples, 2, 2))
         guess = begin(task).guess
         share = np.asarray(gloss_share(guess))
         energy = float(task.response.lobe(guess).energy)

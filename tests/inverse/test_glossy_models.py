@@ -21,10 +21,9 @@ from jaxrender.brdf import (
     CosineLobe,
     HeTorranceLobe,
     Phong,
-    ShapeParameter,
     TorranceSparrow,
     Ward,
-    simple_glossy_named,
+    simple_parametric_named,
 )
 from jaxrender.geometry import Components
 from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Outcome, Unknown, fit_brdf
@@ -57,7 +56,7 @@ def test_photographs_give_the_material_back(name):
     fit = fit_brdf(noisy, known_light(), METALLIC, truth.with_roughness(0.1), SETTINGS)
     assert fit.outcome is Outcome.CONVERGED
     assert type(fit.brdf) is type(truth)
-    own = in_own_units(fit.parameters, truth.shape)
+    own = in_own_units(fit.parameters, truth)
     pairs = [(own.value.kd, own.standard_error.kd, KD)]
     pairs.append((own.value.ks, own.standard_error.ks, truth.ks))
     number = float(getattr(truth, truth.shape.name))
@@ -76,7 +75,7 @@ def test_photographs_give_the_material_back(name):
 def test_a_reflectance_comes_back_with_its_index():
     truth = TorranceSparrow(KD, np.ones(3), 0.16, 1.5)
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
-    variant = simple_glossy_named("torrance-sparrow").with_roughness(0.1, 1.7)
+    variant = simple_parametric_named("torrance-sparrow").with_roughness(0.1, 1.7)
     fit = fit_brdf(noisy, known_light(), MicrofacetUnknowns(), variant, SETTINGS)
     assert fit.outcome is Outcome.CONVERGED
     value, error = fit.parameters.value, fit.parameters.standard_error
@@ -162,7 +161,7 @@ def test_intervals_in_own_units_swap_ends_where_the_power_is_negative():
     noisy = with_noise(photograph(MODELS["ward"], *ball_samples()), 0.01, 0.002)
     settings = SETTINGS._replace(refine=False)
     found = fit_brdf(noisy, known_light(), METALLIC, MODELS["ward"], settings).parameters
-    own = in_own_units(found, ShapeParameter("exponent", 0.5, -2.0))
+    own = in_own_units(found, MODELS["phong"])
     assert own.lower.sigma < own.value.sigma < own.upper.sigma
     assert own.value.sigma == pytest.approx(0.5 / found.value.sigma**2)
     # Twice the relative error: d log s = -2 d log sigma.

@@ -107,7 +107,7 @@ def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--suppose", "gloss=1"], "suppose kd, ks, sigma, mu, roughness or exponent"),
+        (["--suppose", "gloss=1"], "suppose kd, ks, sigma, mu, roughness, roughness_y or exponent"),
         (["--suppose", "sigma=-1"], "give 1 number above 0"),
         (["--suppose", "exponent=9"], "--suppose exponent: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "kd=red"], "'red' is no number"),

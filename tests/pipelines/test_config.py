@@ -164,9 +164,12 @@ def test_defaults():
         "ks": "free",
         "sigma": "free",
         "roughness": "free",
+        "roughness_y": "free",
         "exponent": "free",
         "c_z": 1.0,
         "deviation": 0.5,
+        "spacing": 2.0,
+        "height": 1.0,
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
@@ -218,7 +221,8 @@ LIGHT_TASKS = {
         "task factorize recovers the light; remove lighting, or choose task: brdf"
     ),
     "task: factorize\nbrdf: {model: lambertian}\n": (
-        "task factorize reads the light off the gloss; choose model microfacet, ggx or beckmann"
+        "task factorize reads the light off the gloss, which lambertian has not; choose model "
+        "microfacet, ggx or beckmann"
     ),
     "task: factorize\nbrdf: {ks: 0.1}\n": (
         "under unknown light only the ratio of kd and ks means anything; fix both or none"
@@ -469,8 +473,8 @@ VALUES = {
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",
     ("brdf.model", "plastic"): (
         "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'torrance-sparrow', "
-        "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune', 'he-torrance' or "
-        "'lambertian'"
+        "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune', 'he-torrance', "
+        "'anisotropic-ward', 'kajiya-kay', 'poulin-fournier', 'oren-nayar' or 'lambertian'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"

@@ -9,7 +9,9 @@
 - Bounds of an exponent become bounds of a width, the other way around; fixed stays fixed.
 - A model that is compared with another takes what is said of the parameters that it has; Fresnel
   and masking go along within a kind, ks where it is a weight of the same thing.
-- What only known light can do is refused elsewhere.
+- Models whose lobe is not about R are known as such; Oren and Nayar's kd is an amplitude of its
+  own, a roughness across the tangent is searched as an index.
+- What only known light, or only a lobe about R, can do is refused elsewhere.
 """
 
 import numpy as np
@@ -17,19 +19,22 @@ import pytest
 from pydantic import ValidationError
 
 from jaxrender.brdf import (
-    SIMPLE_GLOSSY,
+    SIMPLE_PARAMETRIC,
     CookTorrance,
     CosineLobe,
+    Glossy,
     HeTorrance,
     Lafortune,
     Microfacet,
+    OrenNayar,
     Phong,
     TorranceSparrow,
     Ward,
 )
 from jaxrender.pipelines.config import BrdfConfig, RunConfig, SolveConfig
-from jaxrender.pipelines.config.brdf import _KEYS, FACET_MODELS
+from jaxrender.pipelines.config.brdf import _KEYS, BY_INTEGRAL, FACET_MODELS
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
+from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.render import material_of
 from jaxrender.pipelines.scene import lobe_of, true_material, unknowns_of
 
@@ -40,8 +45,8 @@ def run(brdf, **more):
 
 
 def test_the_models_of_the_config_are_those_of_the_brdfs():
-    assert set(_KEYS) == {*FACET_MODELS, "lambertian", *SIMPLE_GLOSSY}
-    for name, model in SIMPLE_GLOSSY.items():
+    assert set(_KEYS) == {*FACET_MODELS, "lambertian", *SIMPLE_PARAMETRIC}
+    for name, model in SIMPLE_PARAMETRIC.items():
         assert model.shape.name in _KEYS[name]
         assert isinstance(lobe_of(BrdfConfig(model=name)), model)
     assert isinstance(lobe_of(BrdfConfig(model="ggx")), Microfacet)
@@ -115,6 +120,18 @@ def test_a_comparison_takes_what_each_model_has():
         (
             {"task": "lighting", "brdf": {"model": "ward", "kd": 0.1, "ks": 0.1}},
             "needs a known material; fix roughness, or choose",
+        ),
+        (
+            {"task": "factorize", "brdf": {"model": "oren-nayar"}},
+            "reads the light off the gloss, which oren-nayar has not",
+        ),
+        (
+            {"solve": {"interreflection": True}, "brdf": {"compare": ["kajiya-kay"]}},
+            "solve.interreflection is for a lobe about the reflected direction",
+        ),
+        (
+            {"solve": {"model": "azimuthal"}, "brdf": {"model": "anisotropic-ward"}},
+            "solve.model is for a lobe about the reflected direction",
         ),
         (
             {"task": "texture", "texture": {"size": 8}, "brdf": {"compare": ["ggx"]}},
@@ -230,3 +247,43 @@ def test_recipe_and_result_make_the_model_of_the_registry(stated, twin):
         RecipeBrdfConfig.model_validate(
             {key: value for key, value in stated.items() if key != "ks"} | {"kd": kd.tolist()}
         )
+
+
+def test_which_models_have_no_frequency_view():
+    named = {name for name, model in SIMPLE_PARAMETRIC.items() if not issubclass(model, Glossy)}
+    assert named == set(BY_INTEGRAL)
+
+
+def test_the_albedo_of_grooves_is_an_amplitude_of_its_own():
+    """Their lobe is what the search calls ks; the base under it is black."""
+    config = run({"model": "oren-nayar", "kd": [0.2, 0.1, 0.1]})
+    unknowns = unknowns_of(config, 1)
+    assert unknowns.kd.fixed == (0.0,)
+    assert unknowns.ks.fixed == (0.2, 0.1, 0.1)
+    assert unknowns.ks_per_channel
+    assert unknowns.mu is None
+    stated = {"model": "oren-nayar", "kd": [0.2, 0.1, 0.1], "sigma": 0.4}
+    material = true_material(RecipeBrdfConfig.model_validate(stated))
+    twin = OrenNayar(np.array([0.2, 0.1, 0.1]), 0.4, qualitative=True)
+    pair = np.array([[0.3, 0.1, 0.7], [-0.5, 0.4, 0.6]])
+    pair = pair / np.linalg.norm(pair, axis=1, keepdims=True)
+    np.testing.assert_allclose(material.evaluate(*pair), twin.evaluate(*pair), rtol=1e-12)
+    words = OwnWords("oren-nayar", material)
+    assert words.names == ["kd", "sigma"]
+
+
+def test_a_second_roughness_is_searched_as_an_index():
+    free = unknowns_of(run({"model": "anisotropic-ward"}), 1).mu
+    assert (free.lower, free.upper) == (1.02, 2.0)
+    bounded = {"model": "anisotropic-ward", "roughness_y": {"bounds": [0.1, 0.5], "start": 0.2}}
+    searched = unknowns_of(run(bounded), 1).mu
+    assert (searched.lower, searched.start, searched.upper) == pytest.approx((1.1, 1.2, 1.5))
+    fixed = run({"model": "anisotropic-ward", "roughness_y": 0.3})
+    assert unknowns_of(fixed, 1).mu.fixed == pytest.approx((1.3,))
+    numbers = {"kd": [0.1] * 3, "ks": [0.2] * 3, "roughness": 0.1, "roughness_y": 0.3}
+    brdf = {"model": "anisotropic-ward", **numbers}
+    material = true_material(RecipeBrdfConfig.model_validate(brdf))
+    assert float(material.roughness_y) == pytest.approx(0.3)
+    assert float(material.mu) == pytest.approx(1.3)
+    again = material_of(brdf)
+    assert float(again.roughness_y) == pytest.approx(0.3)

@@ -21,7 +21,7 @@ from reflection_problems import (
 from scipy.integrate import dblquad
 
 from jaxrender import reflection
-from jaxrender.brdf import Lambertian, Microfacet
+from jaxrender.brdf import Lambertian, Microfacet, Ward
 from jaxrender.geometry import SurfaceSamples, world_from_local
 from jaxrender.harmonics import LatLongGrid, evaluate, real_basis, synthesise
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes
@@ -208,6 +208,16 @@ def test_single_precision():
     assert relative(columns, integral_columns(microfacet(0.2), SAMPLES, NODES)).max() < 1e-4
     flat = polar_columns(brdf, single, lambda d: jnp.ones_like(d))
     assert flat.dtype == jnp.float32
+
+
+def test_polar_quadrature_knows_the_tangent():
+    """Along the meridian, wherever the plane of incidence is; the twin sums over texels."""
+    along, across = (Ward(np.zeros(3), np.ones(3), *pair) for pair in ((0.2, 0.6), (0.6, 0.2)))
+    light = Environment(np.asarray(synthesise(LatLongGrid(256, 512), jnp.asarray(COEFFICIENTS))))
+    summed = integral_columns(along, SAMPLES, light.nodes())[:, 1]
+    found, turned = (polar_columns(brdf, SAMPLES, smooth)[:, 1] for brdf in (along, across))
+    assert np.abs(found - summed).max() < 0.01 * np.abs(summed).max()
+    assert np.abs(turned - summed).max() > 0.05 * np.abs(summed).max()
 
 
 def test_polar_coefficients_are_the_columns_under_each_harmonic():

@@ -11,6 +11,7 @@ and Marquardt do.  Lambda is the penalty on the light.  Only dozens of columns m
 samples, so a step costs a few matrix products whatever the number of parameters.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -19,7 +20,7 @@ import numpy as np
 
 from jaxrender.geometry import world_from_local
 from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
-from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
+from jaxrender.inverse.unknowns import SIGMA_BOUNDS, index_bounds
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
@@ -110,7 +111,7 @@ def descend_jointly(
     solved, system = reduced_system(response, guess, measured)
     while step < steps and damping < _GIVE_UP and not converged:
         step += 1
-        trial = _moved(guess, _damped(system, free, damping))
+        trial = _moved(guess, _damped(system, free, damping), index_bounds(response.variant))
         # Most steps are good: what the next one needs is asked for at once.
         there, onward = reduced_system(response, trial, measured)
         gain = float(solved.cost - there.cost)
@@ -177,17 +178,14 @@ def _tangents(
     gloss = jnp.eye(share.shape[0], dtype=share.dtype) * (share * (1 - share))[:, None]
     by_gloss = jnp.einsum("sc,cd->csd", by_share, gloss)
 
-    slow, fast = jnp.split(light, [response.slow_count])
-    by_degree = response.mirrored(slow)
+    specular_under = response.specular_under(light)
 
     def specular_light(lobe: Float[Array, "2"]) -> Float[Array, "sample channel"]:
-        here = guess._replace(sigma=lobe[0], mu=lobe[1])
-        passed = response.passed(here)
-        return jnp.einsum("sl,slc->sc", passed, by_degree) + response.source_specular(here) @ fast
+        return specular_under(guess._replace(sigma=lobe[0], mu=lobe[1]))
 
     at = jnp.stack([jnp.asarray(guess.sigma), jnp.asarray(guess.mu)])
     by_lobe = share[:, None, None] * jnp.swapaxes(jax.jacfwd(specular_light)(at), 0, 1)
-    by_direction = _direction_tangents(response, guess, fast)
+    by_direction = _direction_tangents(response, guess, light[response.slow_count :])
     return jax.lax.optimization_barrier(jnp.concatenate([by_gloss, by_lobe, by_direction], axis=-1))
 
 
@@ -231,8 +229,8 @@ def _damped(
     return jnp.clip(step, -_LONGEST, _LONGEST)
 
 
-@jax.jit
-def _moved(guess: Guess, step: Float[Array, "unknown"]) -> Guess:
+@partial(jax.jit, static_argnames="bounds")
+def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: tuple[float, float]) -> Guess:
     channels, sources = guess.gloss.shape[0], guess.directions.shape[0]
     gloss, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])
     directions = jnp.asarray(guess.directions)
@@ -240,6 +238,6 @@ def _moved(guess: Guess, step: Float[Array, "unknown"]) -> Guess:
     moved = directions + first[:, None] * frames[..., 0] + second[:, None] * frames[..., 1]
     moved = moved / jnp.linalg.norm(moved, axis=1, keepdims=True)
     sigma = jnp.clip(guess.sigma + lobe[0], *np.log(SIGMA_BOUNDS))
-    mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(MU_BOUNDS, 1)))
+    mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds, 1)))
     gloss = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
     return Guess(gloss, sigma, mu, moved)

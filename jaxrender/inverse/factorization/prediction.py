@@ -3,8 +3,10 @@
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.harmonics import band_limit_of, coefficient_count
+from jaxrender.inverse.factorization.integral_response import columns_under_slow_light
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.rounds import hidden_slow_light
 from jaxrender.inverse.factorization.sight import Sight
@@ -13,6 +15,7 @@ from jaxrender.inverse.shadowing import concave, nodes_seen, places_of, with_tra
 from jaxrender.reflection import (
     integral_columns,
     irradiance,
+    radiance,
     reflect_slow_light,
     shadowed_irradiance,
 )
@@ -25,6 +28,10 @@ def predict(
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
     brdf, slow = found.brdf, jnp.asarray(found.scene.slow)
     lamps, samples = found.scene.sources.nodes(), observations.samples
+    if not isinstance(brdf, Glossy):
+        columns = columns_under_slow_light(brdf, samples, slow)
+        columns = columns + integral_columns(brdf, samples, lamps)
+        return np.asarray(radiance(brdf, columns))
     diffuse = irradiance(slow, samples.normals)
     specular = reflect_slow_light(brdf, samples, slow)
     hiding, seen = concave(shape), None

@@ -22,7 +22,6 @@ from jaxrender.inverse.factorization.response import (
     Guess,
     Response,
     gloss_share,
-    lobes_towards,
 )
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
@@ -103,11 +102,10 @@ def _pair(
     response: Response, lamps: Guess, seen: Bool[AnyArray, "sample candidate"] | None
 ) -> Columns:
     """Evaluate how the samples respond to every candidate."""
-    specular = lobes_towards(response.lobe(lamps), response.samples, lamps.directions)
-    diffuse = jnp.maximum(response.samples.normals @ lamps.directions.T, 0)
+    both = response.towards(lamps)
     if seen is None:
-        return Columns(diffuse, specular)
-    return Columns(*(jnp.where(jnp.asarray(seen), part, 0) for part in (diffuse, specular)))
+        return both
+    return Columns(*(jnp.where(jnp.asarray(seen), part, 0) for part in both))
 
 
 def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape, visible_along
 from jaxrender.harmonics import coefficient_count
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
-from jaxrender.inverse.factorization.response import Response
+from jaxrender.inverse.factorization.integral_response import response_of_convex
+from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
     DEFAULTS,
     NOTHING_KNOWN,
@@ -32,7 +33,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, in_own_units, within_reach
-from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS
+from jaxrender.inverse.unknowns import SIGMA_BOUNDS, index_bounds
 from jaxrender.shapes import Float
 
 # Lamps are looked for, and everything fitted along with them, on about this many samples; the last
@@ -48,7 +49,7 @@ _SKETCHED = 0.05
 class Factorization(NamedTuple):
     """A recovered material and light, with all that is known about how well they are known."""
 
-    brdf: Glossy
+    brdf: Parametric
     scene: RecoveredScene
     parameters: Uncertain
     outcome: Outcome
@@ -67,7 +68,7 @@ class Factorization(NamedTuple):
 
 def factorize(
     observations: Observations,
-    variant: Glossy,
+    variant: Parametric,
     settings: FactorSettings = DEFAULTS,
     known: Known = NOTHING_KNOWN,
     *,
@@ -78,8 +79,9 @@ def factorize(
 ) -> Factorization:
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
-    Of ``variant`` only the kind counts: any glossy model; of a microfacet whether it is a metal,
-    Fresnel angle, masking, distribution.  Its width is ``parameters.value.sigma``.
+    Of ``variant`` only the kind counts: any parametric model with gloss; of a microfacet
+    whether it is a metal, Fresnel angle, masking, distribution.  Its width is
+    ``parameters.value.sigma``.
     Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
     ``shape`` and the observations' places are to be given; its shadows are then modelled, its
     interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
@@ -127,16 +129,21 @@ def factorize(
 
 def _task(
     observations: Observations,
-    variant: Glossy,
+    variant: Parametric,
     settings: FactorSettings,
     known: Known,
     shape: Shape | None,
 ) -> Task:
     samples, radiance = observations.samples, np.asarray(observations.radiance, float)
     lamps = settings.most_sources
-    response = Response.of_convex(variant, samples, settings.band_limit, lamps)
+    response = response_of_convex(variant, samples, settings.band_limit, lamps)
     if shape is None:
         return Task(radiance, response, None, known, settings)
+    if not isinstance(response, MirrorResponse):
+        raise ValueError(
+            "a material whose lobe is not about the reflected direction is told from unknown light "
+            "on convex objects only: choose a glossy model, or give the light"
+        )
     places = places_of(observations)
     transfer = np.asarray(observations.transfer)[:, : coefficient_count(settings.band_limit)]
     reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
@@ -158,8 +165,8 @@ def _judge(
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
-    shape = task.response.variant.shape
-    own = in_own_units(parameters, shape)
+    variant = task.response.variant
+    own = in_own_units(parameters, variant)
     free = free_unknowns(task, state)
     channels = task.radiance.shape[1]
     searched = {
@@ -170,17 +177,17 @@ def _judge(
     }
     bound = {
         "sigma": _at_bound(float(parameters.value.sigma), SIGMA_BOUNDS, 0.0),
-        "mu": _at_bound(float(parameters.value.mu), MU_BOUNDS, 1.0),
+        "mu": _at_bound(float(parameters.value.mu), index_bounds(variant), 1.0),
     }
     identifiable, reasons = {}, []
     for name in (name for name, is_free in searched.items() if is_free):
-        reached = within_reach(own, name)
-        called = shape.name if name == "sigma" else name
+        reached = within_reach(own, name, variant.index.of_index(1.0))
+        called = variant.called(name) or name
         identifiable[called] = reached and not bound.get(name, False)
         if bound.get(name, False):
             reasons.append(f"{called} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, own, called))
+            reasons.append(_why(name, own, called, isinstance(variant, Glossy)))
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -200,10 +207,12 @@ def _at_bound(value: float, bounds: tuple[float, float], origin: float) -> bool:
     return bool(min(low, high) < _AT_BOUND)
 
 
-def _why(name: str, parameters: Uncertain, called: str) -> str:
+def _why(name: str, parameters: Uncertain, called: str, glossy: bool) -> str:
     low, high = (np.ravel(getattr(bound, name)) for bound in parameters[1:3])
     shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
     sentence = f"{called} is not identifiable: its 90 % interval is {shown}"
+    if name in ("sigma", "mu") and not glossy:
+        return f"{sentence}; these views show too little of the lobe's shape"
     if name == "sigma":
         return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
     if name == "mu":

@@ -6,15 +6,20 @@ The light x is slow coefficients followed by the energies of directional sources
 the samples respond to each of them by a white diffuse and a white specular lobe.  In each channel
 only the product of light and reflectance shows, so kd + ks = 1 there, and the *gloss* g = ks is
 what is left of both (T 6.4.4).
+
+``MirrorResponse`` is the frequency view of a glossy material; of what has no such view
+``integral_response.IntegralResponse`` sums the integral itself.
 """
 
+import abc
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Components, SurfaceSamples, world_from_local
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.shapes import AnyArray, Array, Bool, Float
@@ -43,10 +48,73 @@ class Columns(NamedTuple):
 class Response(eqx.Module):
     """Samples of a surface under slow light of a given band limit and directional sources.
 
+    ``diffuse_basis`` is how the samples respond to slow light by the material's base, ``lit`` which
+    source each sample sees.  Of ``variant`` only the kind counts: its model, and of a microfacet
+    whether it is a metal, Fresnel angle, masking, distribution.
+    """
+
+    variant: eqx.AbstractVar[Parametric]
+    samples: eqx.AbstractVar[SurfaceSamples]
+    diffuse_basis: eqx.AbstractVar[Float[AnyArray, "sample coefficient"]]
+    lit: eqx.AbstractVar[Float[AnyArray, "sample source"]]
+
+    @abc.abstractmethod
+    def thinned(self, step: int) -> "Response":
+        """Keep one in ``step`` samples."""
+
+    @abc.abstractmethod
+    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
+        """Evaluate how the samples respond to slow light by the lobe."""
+
+    @abc.abstractmethod
+    def specular_under(
+        self, light: Float[Array, "part channel"]
+    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
+        """Make the lobe's radiance under a given light a function of the material."""
+
+    @abc.abstractmethod
+    def base_towards(
+        self, directions: Float[Array, "direction 3"]
+    ) -> Float[Array, "sample direction"]:
+        """Evaluate the base towards directions, whether they are seen or not."""
+
+    @property
+    def slow_count(self) -> int:
+        """The number of slow coefficients."""
+        return self.diffuse_basis.shape[1]
+
+    def lobe(self, guess: Guess) -> Parametric:
+        """Make the material of amplitude one that a guess speaks of."""
+        metal = self.variant.mu is None
+        mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
+        return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
+
+    def columns(self, guess: Guess) -> Columns:
+        """Evaluate both lobes' responses to every part of the light."""
+        specular = jnp.concatenate([self.slow_specular(guess), self.source_specular(guess)], axis=1)
+        diffuse = self.source_diffuse(jnp.asarray(guess.directions))
+        return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
+
+    def towards(self, guess: Guess) -> Columns:
+        """Evaluate both lobes towards the directions of a guess, whether they are seen or not."""
+        directions = jnp.asarray(guess.directions)
+        lobe = lobes_towards(self.lobe(guess), self.samples, directions)
+        return Columns(self.base_towards(directions), lobe)
+
+    def source_diffuse(self, directions: Float[Array, "source 3"]) -> Float[Array, "sample source"]:
+        """Evaluate the base towards every source."""
+        return self.base_towards(directions) * self.lit
+
+    def source_specular(self, guess: Guess) -> Float[Array, "sample source"]:
+        """Evaluate the lobe towards every source."""
+        return lobes_towards(self.lobe(guess), self.samples, guess.directions) * self.lit
+
+
+class MirrorResponse(Response):
+    """Of a glossy material: slow light is filtered by degree and looked up at R (T 6.9, 6.12).
+
     ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
-    itself; ``mirror_basis`` holds V(R) Y_lm(R); ``lit`` which source each sample sees.  Of
-    ``variant`` only the kind counts: its model, and of a microfacet whether it is a metal, Fresnel
-    angle, masking, distribution.
+    itself; ``mirror_basis`` holds V(R) Y_lm(R).
     """
 
     variant: Glossy
@@ -58,7 +126,7 @@ class Response(eqx.Module):
     @classmethod
     def of_convex(
         cls, variant: Glossy, samples: SurfaceSamples, band_limit: int, sources: int
-    ) -> "Response":
+    ) -> "MirrorResponse":
         """Make the response of an object that never shadows itself."""
         normals = jnp.asarray(samples.normals)
         each = lambertian_transfer(band_limit)[degrees(band_limit)]
@@ -72,39 +140,23 @@ class Response(eqx.Module):
         self,
         transfer: Float[AnyArray, "sample coefficient"],
         reflected: Bool[AnyArray, "sample"],
-    ) -> "Response":
+    ) -> "MirrorResponse":
         """Let the object shadow itself: transfer vectors for A_l Y_lm(n), and V(R) (T 6.12)."""
         seen = jnp.asarray(reflected)[:, None]
         mirror = jnp.where(seen, jnp.asarray(self.mirror_basis), 0)
-        return Response(self.variant, self.samples, transfer, mirror, self.lit)
+        return MirrorResponse(self.variant, self.samples, transfer, mirror, self.lit)
 
-    def thinned(self, step: int) -> "Response":
+    def thinned(self, step: int) -> "MirrorResponse":
         """Keep one in ``step`` samples."""
         samples = SurfaceSamples(*(jnp.asarray(a)[::step] for a in self.samples))
         bases = (jnp.asarray(a)[::step] for a in (self.diffuse_basis, self.mirror_basis, self.lit))
-        return Response(self.variant, samples, *bases)
-
-    @property
-    def slow_count(self) -> int:
-        """The number of slow coefficients."""
-        return self.diffuse_basis.shape[1]
-
-    def lobe(self, guess: Guess) -> Glossy:
-        """Make the material of amplitude one that a guess speaks of."""
-        metal = self.variant.mu is None
-        mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
-        return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
-
-    def columns(self, guess: Guess) -> Columns:
-        """Evaluate both lobes' responses to every part of the light."""
-        specular = jnp.concatenate([self.slow_specular(guess), self.source_specular(guess)], axis=1)
-        diffuse = self.source_diffuse(jnp.asarray(guess.directions))
-        return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
+        return MirrorResponse(self.variant, samples, *bases)
 
     def passed(self, guess: Guess) -> Float[Array, "sample degree"]:
         """Evaluate the transfer h_l(t_o) of every sample."""
-        band_limit = band_limit_of(self.slow_count)
-        return transfer_of_samples(self.lobe(guess), self.samples.exit_cosines, band_limit)
+        band_limit, lobe = band_limit_of(self.slow_count), self.lobe(guess)
+        assert isinstance(lobe, Glossy)
+        return transfer_of_samples(lobe, self.samples.exit_cosines, band_limit)
 
     def mirrored(
         self, slow: Float[Array, "coefficient channel"]
@@ -121,26 +173,42 @@ class Response(eqx.Module):
         each = degrees(band_limit_of(self.slow_count))
         return self.passed(guess)[:, each] * jnp.asarray(self.mirror_basis)
 
-    def source_diffuse(self, directions: Float[Array, "source 3"]) -> Float[Array, "sample source"]:
-        """Evaluate the clamped cosine towards every source."""
-        cosines = jnp.matmul(self.samples.normals, directions.T, precision="highest")
-        return jnp.maximum(cosines, 0) * self.lit
+    def specular_under(
+        self, light: Float[Array, "part channel"]
+    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
+        """Weigh what a mirror would show of each degree: few products for every material."""
+        slow, fast = jnp.split(light, [self.slow_count])
+        by_degree = self.mirrored(slow)
 
-    def source_specular(self, guess: Guess) -> Float[Array, "sample source"]:
-        """Evaluate the specular lobe towards every source."""
-        return lobes_towards(self.lobe(guess), self.samples, guess.directions) * self.lit
+        def radiance(guess: Guess) -> Float[Array, "sample channel"]:
+            passed = jnp.einsum("sl,slc->sc", self.passed(guess), by_degree)
+            return passed + self.source_specular(guess) @ fast
+
+        return radiance
+
+    def base_towards(
+        self, directions: Float[Array, "direction 3"]
+    ) -> Float[Array, "sample direction"]:
+        """Evaluate the clamped cosine."""
+        cosines = jnp.matmul(self.samples.normals, directions.T, precision="highest")
+        return jnp.maximum(cosines, 0)
 
 
 def lobes_towards(
-    lobe: Glossy, samples: SurfaceSamples, directions: Float[AnyArray, "source 3"]
+    brdf: Parametric,
+    samples: SurfaceSamples,
+    directions: Float[AnyArray, "source 3"],
+    *,
+    base: bool = False,
 ) -> Float[Array, "sample source"]:
-    """Evaluate the specular lobe times cos t_i of every sample towards every direction."""
+    """Evaluate the lobe (or the base) times cos t_i of every sample towards every direction."""
     directions = jnp.asarray(directions)
 
     def one(sample: SurfaceSamples) -> Float[Array, "source"]:
         frame = world_from_local(sample.normals)
         incoming = Components.of(directions).in_frame(frame)
-        return lobe.transfer(incoming, Components.of(sample.outgoing).in_frame(frame))[1]
+        both = brdf.transfer(incoming, Components.of(sample.outgoing).in_frame(frame))
+        return both[0 if base else 1]
 
     return jax.vmap(one)(SurfaceSamples(*(jnp.asarray(a) for a in samples)))
 

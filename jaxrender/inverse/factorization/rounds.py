@@ -29,7 +29,12 @@ from jaxrender.inverse.factorization.joint import (
     solve_light,
 )
 from jaxrender.inverse.factorization.pursuit import pursue
-from jaxrender.inverse.factorization.response import Guess, Response, gloss_share
+from jaxrender.inverse.factorization.response import (
+    Guess,
+    MirrorResponse,
+    Response,
+    gloss_share,
+)
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.lighting import LightNodes
@@ -376,12 +381,16 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
 def corrected(task: Task, state: State) -> State:
     """Take off the photographs what the exact integral has and the dual model has not.
 
-    The sources are exact already; of slow light the dual model knows the azimuthal mean.
+    The sources are exact already; of slow light the dual model knows the azimuthal mean.  What has
+    been integrated is exact altogether.
     """
     assert state.joint is not None
     response, guess = response_of(task, state), state.guess
+    if not isinstance(response, MirrorResponse):
+        return state
     slow = jnp.asarray(state.joint.solved.light[: response.slow_count])
     lobe = response.lobe(guess)
+    assert isinstance(lobe, Glossy)
     exact = reflect_slow_light(lobe, response.samples, slow)
     if task.sight is not None:
         exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.information import Reading, frame_grams, reading_of
@@ -58,7 +59,8 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
     sentences = []
     for name in lost:
         if name not in present:
-            sentences.append(f"{_NAMED[name]} cannot be told: what shows of it is supposed to be 0")
+            named = _named(name, foreseen.supposed.brdf)
+            sentences.append(f"{named} cannot be told: what shows of it is supposed to be 0")
             continue
         after = [float(errors.relative[name]) for errors in mended]
         enough = max(_TELLABLE, min(after))
@@ -66,7 +68,8 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
         helpful = [i for i in range(len(found)) if after[i] <= limit]
         groups.setdefault(tuple(helpful), []).append(name)
     for helpful, names in groups.items():
-        sentences.append(_sentence(names, present, [found[i].cause for i in helpful]))
+        named = {name: _named(name, foreseen.supposed.brdf) for name in names}
+        sentences.append(_sentence(named, present, [found[i].cause for i in helpful]))
         tried: list[Tried] = [(found[i].mend, mended[i].relative) for i in helpful]
         times = [_samples_needed(reading, own, name) for name in names]
         if None not in times:
@@ -79,6 +82,11 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
 
 
 _NAMED = {"kd": "kd", "ks": "ks", "sigma": "roughness", "mu": "refractive index"}
+
+
+def _named(name: str, brdf: Parametric) -> str:
+    """Say in words what a glossy material has, and by its own name what another one has."""
+    return _NAMED[name] if isinstance(brdf, Glossy) else str(brdf.called(name))
 
 
 def _remedies(foreseen: Foreseen) -> list[Remedy]:
@@ -122,8 +130,8 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
     return found
 
 
-def _sentence(names: list[str], errors: dict, causes: list[str]) -> str:
-    listed = [f"{_NAMED[name]} ({_spread(float(errors[name]))})" for name in names]
+def _sentence(named: dict[str, str], errors: dict, causes: list[str]) -> str:
+    listed = [f"{word} ({_spread(float(errors[name]))})" for name, word in named.items()]
     words = " and ".join([", ".join(listed[:-1]), listed[-1]] if listed[1:] else listed)
     causes = causes or ["too few or too noisy samples"]
     return f"{words} cannot be told: {', and '.join(causes)}"

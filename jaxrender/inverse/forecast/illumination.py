@@ -67,7 +67,7 @@ def forecast_light(
 
     All samples of the situation count, as in a recovery; a part of them stands for the others.
     Raises ``ValueError`` for fewer samples than coefficients of degree 0 and 1, and for light that
-    differs from photograph to photograph.
+    differs from photograph to photograph, and for a material whose lobe is not about R.
     """
     light = situation.light
     if light.per_frame is not None:
@@ -75,6 +75,11 @@ def forecast_light(
             "the light differs from photograph to photograph: it cannot be recovered as one light"
         )
     brdf, count = supposed.brdf, len(situation.frame)
+    if not isinstance(brdf, Glossy):
+        raise ValueError(
+            "degrees of the light are told by a lobe about the reflected direction, which this "
+            "material has not"
+        )
     wanted = int(np.ceil(_DEGREE_TIMES_SIGMA / float(brdf.sigma))) if np.any(brdf.ks) else 0
     limit = band_limit or int(np.clip(wanted, _FEWEST_DEGREES, _MOST_DEGREES))
     while limit > 1 and coefficient_count(limit) > count / 2:

@@ -11,8 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.harmonics import degrees
+from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
@@ -91,17 +92,17 @@ def forecast_joint(
     gauge = tuple(
         f"{name}: light times s, kd and ks divided by s, for any s" for name in GAUGES[:channels]
     )
-    sentences = _sentences(parameters, identifiable)
+    sentences = _sentences(parameters, identifiable, brdf)
     return JointForecast(parameters, identifiable, singular, lamps, gauge, sentences)
 
 
 def joint_system(
-    situation: Situation, brdf: Glossy, band_limit: int
+    situation: Situation, brdf: Parametric, band_limit: int
 ) -> tuple[Response, Guess, Float[np.ndarray, "part channel"]]:
     """Set up the joint model at the supposed answer, its light in the gauge kd + ks = 1."""
     kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
     slow, lamps = _divided(situation.light, float(brdf.sigma), band_limit)
-    response = Response.of_convex(
+    response = response_of_convex(
         kind_of(brdf), situation.samples, band_limit, len(lamps.directions)
     )
     mu = 1.5 if brdf.mu is None else float(brdf.mu)
@@ -184,6 +185,7 @@ def _parameters(guess: Guess, covariance: np.ndarray, metal: bool) -> Uncertain:
     return intervals(value, error)
 
 
+_TOO_LITTLE_OF_THE_LOBE = "these views show too little of the lobe's shape"
 _WHY = {
     "kd": "too little tells gloss and matt apart",
     "ks": "too little tells gloss and matt apart",
@@ -192,15 +194,19 @@ _WHY = {
 }
 
 
-def _sentences(parameters: Uncertain, identifiable: dict[str, bool]) -> tuple[str, ...]:
+def _sentences(
+    parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
+) -> tuple[str, ...]:
     found = ["gauge: in each channel only light times reflectance shows; kd + ks = 1 fixes it"]
     for name, told in identifiable.items():
         if not told:
             value = np.asarray(getattr(parameters.value, name)) - (name == "mu")
             worst = float(np.max(np.asarray(getattr(parameters.standard_error, name)) / value))
+            why = _WHY[name] if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
+            own = name if name == "sigma" else brdf.called(name)
             found.append(
-                f"{name} cannot be told with the light unknown: standard error "
-                f"{100 * worst:.0f} % of its value; {_WHY[name]}"
+                f"{own} cannot be told with the light unknown: standard error "
+                f"{100 * worst:.0f} % of its value; {why}"
             )
     if all(identifiable.values()):
         found.append("light and material can both be told, up to the gauge")

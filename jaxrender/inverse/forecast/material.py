@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from jaxrender.brdf import Glossy
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
 from jaxrender.inverse.elimination import Fit, Problem
@@ -48,7 +49,7 @@ class MaterialForecast(NamedTuple):
 
     parameters: Uncertain
     identifiable: dict[str, bool]
-    evidence: SigmaEvidence
+    evidence: SigmaEvidence | None
     unknowns: tuple[str, ...]
     singular_values: Float[np.ndarray, "unknown"]
     weakest: Float[np.ndarray, "unknown"]
@@ -103,7 +104,7 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
 
 
 def _forecast(
-    problem: Problem, foreseen: Foreseen, evidence: SigmaEvidence, explain: bool
+    problem: Problem, foreseen: Foreseen, evidence: SigmaEvidence | None, explain: bool
 ) -> MaterialForecast:
     fit = _fit_at(problem, foreseen)
     parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
@@ -129,9 +130,13 @@ def _fit_at(problem: Problem, foreseen: Foreseen) -> Fit:
     return Fit(done, problem.linear(eliminated), jax.device_put(foreseen.data.radiance))
 
 
-def _evidence(problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float) -> SigmaEvidence:
+def _evidence(
+    problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float
+) -> SigmaEvidence | None:
     """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
     brdf, (samples, frame, light) = foreseen.supposed.brdf, foreseen.situation
+    if not isinstance(brdf, Glossy):
+        return None
     observations = Observations(samples, foreseen.data.radiance, frame)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     dual = prepare_light(light, observations, lobe, split, None).dual.for_frames(frame)
@@ -155,12 +160,12 @@ def _spectrum(
 
 
 def _closing(
-    problem: Problem, free: list[str], lost: list[str], evidence: SigmaEvidence
+    problem: Problem, free: list[str], lost: list[str], evidence: SigmaEvidence | None
 ) -> tuple[str, ...]:
     sentences = []
     if free and not lost:
         sentences.append("every free parameter will be identifiable")
-    if "sigma" in free:
+    if "sigma" in free and evidence is not None:
         sentences.append(evidence.sentence())
     if problem.unknowns.free_scale:
         sentences.append(

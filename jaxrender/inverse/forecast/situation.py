@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy, Microfacet
+from jaxrender.brdf import Microfacet, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.elimination import Data, Problem
@@ -29,7 +29,7 @@ _COARSE = 0.5
 # Noise is never taken to be less than this part of the mean radiance, as in a fit.
 _LEAST_NOISE = 1e-6
 
-Kind = TypeVar("Kind", bound=Glossy)
+Kind = TypeVar("Kind", bound=Parametric)
 
 
 class Situation(NamedTuple):
@@ -43,7 +43,7 @@ class Situation(NamedTuple):
 class Supposed(NamedTuple):
     """The material and the noise that a forecast is made for."""
 
-    brdf: Glossy = TYPICAL_MATERIAL
+    brdf: Parametric = TYPICAL_MATERIAL
     noise: NoiseModel = TYPICAL_NOISE
 
 
@@ -75,7 +75,7 @@ def foresee(
     """
     situation = _drawn(situation, supposed, count, seed)
     brdf = supposed.brdf
-    nodes = exact_nodes(situation.light, situation.frame, float(brdf.sigma), angle_per_sigma)
+    nodes = exact_nodes(situation.light, situation.frame, float(brdf.width), angle_per_sigma)
     model = ExactModel(kind_of(brdf), situation.samples, nodes)
     mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
     near = LinearisedModel.about(model, jnp.asarray(float(brdf.sigma)), mu)
@@ -105,7 +105,7 @@ def weights_of(
     return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
 
 
-def unknowns_at(problem: Problem, brdf: Glossy) -> tuple[np.ndarray, np.ndarray]:
+def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndarray]:
     """Find the search point and the eliminated unknowns of a supposed material.
 
     Raises ``ValueError`` where it lies outside the bounds of the search.
@@ -126,7 +126,7 @@ def unknowns_at(problem: Problem, brdf: Glossy) -> tuple[np.ndarray, np.ndarray]
     return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
 
 
-def problem_of(unknowns: MicrofacetUnknowns, brdf: Glossy) -> Problem:
+def problem_of(unknowns: MicrofacetUnknowns, brdf: Parametric) -> Problem:
     """Lay out the unknowns of a supposed material, fixed ones at what is supposed of them."""
     held = {}
     for name in ("kd", "ks", "sigma", "mu"):
@@ -152,14 +152,14 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
     """Predict radiance alone, well enough to weigh and to choose samples by."""
     samples, frame, light = situation
     brdf = supposed.brdf
-    nodes = exact_nodes(light, frame, float(brdf.sigma), _COARSE)
+    nodes = exact_nodes(light, frame, float(brdf.width), _COARSE)
     mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
     model = ExactModel(kind_of(brdf), samples, nodes)
     columns = _columns(model, jnp.asarray(float(brdf.sigma)), mu)
     return _mixed(brdf, columns.diffuse, columns.specular)
 
 
-def _mixed(brdf: Glossy, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
+def _mixed(brdf: Parametric, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
     kd, ks = (np.asarray(a, float)[None] for a in (brdf.kd, brdf.ks))
     return kd * np.asarray(diffuse) + ks * np.asarray(specular)
 

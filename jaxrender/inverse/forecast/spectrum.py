@@ -3,13 +3,14 @@
 import equinox as eqx
 import numpy as np
 
+from jaxrender.brdf import Glossy
 from jaxrender.harmonics import analyse, band_limit_of, real_basis
 from jaxrender.inverse.forecast.situation import Foreseen
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.lighting.operator import sizes_by_degree
 from jaxrender.inverse.posedness import posedness
 from jaxrender.shapes import Float
-from jaxrender.spectra import transfer_of_samples
+from jaxrender.spectra import head_on_transfer, transfer_of_samples
 
 _HIGHEST_DEGREE = 64
 # Degrees below this part of the strongest are the image's texels and rounding.
@@ -21,11 +22,14 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     _, frame, light = foreseen.situation
     brdf, noise = foreseen.supposed.brdf, foreseen.supposed.noise
     coefficients = light_coefficients(light.of_frame(0), _HIGHEST_DEGREE)
-    head_on = np.ones(1)
-    lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     band_limit = band_limit_of(len(coefficients))
     # Of an energy of one, whatever a model's ks means.
-    transfer = np.asarray(_looked_up(lobe, head_on, band_limit))[0] / float(lobe.energy)
+    if isinstance(brdf, Glossy):
+        lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
+        transfer = _looked_up(lobe, np.ones(1), band_limit)[0] / float(lobe.energy)
+    else:
+        transfer = head_on_transfer(brdf, band_limit) / float(brdf.energy)
+    transfer = np.asarray(transfer)
     radiance = np.asarray(foreseen.data.radiance)
     level = np.sqrt(np.mean(radiance**2, keepdims=True))
     deviation = np.asarray(noise.standard_deviation(level))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_GLOSSY, Glossy, Microfacet
+from jaxrender.brdf import SIMPLE_PARAMETRIC, Glossy, Microfacet, Parametric
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import TYPICAL_MATERIAL, TYPICAL_NOISE, Supposed
@@ -14,7 +14,10 @@ from jaxrender.pipelines.config import RecipeConfig, RunConfig
 from jaxrender.pipelines.config.brdf import chosen_numbers_of, distribution_of, numbers_of
 from jaxrender.pipelines.scene import fault_of, simple_material
 
-_NAMES = ("kd", "ks", "sigma", "mu", "roughness", "exponent")
+_NAMES = ("kd", "ks", "sigma", "mu", "roughness", "roughness_y", "exponent")
+
+# What is typical of grooves (radians), and of the rougher direction of brushed metal.
+_TYPICAL = {"sigma": 0.35, "roughness_y": 0.25}
 
 
 class Supposition(NamedTuple):
@@ -62,11 +65,12 @@ def _own_numbers(config: RunConfig) -> tuple[str, ...]:
     return ("kd", *numbers_of("microfacet" if model == "lambertian" else model))
 
 
-def _material(config: RunConfig, values: dict) -> Glossy:
+def _material(config: RunConfig, values: dict) -> Parametric:
     kd, ks = (
-        np.broadcast_to(np.asarray(values[name], float), (3,)).copy() for name in ("kd", "ks")
+        np.broadcast_to(np.asarray(values.get(name, 0), float), (3,)).copy()
+        for name in ("kd", "ks")
     )
-    if config.brdf.model in SIMPLE_GLOSSY:
+    if config.brdf.model in SIMPLE_PARAMETRIC:
         chosen = {name: getattr(config.brdf, name) for name in chosen_numbers_of(config.brdf.model)}
         return simple_material(config.brdf.model, {**values, **chosen, "kd": kd, "ks": ks})
     choices = config.brdf.fresnel, config.brdf.masking, distribution_of(config.brdf.model)
@@ -89,7 +93,10 @@ def _one(name: str, config: RunConfig, recipe: RecipeConfig | None, told: dict):
         if value == "none":
             return None, "from the recipe"
         return value if name in ("kd", "ks") else float(value), "from the recipe"
-    shape = SIMPLE_GLOSSY.get(config.brdf.model, Microfacet).shape
+    model = SIMPLE_PARAMETRIC.get(config.brdf.model, Microfacet)
+    shape = model.shape
+    if name in _TYPICAL and not issubclass(model, Glossy):
+        return _TYPICAL[name], "typical"
     if name == shape.name:
         return float(shape.of_width(TYPICAL_MATERIAL.sigma)), "typical"
     typical = getattr(TYPICAL_MATERIAL, name)
@@ -118,7 +125,7 @@ def _pair(text: str) -> tuple[str, np.ndarray | float | None]:
     place = f"--suppose {text}"
     if name not in _NAMES:
         raise InputError(
-            f"{place}: suppose kd, ks, sigma, mu, roughness or exponent, as in --suppose sigma=0.1"
+            f"{place}: suppose {', '.join(_NAMES[:-1])} or {_NAMES[-1]}, as in --suppose sigma=0.1"
         )
     if name == "mu" and rest == "none":
         return name, None

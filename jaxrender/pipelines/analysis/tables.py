@@ -1,14 +1,17 @@
 """Forecasts as text for a terminal."""
 
+from functools import partial
+
 import numpy as np
 
-from jaxrender.brdf import Glossy, WithoutIndex
+from jaxrender.brdf import Parametric
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
 from jaxrender.inverse.next_best import Suggestion
 from jaxrender.inverse.posedness import RECOVERABLE
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.uncertainty import Uncertain, in_own_units
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options
+from jaxrender.pipelines.own_words import called
 
 _CHANNELS = ("red", "green", "blue")
 _DEGREES_SHOWN = (*range(9), 10, 12, 14, 16, 18, 20)
@@ -18,11 +21,14 @@ def text_of(found: ConfigAnalysis, options: Options) -> str:
     """Put an analysis into words and tables."""
     parts = [_heading(found)]
     impossible = found.impossible
-    parts.append(
-        _section("Material, light known", impossible.get("material"), _material, found.material)
+    brdf = found.supposition.supposed.brdf
+    sections = (
+        ("material", "Material, light known", partial(_material, brdf=brdf), found.material),
+        ("light", "Light, material known", _light, found.light),
+        ("joint", "Both unknown", partial(_joint, brdf=brdf), found.joint),
     )
-    parts.append(_section("Light, material known", impossible.get("light"), _light, found.light))
-    parts.append(_section("Both unknown", impossible.get("joint"), _joint, found.joint))
+    for key, title, write, forecast in sections:
+        parts.append(_section(title, impossible.get(key), write, forecast))
     if options.suggest is not None:
         parts.append(_suggestions(found, options))
     return "\n\n".join(parts)
@@ -42,12 +48,16 @@ def _heading(found: ConfigAnalysis) -> str:
         lit.append("sources of single photographs")
     guess = "" if found.prospect.light_given else " (supposed: the config gives none)"
     cosines = np.asarray(found.prospect.situation.samples.exit_cosines)
-    material = [f"kd {_values(brdf.kd)}"]
-    if np.any(np.asarray(brdf.ks)):
-        material += [f"ks {_values(brdf.ks)}", f"{brdf.shape.name} {_own_number(brdf):.3g}"]
-        if not isinstance(brdf, WithoutIndex):
-            mu = "none (metal)" if brdf.mu is None else f"{float(brdf.mu):.3g}"
-            material.append(f"mu {mu}")
+    amounts = {brdf.called("kd"): brdf.kd, brdf.called("ks"): brdf.ks}
+    matt = not np.any(np.asarray(brdf.ks))
+    amounts = dict(list(amounts.items())[: 1 if matt else 2])
+    material = [f"{name} {_values(value)}" for name, value in amounts.items() if name]
+    if not matt:
+        material.append(f"{brdf.shape.name} {_own_number(brdf):.3g}")
+        if brdf.has_index():
+            second = getattr(brdf, brdf.index.name)
+            shown = "none (metal)" if second is None else f"{float(second):.3g}"
+            material.append(f"{brdf.index.name} {shown}")
     lines = [
         f"{len(found.prospect.cameras)} photographs, not looked at; {len(cosines):,} samples, "
         f"of which {len(situation.frame):,} for the last step; exit cosines from "
@@ -65,7 +75,7 @@ def _heading(found: ConfigAnalysis) -> str:
     return "\n".join(lines)
 
 
-def _own_number(brdf: Glossy) -> float:
+def _own_number(brdf: Parametric) -> float:
     return float(brdf.shape.of_width(float(brdf.sigma)))
 
 
@@ -75,13 +85,13 @@ def _section(title: str, reason: str | None, write, forecast) -> str:
     return "\n".join([title, *write(forecast), *(f"  - {s}" for s in forecast.sentences)])
 
 
-def _material(forecast: MaterialForecast) -> list[str]:
-    lines = _parameters(forecast.parameters, forecast.identifiable)
+def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
+    lines = _parameters(forecast.parameters, forecast.identifiable, brdf)
     values = forecast.singular_values
     if not values.size:
         return lines
     told = [
-        f"{name} {amount:+.2f}"
+        f"{called(brdf, name)} {amount:+.2f}"
         for name, amount in zip(forecast.unknowns, forecast.weakest)
         if abs(amount) > 0.1
     ]
@@ -92,8 +102,8 @@ def _material(forecast: MaterialForecast) -> list[str]:
     ]
 
 
-def _joint(forecast: JointForecast) -> list[str]:
-    lines = _parameters(forecast.parameters, forecast.identifiable)
+def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
+    lines = _parameters(forecast.parameters, forecast.identifiable, brdf)
     return [
         *lines,
         f"  singular values, light and {forecast.lamps} lamps taken off: "
@@ -102,9 +112,12 @@ def _joint(forecast: JointForecast) -> list[str]:
     ]
 
 
-def _parameters(parameters: Uncertain, identifiable: dict[str, bool]) -> list[str]:
+def _parameters(
+    parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
+) -> list[str]:
+    parameters = in_own_units(parameters, brdf)
     lines = [
-        f"  {'':10s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
+        f"  {'':11s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
     ]
     for name, told in identifiable.items():
         # Value, bounds and error; the covariance is for machines.
@@ -112,9 +125,10 @@ def _parameters(parameters: Uncertain, identifiable: dict[str, bool]) -> list[st
         shown = list(rows)
         same = name in ("sigma", "mu") or (len({f"{r}" for r in shown}) == 1)
         for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
-            title = name if same else f"{name} {_CHANNELS[channel]}"
+            own = brdf.called(name) or name
+            title = own if same else f"{own} {_CHANNELS[channel]}"
             lines.append(
-                f"  {title:10s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
+                f"  {title:11s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
                 f"{'yes' if told else 'no'}"
             )
     return lines

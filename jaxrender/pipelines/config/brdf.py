@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from jaxrender.pipelines.config.parameter import (
     Parameter,
@@ -26,6 +26,10 @@ Model = Literal[
     "blinn-phong",
     "lafortune",
     "he-torrance",
+    "anisotropic-ward",
+    "kajiya-kay",
+    "poulin-fournier",
+    "oren-nayar",
     "lambertian",
 ]
 Fresnel = Literal["exit", "half"]
@@ -52,8 +56,16 @@ _KEYS = {
     "blinn-phong": (*_GLOSS, "exponent"),
     "lafortune": (*_GLOSS, "exponent", "c_z"),
     "he-torrance": (*_GLOSS, "roughness", "mu", "deviation"),
+    "anisotropic-ward": (*_GLOSS, "roughness", "roughness_y"),
+    "kajiya-kay": (*_GLOSS, "exponent"),
+    "poulin-fournier": (*_GLOSS, "exponent", "spacing", "height"),
+    "oren-nayar": ("sigma",),
     "lambertian": (),
 }
+# Those without gloss.
+MATT = ("lambertian", "oren-nayar")
+# Those whose lobe is not about the reflected direction: the exact integral alone fits them.
+BY_INTEGRAL = ("anisotropic-ward", "kajiya-kay", "poulin-fournier", "oren-nayar")
 FACET_MODELS = tuple(model for model, keys in _KEYS.items() if keys == _FACETS)
 # What ks is a weight of, where it is not about the lobe's albedo.
 _KS_WEIGHS = {
@@ -61,9 +73,10 @@ _KS_WEIGHS = {
     "cook-torrance": "reflectance",
     "he-torrance": "reflectance",
     "lafortune": "cosine",
+    "kajiya-kay": "cosine",
 }
 # What is chosen, not searched for.
-_STATED = ("c_z", "deviation")
+_STATED = ("c_z", "deviation", "spacing", "height")
 _CHOICES = ("ks_per_channel", "fresnel", "masking", *_STATED)
 _SPECULAR_KEYS = tuple(dict.fromkeys(key for keys in _KEYS.values() for key in keys))
 
@@ -78,6 +91,12 @@ Roughness = Annotated[
     AfterValidator(one_number),
     AfterValidator(numbers_above(0.0)),
     Accepts("'free', a number above 0, {fixed}, or {bounds, start}"),
+]
+Spacing = Annotated[
+    float, Strict(), Field(ge=2, allow_inf_nan=False), Accepts("a number, at least 2")
+]
+Height = Annotated[
+    float, Strict(), Field(gt=0, le=1, allow_inf_nan=False), Accepts("a number above 0, up to 1")
 ]
 _SlopeRoughness = Annotated[Roughness, AfterValidator(numbers_at_most(1.0))]
 Exponent = Annotated[
@@ -105,18 +124,28 @@ class BrdfConfig(Section):
     """Diffuse BRDF value (albedo / pi) of the channels, 1/sr."""
     ks: Reflectance = Parameter()
     """Specular weight: times the Fresnel reflectance of torrance-sparrow, cook-torrance and
-    he-torrance (1 for a clean surface), times the power of lafortune's cosine (in 1/sr)."""
+    he-torrance (1 for a clean surface), times the power of lafortune's and kajiya-kay's cosine
+    (in 1/sr)."""
     sigma: Roughness = Parameter()
-    """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1."""
+    """Surface roughness (root mean square slope), above 0; of ggx what is called alpha, up to 1;
+    of oren-nayar the deviation of the grooves' angle, in radians."""
     roughness: _SlopeRoughness = Parameter()
     """Of ward, cook-torrance and he-torrance the slopes' deviation times the root of 2, of
-    torrance-sparrow the facets' angle in radians at 1/e; above 0 and at most 1."""
+    torrance-sparrow the facets' angle in radians at 1/e; of anisotropic-ward along the tangent,
+    which is the meridian about +Z.  Above 0 and at most 1."""
+    roughness_y: _SlopeRoughness = Parameter()
+    """Of anisotropic-ward the roughness across the tangent; above 0 and at most 1."""
     exponent: Exponent = Parameter()
-    """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
+    """Exponent of phong and lafortune (cosine to R), blinn-phong and poulin-fournier (cosine to the
+    half vector), kajiya-kay (cosine to the cone into which a fibre along the meridian reflects)."""
     c_z: Positive = 1.0
     """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
     deviation: Positive = 0.5
     """Of he-torrance the deviation of the surface's heights, in wavelengths."""
+    spacing: Spacing = 2.0
+    """Of poulin-fournier the distance between the cylinders' axes in radii, at least 2."""
+    height: Height = 1.0
+    """Of poulin-fournier how far the cylinders rise, in radii: 1 is half a cylinder."""
     mu: RefractiveIndex = Parameter()
     """Refractive index, above 1; none for metals (F = 1)."""
     ks_per_channel: Switch = False

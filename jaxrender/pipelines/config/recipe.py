@@ -7,9 +7,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from jaxrender.pipelines.config.brdf import (
+    BY_INTEGRAL,
     Fresnel,
+    Height,
     Masking,
     Model,
+    Spacing,
     numbers_of,
     refuse_foreign_keys,
     refuse_roughest,
@@ -49,18 +52,28 @@ class RecipeBrdfConfig(Section):
     """Diffuse BRDF value (albedo / pi), 1/sr."""
     ks: Rgb = (0.0, 0.0, 0.0)
     """Specular weight: times the Fresnel reflectance of torrance-sparrow, cook-torrance and
-    he-torrance (1 for a clean surface), times the power of lafortune's cosine (in 1/sr)."""
+    he-torrance (1 for a clean surface), times the power of lafortune's and kajiya-kay's cosine
+    (in 1/sr)."""
     sigma: Positive = 0.1
-    """Surface roughness; of ggx what is called alpha, up to 1."""
+    """Surface roughness; of ggx what is called alpha, up to 1; of oren-nayar the deviation of the
+    grooves' angle, in radians."""
     roughness: SlopeRoughness = 0.2
     """Of ward, cook-torrance and he-torrance the slopes' deviation times the root of 2, of
-    torrance-sparrow the facets' angle in radians at 1/e; up to 1."""
+    torrance-sparrow the facets' angle in radians at 1/e; of anisotropic-ward along the tangent,
+    which is the meridian about +Z.  Up to 1."""
+    roughness_y: SlopeRoughness = 0.2
+    """Of anisotropic-ward the roughness across the tangent; up to 1."""
     exponent: Positive = 50.0
-    """Exponent of phong and lafortune (cosine to R) and blinn-phong (cosine to the half vector)."""
+    """Exponent of phong and lafortune (cosine to R), blinn-phong and poulin-fournier (cosine to the
+    half vector), kajiya-kay (cosine to the cone into which a fibre along the meridian reflects)."""
     c_z: Positive = 1.0
     """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
     deviation: Positive = 0.5
     """Of he-torrance the deviation of the surface's heights, in wavelengths."""
+    spacing: Spacing = 2.0
+    """Of poulin-fournier the distance between the cylinders' axes in radii, at least 2."""
+    height: Height = 1.0
+    """Of poulin-fournier how far the cylinders rise, in radii: 1 is half a cylinder."""
     mu: Literal["none"] | TrueIndex = 1.5
     """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"
@@ -185,6 +198,11 @@ class RecipeConfig(Section):
     def _paint_has_one_ks(self) -> RecipeConfig:
         if self.texture is not None and len(set(self.brdf.ks)) > 1:
             raise ValueError("a painted material has one ks for all channels; give brdf.ks once")
+        if self.texture is not None and self.brdf.model in BY_INTEGRAL:
+            raise ValueError(
+                f"found texture with model {self.brdf.model}; choose a model with a lobe about the "
+                "reflected direction"
+            )
         if self.texture is not None and self.brdf.model == "lambertian" and self.texture.ks:
             raise ValueError("found texture.ks with model lambertian, which has only kd; give 0")
         if self.texture is not None and self.texture.sigma_above is not None:

@@ -6,7 +6,14 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import FACET_MODELS, GLOSSY, BrdfConfig, numbers_of
+from jaxrender.pipelines.config.brdf import (
+    BY_INTEGRAL,
+    FACET_MODELS,
+    GLOSSY,
+    MATT,
+    BrdfConfig,
+    numbers_of,
+)
 from jaxrender.pipelines.config.capture import CaptureConfig
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
@@ -84,10 +91,6 @@ class RunConfig(Section):
             )
         if self.brdf.compare and self.task != "factorize":
             raise ValueError("brdf.compare is for task: brdf or factorize; remove it")
-        if "lambertian" in self.brdf.compare:
-            raise ValueError(
-                "task factorize reads the light off the gloss; remove lambertian from brdf.compare"
-            )
         if self.solve.interreflection:
             raise ValueError("solve.interreflection is for task: brdf; remove it")
         return self
@@ -98,15 +101,25 @@ class RunConfig(Section):
         for key, task in (("texture", "texture"), ("spectrum", "brdf-spectrum")):
             if getattr(self, key) is not None and self.task != task:
                 raise ValueError(f"found {key} with task {self.task}; remove it, or task: {task}")
+        by_integral = [model for model in brdf.models if model in BY_INTEGRAL]
+        if by_integral and (self.solve.interreflection or self.solve.model != "dual"):
+            key = "interreflection" if self.solve.interreflection else "model"
+            raise ValueError(
+                f"solve.{key} is for a lobe about the reflected direction over a Lambertian base; "
+                f"remove it, or choose another model than {by_integral[0]}"
+            )
         if self.task == "texture":
             _refuse_for_texture(self)
         if self.task == "brdf-spectrum":
             _refuse_for_spectrum(self)
         if self.task not in ("lighting", "factorize"):
             return self
-        if brdf.model == "lambertian":
+        matt = [model for model in brdf.models if model in MATT]
+        if matt:
+            compared = f"remove {matt[0]} from brdf.compare"
+            remedy = f"choose model {GLOSSY}" if matt[0] == brdf.model else compared
             raise ValueError(
-                f"task {self.task} reads the light off the gloss; choose model {GLOSSY}"
+                f"task {self.task} reads the light off the gloss, which {matt[0]} has not; {remedy}"
             )
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")

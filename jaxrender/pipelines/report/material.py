@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
@@ -64,16 +64,16 @@ def spheres(contents: ReportContents) -> Spheres:
     )
 
 
-def with_arrays(brdf: Glossy, dtype=np.float32) -> Glossy:
+def with_arrays(brdf: Parametric, dtype=np.float32) -> Parametric:
     """Hold all numbers as arrays, so that a compiled function serves every material."""
     return jax.tree.map(lambda number: np.asarray(number, dtype), brdf)
 
 
 def _columns(
-    brdf: Glossy, view: _View, light: KnownLight
+    brdf: Parametric, view: _View, light: KnownLight
 ) -> Float[np.ndarray, "sample lobe channel"]:
     """Evaluate both lights at once: the lamp is one channel more than the given light has."""
-    given = _nodes(light, float(brdf.sigma))
+    given = _nodes(light, float(brdf.width))
     count, channels = given.irradiance.shape
     size = max(_FEWEST_NODES, 2 ** int(np.ceil(np.log2(count + 1))))
     directions = np.tile([0.0, 0.0, 1.0], (size, 1))
@@ -88,7 +88,7 @@ def _columns(
 
 
 @eqx.filter_jit
-def _integrate(brdf: Glossy, samples: SurfaceSamples, nodes: LightNodes):
+def _integrate(brdf: Parametric, samples: SurfaceSamples, nodes: LightNodes):
     return integral_columns(brdf, samples, nodes)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from jaxrender.brdf import Glossy
 from jaxrender.pipelines.report import account, parameters, wording
 from jaxrender.pipelines.report.brdf_spectrum import spectrum_sections
 from jaxrender.pipelines.report.comparison import comparison
@@ -105,7 +106,8 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
         "evidence": parameters.evidence(contents),
         "comparison": comparison(contents),
         "forecast": forecast(contents),
-        "refined": contents.fit.exact is not None,
+        "refined": "frequency" in contents.result,
+        "by_integral": not isinstance(contents.fit.brdf, Glossy),
         "map": environment_map(contents.light, contents.fit.light),
         "discs": direction_discs(contents.light),
         "split": account.split_of(contents),

@@ -15,8 +15,11 @@ _MEANINGS = {
     "ks": ("K", "s", "strength of the gloss"),
     "sigma": ("σ", "", "roughness: how wide the highlight is [radians]"),
     "roughness": ("α", "", "roughness: how wide the highlight is"),
+    "roughness_y": ("α", "y", "roughness across the tangent: how long the highlight is that way"),
     "exponent": ("s", "", "exponent: the larger, the narrower the highlight"),
     "c_z": ("C", "z", "how far the highlight is off the mirror direction: 1 is not at all"),
+    "spacing": ("d", "", "distance between the fibres' axes, in their radii"),
+    "height": ("h", "", "how far the fibres rise, in their radii"),
     "deviation": ("σ₀", "λ", "how rough the surface is, in wavelengths of the light"),
     "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
 }
@@ -204,7 +207,7 @@ def _chi_squared(difference: Any) -> str:
 def evidence(contents: ReportContents) -> Evidence | None:
     """Compare the standard errors of sigma; None where there is no sigma to speak of."""
     known = [name for name in _SHAPES if _flag(contents.result, "identifiable", name) is not None]
-    if contents.is_lambertian or not known:
+    if contents.is_lambertian or not known or contents.fit.evidence is None:
         return None
     own, letter = contents.fit.evidence, _MEANINGS[known[0]][0]
     given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}

@@ -48,13 +48,16 @@ def path_plots(contents: LightContents) -> Path:
     rounds = contents.fit.rounds
     steps = np.arange(len(rounds))
     last = rounds[-1]
-    width = "sigma" if contents.fit.brdf.shape.name == "sigma" else "lobe width"
+    brdf = contents.fit.brdf
+    width = "sigma" if brdf.shape.name == "sigma" else "lobe width"
     moved = {
         width: [one.sigma / last.sigma - 1 for one in rounds],
         "ks share": [float(np.mean(one.share) / np.mean(last.share)) - 1 for one in rounds],
     }
     if np.isfinite(last.mu):
-        moved["mu - 1"] = [(one.mu - 1) / (last.mu - 1) - 1 for one in rounds]
+        # mu - 1 is what a model's own second number is, where that is no index.
+        second = "mu - 1" if brdf.index.offset == 0 else brdf.index.name
+        moved[second] = [(one.mu - 1) / (last.mu - 1) - 1 for one in rounds]
 
     def label(axes: Axes) -> None:
         axes.set_xticks(steps, [str(one.sources) for one in rounds])

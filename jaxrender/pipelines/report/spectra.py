@@ -19,6 +19,7 @@ from jaxrender.shapes import AnyArray, Float
 from jaxrender.spectra import (
     exit_cosine_transfer,
     gaussian_transfer,
+    head_on_transfer,
     lambertian_transfer,
     light_coefficients,
 )
@@ -89,7 +90,7 @@ def _band_limit(contents: ReportContents) -> int:
         return contents.fit.light.dual.band_limit
     if contents.is_lambertian:
         return _LAMBERTIAN_DEGREE
-    return min(_HIGHEST_DEGREE, math.ceil(_BAND_LIMIT_TIMES_SIGMA / float(contents.fit.brdf.sigma)))
+    return min(_HIGHEST_DEGREE, math.ceil(_BAND_LIMIT_TIMES_SIGMA / float(contents.fit.brdf.width)))
 
 
 def _energies(contents: ReportContents, band_limit: int) -> _Energies:
@@ -119,7 +120,11 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
     if contents.is_lambertian:
         curve = np.asarray(lambertian_transfer(band_limit)) / np.pi
         return _Transfer({"clamped cosine / π": curve}, None)
-    brdf = with_arrays(contents.fit.brdf).as_metal()
+    brdf = with_arrays(contents.fit.brdf)
+    if not isinstance(brdf, Glossy):
+        curve = np.asarray(head_on_transfer(brdf, band_limit), float)
+        return _Transfer({"exit angle 0°": curve}, None)
+    brdf = brdf.as_metal()
     cosines = np.asarray(_EXIT_COSINES, np.float32)
     curves, twin = _both_transfers(brdf, cosines, band_limit)
     names = [f"exit angle {math.degrees(math.acos(c)):.0f}°" for c in _EXIT_COSINES]

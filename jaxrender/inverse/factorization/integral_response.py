@@ -1,0 +1,95 @@
+"""How a material without a frequency view responds to unknown light: by the integral itself.
+
+Brushed metal and fibres have no lobe about the reflected direction, but what they send to the
+camera under light Y_lm is an integral as well, over nodes about each normal
+(``reflection.polar_coefficients``).  It is exact for slow light, so that nothing is left to
+correct, and costs a hundred times what looking a mirror's image up costs.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxrender.brdf import Glossy, Parametric
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import band_limit_of
+from jaxrender.inverse.factorization.response import (
+    Guess,
+    MirrorResponse,
+    Response,
+    lobes_towards,
+)
+from jaxrender.reflection import polar_coefficients
+from jaxrender.shapes import AnyArray, Array, Float
+
+# Nodes from the normal to the horizon: lobes of .05 radians and more are followed to a per mille.
+_POLAR_NODES = 32
+
+
+class IntegralResponse(Response):
+    """Samples of a convex surface of any parametric material."""
+
+    variant: Parametric
+    samples: SurfaceSamples
+    diffuse_basis: Float[AnyArray, "sample coefficient"]
+    lit: Float[AnyArray, "sample source"]
+
+    @classmethod
+    def of_convex(
+        cls, variant: Parametric, samples: SurfaceSamples, band_limit: int, sources: int
+    ) -> "IntegralResponse":
+        """Make the response of an object that never shadows itself."""
+        samples = SurfaceSamples(*(jnp.asarray(a) for a in samples))
+        diffuse = _under_harmonics(variant, samples, band_limit)[:, 0]
+        lit = jnp.ones((samples.normals.shape[0], sources), samples.normals.dtype)
+        return cls(variant, samples, diffuse, lit)
+
+    def thinned(self, step: int) -> "IntegralResponse":
+        """Keep one in ``step`` samples."""
+        samples = SurfaceSamples(*(jnp.asarray(a)[::step] for a in self.samples))
+        bases = (jnp.asarray(a)[::step] for a in (self.diffuse_basis, self.lit))
+        return IntegralResponse(self.variant, samples, *bases)
+
+    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
+        """Integrate the lobe against every harmonic."""
+        band_limit = band_limit_of(self.slow_count)
+        return _under_harmonics(self.lobe(guess), self.samples, band_limit)[:, 1]
+
+    def specular_under(
+        self, light: Float[Array, "part channel"]
+    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
+        """Integrate anew for every material."""
+        slow, fast = jnp.split(light, [self.slow_count])
+        return lambda guess: self.slow_specular(guess) @ slow + self.source_specular(guess) @ fast
+
+    def base_towards(
+        self, directions: Float[Array, "direction 3"]
+    ) -> Float[Array, "sample direction"]:
+        """Evaluate the material's own base, which has no number to be searched for."""
+        return lobes_towards(self.variant, self.samples, directions, base=True)
+
+
+def response_of_convex(
+    variant: Parametric, samples: SurfaceSamples, band_limit: int, sources: int
+) -> Response:
+    """Make the response of an object that never shadows itself, by frequency where it can be."""
+    if isinstance(variant, Glossy):
+        return MirrorResponse.of_convex(variant, samples, band_limit, sources)
+    return IntegralResponse.of_convex(variant, samples, band_limit, sources)
+
+
+@eqx.filter_jit
+def columns_under_slow_light(
+    brdf: Parametric, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
+) -> Float[Array, "sample 2 channel"]:
+    """Integrate both lobes under light given by its coefficients."""
+    each = _under_harmonics(brdf, samples, band_limit_of(slow.shape[0]))
+    return jnp.einsum("slk,kc->slc", each, jnp.asarray(slow), precision="highest")
+
+
+@eqx.filter_jit
+def _under_harmonics(
+    brdf: Parametric, samples: SurfaceSamples, band_limit: int
+) -> Float[Array, "sample 2 coefficient"]:
+    return polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)

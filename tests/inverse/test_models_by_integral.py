@@ -1,0 +1,140 @@
+"""Materials whose lobe is not about the reflected direction: rough matt, brushed, fibres.
+
+- Photographs by the exact integral with 1 % noise give the material back within 3.5 of the stated
+  standard errors in its own numbers, along and across the tangent; the noise is the residual.
+- Under unknown light a brushed surface gives back both roughnesses, its gloss and the lamps.
+- The response to unknown light is the integral: under each harmonic, towards each lamp, and the
+  radiance under a light is that of its columns.
+- What has no frequency view has no evidence from it, and is refused where that is needed.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import LAMPS, ball_samples, known_light, photograph, with_noise
+
+from jaxrender.brdf import AnisotropicWard, KajiyaKay, OrenNayarLobe, PoulinFournier
+from jaxrender.geometry import SurfacePlaces, SurfaceSamples
+from jaxrender.geometry.sculpture import sculpture
+from jaxrender.inverse import (
+    FactorSettings,
+    FitSettings,
+    MicrofacetUnknowns,
+    Observations,
+    Outcome,
+    Unknown,
+    factorize,
+    fit_brdf,
+)
+from jaxrender.inverse.factorization.integral_response import IntegralResponse
+from jaxrender.inverse.factorization.response import Guess
+from jaxrender.inverse.forecast import Situation, Supposed, forecast_light
+from jaxrender.inverse.uncertainty import in_own_units
+from jaxrender.inverse.unknowns import index_bounds, mu_unknown
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import integral_columns, polar_columns
+
+STATED_ERRORS = 3.5
+NONE, KD, KS = np.zeros(3), np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
+BRUSHED = AnisotropicWard(KD, KS, 0.15, 0.35)
+ALONG_AND_ACROSS = MicrofacetUnknowns(mu=mu_unknown(*index_bounds(AnisotropicWard)))
+MODELS = {
+    "oren-nayar": (
+        OrenNayarLobe(NONE, KD, 0.5),
+        MicrofacetUnknowns(kd=Unknown(fixed=(0.0,)), mu=None, ks_per_channel=True),
+    ),
+    "kajiya-kay": (KajiyaKay(KD, KS, 30.0), MicrofacetUnknowns(mu=None)),
+    "anisotropic-ward": (BRUSHED, ALONG_AND_ACROSS),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_photographs_give_the_material_back(name):
+    truth, unknowns = MODELS[name]
+    noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
+    kind = truth.with_roughness(0.1, None if truth.mu is None else 1.5)
+    fit = fit_brdf(noisy, known_light(), unknowns, kind, FitSettings(starts=6))
+    assert fit.outcome is Outcome.CONVERGED
+    assert type(fit.brdf) is type(truth)
+    own = in_own_units(fit.parameters, truth)
+    pairs = [(own.value.ks, own.standard_error.ks, truth.ks)]
+    pairs.append((own.value.kd, own.standard_error.kd, truth.kd))
+    number = float(getattr(truth, truth.shape.name))
+    pairs.append((own.value.sigma, own.standard_error.sigma, number))
+    if truth.has_index():
+        pairs.append((own.value.mu, own.standard_error.mu, float(truth.roughness_y)))
+    for value, error, true in pairs:
+        assert np.all(np.abs(value - true) <= STATED_ERRORS * error)
+        assert np.all(error <= 0.03 * np.asarray(true))
+    assert fit.final.noise.relative == pytest.approx(0.01, rel=0.2)
+    assert fit.evidence is None
+    assert set(fit.identifiable) == {
+        truth.called(searched)
+        for searched in ("kd", "ks", "sigma", "mu")
+        if truth.called(searched) and (searched != "mu" or truth.has_index())
+    }
+
+
+def test_brushed_metal_under_unknown_light():
+    truth = AnisotropicWard(np.array([0.6, 0.5, 0.4]), np.array([0.4, 0.5, 0.6]), 0.15, 0.35)
+    noisy = with_noise(photograph(truth, *ball_samples(600)), 0.01, 0.002)
+    settings = FactorSettings(band_limit=5, most_sources=6)
+    fit = factorize(noisy, truth.with_roughness(0.3, 1.3), settings)
+    own = in_own_units(fit.parameters, truth)
+    np.testing.assert_allclose(own.value.ks, truth.ks, atol=0.015)
+    assert float(own.value.sigma) == pytest.approx(0.15, rel=0.03)
+    assert float(own.value.mu) == pytest.approx(0.35, rel=0.03)
+    assert set(fit.identifiable) == {"kd", "ks", "roughness", "roughness_y"}
+    assert fit.relative_rms < 0.013
+    lamp = np.asarray(LAMPS.directions)[0]
+    nearest = np.max(np.asarray(fit.scene.sources.directions) @ lamp / np.linalg.norm(lamp))
+    assert np.degrees(np.arccos(min(nearest, 1.0))) < 1.5
+
+
+@pytest.mark.parametrize("brdf", [BRUSHED, PoulinFournier(KD, KS, 20.0, 2.4, 0.7)])
+def test_the_response_is_the_integral(brdf):
+    samples = SurfaceSamples(*(np.asarray(a)[::20] for a in ball_samples()[0]))
+    lamps = np.array([[0.3, 0.5, 0.8], [-0.2, -0.9, 0.4]])
+    lamps = lamps / np.linalg.norm(lamps, axis=1, keepdims=True)
+    response = IntegralResponse.of_convex(brdf, samples, 2, len(lamps))
+    mu = 1.5 if brdf.mu is None else float(brdf.mu)
+    numbers = (np.log(float(brdf.sigma)), np.log(mu - 1))
+    guess = Guess(jnp.zeros(3), *map(jnp.asarray, numbers), jnp.asarray(lamps))
+    found = response.columns(guess)
+
+    def sky(directions):
+        # Y_00 and Y_10, the first and third coefficient.
+        z = np.sqrt(3 / (4 * np.pi)) * directions[:, 2]
+        return jnp.stack([jnp.full_like(z, np.sqrt(1 / (4 * np.pi))), z], axis=-1)
+
+    slow = np.asarray(polar_columns(brdf, samples, sky, 64))
+    for lobe, columns in enumerate(found):
+        np.testing.assert_allclose(columns[:, [0, 2]], slow[:, lobe], rtol=2e-3, atol=1e-4)
+    nodes = LightNodes(lamps, np.eye(2))
+    fast = np.asarray(integral_columns(brdf, samples, nodes))
+    for lobe, columns in enumerate(found):
+        np.testing.assert_allclose(columns[:, 9:], fast[:, lobe], atol=1e-12)
+    light = np.random.default_rng(0).normal(size=(11, 3))
+    under = response.specular_under(jnp.asarray(light))(guess)
+    np.testing.assert_allclose(under, found.specular @ light, rtol=1e-10, atol=1e-12)
+    assert response.thinned(3).columns(guess).specular.shape == (len(samples.normals[::3]), 11)
+
+
+def test_what_needs_the_frequency_view_is_refused():
+    noisy = photograph(BRUSHED, *ball_samples())
+    settings = FitSettings(interreflection=True)
+    with pytest.raises(ValueError, match="interreflection is that of a Lambertian base"):
+        fit_brdf(noisy, known_light(), ALONG_AND_ACROSS, BRUSHED, settings)
+    situation = Situation(noisy.samples, np.asarray(noisy.frame), known_light())
+    with pytest.raises(ValueError, match="told by a lobe about the reflected direction"):
+        forecast_light(situation, Supposed(BRUSHED))
+
+
+def test_concave_objects_are_refused_under_unknown_light():
+    shape = sculpture(2, 0)
+    places = SurfacePlaces.of_vertices(shape)
+    samples = SurfaceSamples(np.asarray(shape.normals), np.asarray(shape.normals))
+    count = len(shape.normals)
+    observations = Observations(samples, np.ones((count, 3)), np.zeros(count, int), places)
+    with pytest.raises(ValueError, match="on convex objects only"):
+        factorize(observations, BRUSHED, FactorSettings(band_limit=2), shape=shape)
