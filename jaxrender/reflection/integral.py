@@ -37,6 +37,8 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Directions times samples worked on at once: small enough for a processor's cache.
 _PAIRS_PER_CHUNK = 2**15
+# More nodes than this are worked off in blocks, so that several samples share each.
+_MOST_NODES_AT_ONCE, _NODES_PER_BLOCK = 2**13, 2**11
 # How much denser than average the azimuths of the polar quadrature are about R (inverse).
 _CROWDING = 0.25
 # Closer to the normal than this (radians) an outgoing direction has no plane of incidence.
@@ -70,7 +72,7 @@ def integral_columns(
         return _sum_over_nodes(with_width(brdf, width), sample, light, seen)
 
     indexed = _as_arrays(samples), as_widths(widths), _mask(visible)
-    return by_chunks(one, indexed, light.directions.shape[0])
+    return by_chunks(one, indexed, _at_once(light.directions.shape[0]))
 
 
 def integral_columns_by_frame(
@@ -94,7 +96,7 @@ def integral_columns_by_frame(
 
     frame_of_sample = jnp.asarray(nodes.frame_of_sample)
     indexed = _as_arrays(samples), as_widths(widths), frame_of_sample, _mask(visible)
-    return by_chunks(one, indexed, directions.shape[1])
+    return by_chunks(one, indexed, _at_once(directions.shape[1]))
 
 
 def visible_nodes(
@@ -202,12 +204,27 @@ def _sum_over_nodes(
     brdf: BRDF, sample: SurfaceSamples, nodes: LightNodes, seen: Bool[Array, "node"] | None
 ) -> Float[Array, "lobe channel"]:
     frame = world_from_local(sample.normals)
-    incoming = Components.of(nodes.directions).in_frame(frame)
     outgoing = Components.of(sample.outgoing).in_frame(frame)
-    lobes = brdf.transfer(incoming, outgoing)
-    if seen is not None:
-        lobes = tuple(jnp.where(seen, lobe, 0) for lobe in lobes)
-    return _sum(lobes, jnp.asarray(nodes.irradiance))
+
+    def part(some: tuple) -> Float[Array, "lobe channel"]:
+        directions, irradiance, seen = some
+        lobes = brdf.transfer(directions.in_frame(frame), outgoing)
+        if seen is not None:
+            lobes = tuple(jnp.where(seen, lobe, 0) for lobe in lobes)
+        return _sum(lobes, irradiance.T)
+
+    # Components in rows of their own: slices of rows of three would be gathered number by number.
+    every = (Components.of(nodes.directions), jnp.asarray(nodes.irradiance).T, seen)
+    count = nodes.directions.shape[0]
+    size = _at_once(count)
+    if size == count:
+        return part(every)
+    whole = count - count % size
+    start = part(jax.tree.map(lambda a: a[..., whole:], every))
+    blocks = jax.tree.map(
+        lambda a: jnp.moveaxis(a[..., :whole].reshape(*a.shape[:-1], -1, size), -2, 0), every
+    )
+    return jax.lax.scan(lambda total, one: (total + part(one), None), start, blocks)[0]
 
 
 def _sum(
@@ -248,6 +265,11 @@ def with_width(brdf: BRDF, width: Float[Array, ""] | None) -> BRDF:
 def by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample *rest"]:
     """Work samples off, so many at once that their nodes stay in a processor's cache."""
     return jax.lax.map(one, samples, batch_size=max(1, _PAIRS_PER_CHUNK // max(nodes, 1)))
+
+
+def _at_once(nodes: int) -> int:
+    """How many nodes of a sum a sample works on at once."""
+    return nodes if nodes <= _MOST_NODES_AT_ONCE else _NODES_PER_BLOCK
 
 
 def _mask(visible: Bool[AnyArray, "sample node"] | None) -> Bool[Array, "sample node"] | None:

@@ -71,6 +71,25 @@ def test_chunks_do_not_show(monkeypatch):
     np.testing.assert_allclose(alone, whole[4:5], rtol=ROUNDING)
 
 
+def test_blocks_of_nodes_do_not_show(monkeypatch):
+    """37 nodes in blocks of 8 and a rest of 5: one light, by frame, some hidden."""
+    brdf, seen = microfacet(0.2), RNG.uniform(size=(20, 37)) < 0.7
+    frames = FrameNodes(*(np.asarray(a)[None] for a in NODES), np.zeros(20, int))
+
+    def columns():
+        return (
+            reflection.integral_columns(brdf, SAMPLES, NODES),
+            reflection.integral_columns(brdf, SAMPLES, NODES, seen),
+            integral_columns_by_frame(brdf, SAMPLES, frames, seen),
+        )
+
+    whole = columns()
+    monkeypatch.setattr(integral, "_MOST_NODES_AT_ONCE", 16)
+    monkeypatch.setattr(integral, "_NODES_PER_BLOCK", 8)
+    for blocked, expected in zip(columns(), whole):
+        np.testing.assert_allclose(blocked, expected, rtol=ROUNDING)
+
+
 def test_no_light_and_no_samples():
     dark = DirectionalSources.none().nodes()
     columns = integral_columns(microfacet(0.2), SAMPLES, dark)
