@@ -33,7 +33,7 @@ from jaxrender.inverse.factorization import (
     factorize,
     predict,
 )
-from jaxrender.inverse.factorization.rounds import NOTHING_KNOWN
+from jaxrender.inverse.factorization.state import NOTHING_KNOWN
 from jaxrender.inverse.forecast import weights_of
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel

@@ -25,6 +25,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import account_of
+from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import (
     Measured,
     _moved,
@@ -33,21 +34,15 @@ from jaxrender.inverse.factorization.joint import (
     reduced_system,
     solve_light,
 )
+from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
-    State,
-    Task,
-    add_lamps,
-    begin,
-    corrected,
-    descend,
-    measured,
-    response_of,
     settle,
     with_neighbours_merged,
     without_idle_lamps,
 )
+from jaxrender.inverse.factorization.state import State, Task, begin, descend, measured, response_of
 from jaxrender.inverse.unknowns import index_bounds
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance

@@ -26,7 +26,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown, fit_brdf
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.factorization.account import account_of
-from jaxrender.inverse.factorization.rounds import FactorSettings, State, Task
+from jaxrender.inverse.factorization.state import FactorSettings, State, Task
 from jaxrender.inverse.forecast import (
     Situation,
     Supposed,

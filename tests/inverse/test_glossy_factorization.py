@@ -18,7 +18,7 @@ from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
-from jaxrender.inverse.factorization.rounds import Task, begin
+from jaxrender.inverse.factorization.state import Task, begin
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
 from jaxrender.lighting import DirectionalSources, SmoothLobes

@@ -7,7 +7,7 @@ that are switched off are never marked.
 
 import numpy as np
 
-from jaxrender.inverse.factorization.rounds import _idle_lamps
+from jaxrender.inverse.factorization.lamps import _idle_lamps
 
 # What a lamp must take off chi-squared.
 WORTH = 25.0

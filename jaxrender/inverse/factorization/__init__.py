@@ -1,13 +1,14 @@
 """Factorization: light and material from photographs alone (T 6.4.4).
 
-``response``
-    how samples respond to each part of an unknown light, as functions of the material
+``response`` ``integral_response``
+    how samples respond to each part of an unknown light, as functions of the material: by the
+    frequency view of a glossy one, by the integral of any other
 ``joint``
     Gauss-Newton over material and lamps with the light eliminated
 ``pursuit``
     which lamps would explain most of what is left
-``rounds``
-    lamps added while they pay, then the exact integral's corrections
+``state`` ``lamps`` ``correction`` ``rounds``
+    where a fit stands; lamps found and dropped; what the exact integral corrects; these in turn
 ``account``
     gauges and error bars
 ``recover`` ``prediction``
@@ -21,7 +22,7 @@
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
-from jaxrender.inverse.factorization.rounds import FactorSettings, Known, Round
+from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
 
 __all__ = [
     "GAUGES",

@@ -23,7 +23,7 @@ import numpy as np
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse.factorization.joint import System, reduced_system
 from jaxrender.inverse.factorization.response import Guess, gloss_share
-from jaxrender.inverse.factorization.rounds import (
+from jaxrender.inverse.factorization.state import (
     State,
     Task,
     free_unknowns,

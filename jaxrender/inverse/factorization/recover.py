@@ -13,7 +13,9 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
 from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.response import MirrorResponse
-from jaxrender.inverse.factorization.rounds import (
+from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
+from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.factorization.state import (
     DEFAULTS,
     NOTHING_KNOWN,
     FactorSettings,
@@ -23,12 +25,8 @@ from jaxrender.inverse.factorization.rounds import (
     Task,
     begin,
     free_unknowns,
-    light_the_scene,
-    settle,
-    taken_up,
     weigh_by_noise,
 )
-from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer

@@ -1,0 +1,56 @@
+"""What the dual model leaves out of slow light, by the exact integral."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import LatLongGrid, synthesise
+from jaxrender.inverse.factorization.response import (
+    MirrorResponse,
+    gloss_share,
+)
+from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.factorization.state import State, Task, response_of
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import integral_columns, reflect_slow_light
+from jaxrender.shapes import Array, Float
+
+# The directions by which what a concave object hides from itself is integrated.
+_HIDDEN_GRID = LatLongGrid(48, 96)
+
+
+def corrected(task: Task, state: State) -> State:
+    """Take off the photographs what the exact integral has and the dual model has not.
+
+    The sources are exact already; of slow light the dual model knows the azimuthal mean.  What has
+    been integrated is exact altogether.
+    """
+    assert state.joint is not None
+    response, guess = response_of(task, state), state.guess
+    if not isinstance(response, MirrorResponse):
+        return state
+    slow = jnp.asarray(state.joint.solved.light[: response.slow_count])
+    lobe = response.lobe(guess)
+    assert isinstance(lobe, Glossy)
+    exact = reflect_slow_light(lobe, response.samples, slow)
+    if task.sight is not None:
+        exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)
+    dual = jnp.einsum("sl,slc->sc", response.passed(guess), response.mirrored(slow))
+    defect = gloss_share(guess)[None, :] * (exact - dual)
+    return state._replace(target=task.radiance - np.asarray(defect))
+
+
+def hidden_slow_light(
+    samples: SurfaceSamples,
+    sight: Sight,
+    lobe: Glossy,
+    slow: Float[Array, "coefficient channel"],
+) -> Float[Array, "sample channel"]:
+    """Sum the slow light that the object keeps from itself: only this rests on a grid."""
+    image = np.asarray(synthesise(_HIDDEN_GRID, slow)).reshape(-1, slow.shape[1])
+    directions = _HIDDEN_GRID.directions().reshape(-1, 3)
+    weights = _HIDDEN_GRID.weights().reshape(-1, 1)
+    nodes = LightNodes(directions, weights * image)
+    hidden = ~sight.of_fixed(directions)
+    return integral_columns(lobe, samples, nodes, hidden)[:, 1]

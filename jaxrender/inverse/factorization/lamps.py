@@ -1,0 +1,114 @@
+"""Which lamps a light needs: found by pursuit while they pay, dropped and merged where not."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import fibonacci_sphere
+from jaxrender.inverse.factorization.joint import (
+    Measured,
+)
+from jaxrender.inverse.factorization.pursuit import pursue
+from jaxrender.inverse.factorization.state import State, Task, descend, measured, response_of
+from jaxrender.shapes import Bool, Float
+
+# Steps of a fit with other lamps than before.
+STEPS_PER_ROUND = 6
+# A direction, and an energy in each channel.
+_UNKNOWNS_PER_LAMP = 5
+# Directions tried, and samples that they are tried on.
+_CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
+# Lamps this near to each other, as part of the lobe's width, may be one.
+_NEIGHBOURS_PER_SIGMA = 1.0
+
+
+def add_lamps(task: Task, state: State, count: int) -> State:
+    """Add up to ``count`` lamps by pursuit, as long as each pays; the same state if none does."""
+    count = min(count, int(np.count_nonzero(~state.active)))
+    if count == 0:
+        return state
+    towards = fibonacci_sphere(_CANDIDATES)
+    step = max(1, len(task.radiance) // _PURSUIT_SAMPLES)
+    radiance, weights, penalty = measured(task, state)
+    few = Measured(radiance[::step], weights[::step], np.asarray(penalty) / step)
+    seen = None if task.sight is None else task.sight.of_fixed(towards)[::step]
+    found = pursue(response_of(task, state).thinned(step), state.guess, few, towards, count, seen)
+    pays = step * np.asarray(found.gains) > _worth(measured(task, state))
+    chosen = np.asarray(found.chosen)[np.logical_and.accumulate(pays)]
+    slots = np.flatnonzero(~state.active)[: len(chosen)]
+    directions, active = np.array(state.guess.directions), state.active.copy()
+    directions[slots], active[slots] = towards[chosen], True
+    return state._replace(
+        guess=state.guess._replace(directions=jnp.asarray(directions)), active=active
+    )
+
+
+def without_idle_lamps(task: Task, state: State) -> State:
+    """Switch off lamps whose energy the noise could have made up; fit the light again."""
+    assert state.joint is not None
+    solved, slow = state.joint.solved, task.response.slow_count
+    inverse = np.linalg.inv(np.asarray(solved.normal)[:, slow:, slow:])
+    covariance = np.einsum("crp,crq->cpq", inverse, inverse)
+    energies = np.asarray(solved.light)[slow:].T
+    idle = _idle_lamps(energies, covariance, state.active, _worth(measured(task, state)))
+    if not idle.any():
+        return state
+    return descend(task, state._replace(active=state.active & ~idle), STEPS_PER_ROUND)
+
+
+def _idle_lamps(
+    energies: Float[np.ndarray, "channel source"],
+    covariance: Float[np.ndarray, "channel source source"],
+    active: Bool[np.ndarray, "source"],
+    worth: float,
+) -> Bool[np.ndarray, "source"]:
+    """Mark lamps not worth their unknowns, one after the other, the least first.
+
+    Lamps in a crowd are idle each by itself, as the others would make up for it, but not together:
+    once one is gone, energies and covariance of the rest are those given that it is dark.
+    """
+    idle = np.zeros(len(active), bool)
+    while (active & ~idle).any():
+        variance = np.einsum("cpp->cp", covariance)
+        cost = np.sum(energies**2 / np.where(active & ~idle, variance, 1), axis=0)
+        least = int(np.argmin(np.where(active & ~idle, cost, np.inf)))
+        if cost[least] >= worth:
+            break
+        idle[least] = True
+        column = covariance[:, :, least]
+        slope = column / variance[:, least, None]
+        energies = energies - slope * energies[:, least, None]
+        covariance = covariance - slope[:, :, None] * column[:, None, :]
+    return idle
+
+
+def with_neighbours_merged(task: Task, state: State) -> State:
+    """Make one lamp of those within a lobe's reach of each other, where that costs next to nothing.
+
+    A lamp between two candidates is found twice.
+    """
+    assert state.joint is not None
+    directions = np.asarray(state.guess.directions)
+    energies = np.asarray(state.joint.solved.light)[task.response.slow_count :].sum(axis=1)
+    reach = np.cos(_NEIGHBOURS_PER_SIGMA * float(jnp.exp(state.guess.sigma)))
+    merged, active = np.array(directions), state.active.copy()
+    for lamp in np.argsort(-energies):
+        if not active[lamp]:
+            continue
+        near = active & (directions @ directions[lamp] > reach)
+        mean = energies[near] @ directions[near]
+        merged[lamp] = mean / np.linalg.norm(mean)
+        active[near] = False
+        active[lamp] = True
+    fewer = int(np.count_nonzero(state.active) - np.count_nonzero(active))
+    if not fewer:
+        return state
+    guess = state.guess._replace(directions=jnp.asarray(merged))
+    trial = descend(task, state._replace(guess=guess, active=active), STEPS_PER_ROUND)
+    assert trial.joint is not None
+    lost = 2 * float(trial.joint.solved.cost - state.joint.solved.cost)
+    return trial if lost < fewer * _worth(measured(task, state)) else state
+
+
+def _worth(data: Measured) -> float:
+    """What a lamp must take off chi-squared: log N for each of its unknowns (Schwarz)."""
+    return _UNKNOWNS_PER_LAMP * float(np.log(np.asarray(data.radiance).size))

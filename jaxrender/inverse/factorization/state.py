@@ -1,0 +1,232 @@
+"""Where a factorization stands, and the one thing done again and again there: fit everything.
+
+The photographs and what is known of the material make a ``Task``; guess, lamps in use and weights
+make a ``State``.  Weights start as radiance^-.7, so that highlights do not drown the rest while the
+light is still crude, and end as those of the noise found in the residuals.  Outliers count less
+from the start (Huber's loss): pixels that shadows' edges cross would otherwise buy lamps of their
+own.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.harmonics import band_limit_of, degrees
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.factorization.joint import (
+    Joint,
+    Measured,
+    Solved,
+    descend_jointly,
+)
+from jaxrender.inverse.factorization.response import (
+    Guess,
+    Response,
+    gloss_share,
+)
+from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.weights import robust_weights
+from jaxrender.shapes import Bool, Float
+
+# Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
+_START_SIGMA, _START_MU = 0.25, 1.5
+# Highlights count by radiance to this power while the light is crude, the dark as if it had this
+# part of the mean radiance.
+_COMPRESSION, _DARK = -0.7, 1e-3
+# What slow light alone is expected to leave of the photographs.
+_FIRST_MISFIT = 0.1
+# Standard deviation over the median of magnitudes, of Gaussian noise.
+_NORMAL_DEVIATION = 1.4826
+# Coefficients of degree l are expected within this part of the mean light over sqrt(l (l + 1)).
+_LEAST_LIGHT = 0.2
+
+
+class FactorSettings(NamedTuple):
+    """How a factorization is done; the defaults are those of the command line."""
+
+    band_limit: int = 10
+    most_sources: int = 48
+    smoothness: float = 1.0
+    refine: bool = True
+    noise: NoiseModel | None = None
+    loss: str = "huber"
+
+
+class Known(NamedTuple):
+    """What is known of the material beforehand: ks / (kd + ks) of each channel, sigma, mu."""
+
+    share: tuple[float, ...] | None = None
+    sigma: float | None = None
+    mu: float | None = None
+
+
+DEFAULTS = FactorSettings()
+NOTHING_KNOWN = Known()
+
+
+class Round(NamedTuple):
+    """Where one round ended."""
+
+    sources: int
+    share: Float[np.ndarray, "channel"]
+    sigma: float
+    mu: float
+    relative_rms: float
+
+
+class Task(NamedTuple):
+    """What does not change: the photographs, how samples respond to light, what is known.
+
+    ``sight`` tells which directions each sample sees; None where nothing is hidden.
+    """
+
+    radiance: Float[np.ndarray, "sample channel"]
+    response: Response
+    sight: Sight | None = None
+    known: Known = NOTHING_KNOWN
+    settings: FactorSettings = DEFAULTS
+
+
+class State(NamedTuple):
+    """Where a factorization stands.
+
+    ``target`` is the radiance less what the dual model is known to leave out, ``level`` the mean
+    radiance of the light in each channel.
+    """
+
+    guess: Guess
+    active: Bool[np.ndarray, "source"]
+    weights: Float[np.ndarray, "sample channel"]
+    target: Float[np.ndarray, "sample channel"]
+    level: Float[np.ndarray, "channel"]
+    joint: Joint | None = None
+    rounds: tuple[Round, ...] = ()
+
+
+def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
+    """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
+    known, radiance = task.known, task.radiance
+    channels, lamps = radiance.shape[1], task.settings.most_sources
+    sigma, mu = known.sigma or _START_SIGMA, known.mu or _START_MU
+    variant = task.response.variant
+    energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
+    even = np.full(channels, 1 / (1 + energy))
+    share = even if known.share is None else np.asarray(known.share)
+    guess = Guess(
+        jnp.asarray(np.log(share / (1 - share))),
+        jnp.asarray(np.log(sigma)),
+        jnp.asarray(np.log(mu - 1)),
+        jnp.asarray(np.tile([0.0, 0.0, 1.0], (lamps, 1))),
+    )
+    mean = radiance.mean(axis=0)
+    weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
+    weights = weights / (misfit * np.sqrt(np.mean((weights * radiance) ** 2)))
+    return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
+
+
+def measured(task: Task, state: State) -> Measured:
+    """Put target, weights and the light's penalty together."""
+    degree = degrees(band_limit_of(task.response.slow_count))
+    expected = task.settings.smoothness * np.sqrt(4 * np.pi) * state.level
+    slow = (degree * (degree + 1))[:, None] / expected**2
+    lamps = np.zeros((len(state.active), slow.shape[1]))
+    return Measured(state.target, state.weights, np.concatenate([slow, lamps]))
+
+
+def response_of(task: Task, state: State) -> Response:
+    """Switch on the lamps in use, where they are seen."""
+    seen = np.ones((len(task.radiance), 1))
+    if task.sight is not None:
+        seen = np.asarray(task.sight.of(state.guess.directions), float)
+    return eqx.tree_at(lambda r: r.lit, task.response, jnp.asarray(seen * state.active[None, :]))
+
+
+def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
+    """Mark the nonlinear unknowns that are searched for.
+
+    Slow light alone tells a sharp lobe from a sharper one by next to nothing: roughness waits for
+    the first lamps.
+    """
+    known, channels = task.known, task.radiance.shape[1]
+    seen_sharply = bool(state.active.any()) or bool(state.rounds)
+    material = [known.share is None] * channels + [known.sigma is None and seen_sharply]
+    material.append(known.mu is None and task.response.variant.mu is not None)
+    return np.concatenate([np.array(material), np.tile(state.active, 2)])
+
+
+def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> State:
+    """Fit everything with the lamps in use; those that come out dark are switched off."""
+    while True:
+        response = response_of(task, state)
+        joint = descend_jointly(
+            response,
+            state.guess,
+            measured(task, state),
+            free_unknowns(task, state),
+            (steps, tolerance),
+        )
+        light = np.asarray(joint.solved.light)
+        state = state._replace(guess=joint.guess, joint=joint)
+        dark = state.active & (light[response.slow_count :].sum(axis=1) <= 0)
+        if not dark.any():
+            break
+        state = state._replace(active=state.active & ~dark)
+    mean = np.abs(light[0]) / np.sqrt(4 * np.pi)
+    return state._replace(level=np.maximum(mean, _LEAST_LIGHT * state.level))
+
+
+def weigh_evenly(task: Task, state: State) -> State:
+    """Scale the first weights so that chi-squared is one for each measurement.
+
+    Under a robust loss outliers count less, and the scale is that of the rest.
+    """
+    assert state.joint is not None
+    weights, loss = begin(task).weights, task.settings.loss
+    left = weights * (state.target - np.asarray(state.joint.solved.predicted))
+    if loss == "squares":
+        return state._replace(weights=weights / np.sqrt(np.mean(left**2)))
+    deviation = _NORMAL_DEVIATION * np.median(np.abs(left))
+    return state._replace(weights=weights / deviation * robust_weights(left / deviation, loss))
+
+
+def weigh_by_noise(task: Task, state: State) -> tuple[State, NoiseModel]:
+    """Weigh by the noise given, or by that found in the residuals, and by the loss."""
+    assert state.joint is not None
+    left, deviation, noise = in_deviations(task, state, state.joint.solved)
+    weights = robust_weights(left, task.settings.loss) / deviation
+    return state._replace(weights=weights), noise
+
+
+def in_deviations(
+    task: Task, state: State, solved: Solved
+) -> tuple[Float[np.ndarray, "sample channel"], Float[np.ndarray, "sample channel"], NoiseModel]:
+    """Express residuals in standard deviations of the noise; return these and the noise too."""
+    predicted = np.asarray(solved.predicted)
+    left = state.target - predicted
+    noise = task.settings.noise or estimate_noise(left, predicted)
+    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
+    deviation = np.hypot(deviation, 1e-6 * np.sqrt(np.mean(task.radiance**2)))
+    return left / deviation, deviation, noise
+
+
+def round_of(task: Task, state: State) -> Round:
+    """Sum up where a round ended."""
+    assert state.joint is not None
+    left = state.target - np.asarray(state.joint.solved.predicted)
+    guess = state.guess
+    metal = task.response.variant.mu is None
+    return Round(
+        int(np.count_nonzero(state.active)),
+        np.asarray(gloss_share(guess)),
+        float(jnp.exp(guess.sigma)),
+        float("nan") if metal else 1 + float(jnp.exp(guess.mu)),
+        float(np.sqrt(np.sum(left**2) / np.sum(task.radiance**2))),
+    )
+
+
+def material_of(state: State) -> Float[np.ndarray, "unknown"]:
+    """List the search variables of the material."""
+    guess = state.guess
+    return np.concatenate([np.asarray(guess.gloss), [float(guess.sigma), float(guess.mu)]])

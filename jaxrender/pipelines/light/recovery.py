@@ -1,0 +1,177 @@
+"""The recovery of a light, and of the material where that is not known."""
+
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import Shape, SurfaceSamples, SurfaceView
+from jaxrender.inverse import Factorization, Observations, factorize
+from jaxrender.inverse.comparison import Comparison, compare_factorizations, divided
+from jaxrender.inverse.factorization import Round, predict
+from jaxrender.io import write_environment
+from jaxrender.lighting import Environment
+from jaxrender.pipelines.clock import Clock
+from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.deviation import write_covariance
+from jaxrender.pipelines.light.asked import (
+    asked_models,
+    band_limit,
+    factor_settings,
+    in_given_units,
+    known_of,
+)
+from jaxrender.pipelines.light.files import light_images, write_light, write_samples
+from jaxrender.pipelines.light.result import Recovered, result_of
+from jaxrender.pipelines.photographs import Photograph
+from jaxrender.pipelines.progress import Progress
+from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.result import sentence_of
+from jaxrender.pipelines.scene import fault_of, lobe_of
+from jaxrender.pipelines.shadows import TransferField
+from jaxrender.reflection import (
+    DualForward,
+    DualLight,
+    ForwardModel,
+    ShadowedDual,
+    ShadowedModel,
+    render_views,
+)
+from jaxrender.shapes import Float
+
+
+class LightRecovery(Recovery):
+    """A recovered light with its material, known beforehand or recovered along with it."""
+
+    def __init__(
+        self,
+        asked: tuple[str, str, str],
+        found: Factorization,
+        observations: Observations,
+        seen: tuple[list[Photograph], Shape],
+        comparison: Comparison | None = None,
+    ):
+        """``asked`` are the task, the model's name and the gauge; perhaps it was compared."""
+        self.task, self.model, self.gauge = asked
+        self.found, self.observations = found, observations
+        self.photographs, self.shape = seen
+        self.comparison = comparison
+
+    @property
+    def light(self) -> DualLight:
+        """The recovered light as the dual model sees it."""
+        scene = self.found.scene
+        return DualLight(jnp.asarray(scene.slow), scene.sources)
+
+    def result(self) -> dict[str, Any]:
+        """Build the summary of ``result.json``."""
+        return result_of(
+            Recovered(
+                self.task,
+                self.model,
+                self.gauge,
+                self.found,
+                self.observations.count,
+                self.photographs,
+                self.comparison,
+            )
+        )
+
+    def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
+        """Render every photograph with the recovered light and material."""
+        views = [photograph.view for photograph in self.photographs]
+        if isinstance(self.found.brdf, Glossy):
+            images = render_views(self.found.brdf, views, self._forward())
+        else:
+            images = [self._integrated(view) for view in views]
+        # A sum of few degrees may dip below zero where the light is dark.
+        return [np.maximum(image, 0) for image in images]
+
+    def write(self, folder: Path) -> None:
+        """Write the light as images, whole and without its lamps, and all arrays as NetCDF."""
+        whole, slow = light_images(self.found.scene)
+        write_environment(folder / "lighting.exr", Environment(whole))
+        write_environment(folder / "lighting_slow.exr", Environment(slow))
+        with h5netcdf.File(folder / "result.nc", "w") as file:
+            write_light(file, self.found.scene)
+            write_samples(file, self.observations, self.found)
+            write_covariance(file, self.found.parameters)
+
+    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+        """Gather what the report shows."""
+        from jaxrender.pipelines.report import LightContents
+
+        images = light_images(self.found.scene)
+        return LightContents(title, result, self.found, images, frames)
+
+    def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
+        samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
+        count, channels = len(samples.normals), self.found.scene.slow.shape[1]
+        unseen = Observations(samples, np.zeros((count, channels)), np.zeros(count, int))
+        image = np.zeros((*view.hit.shape, channels))
+        image[view.hit] = predict(self.found, unseen)
+        return image
+
+    def _forward(self) -> ForwardModel | ShadowedModel:
+        if self.shape.is_convex():
+            return DualForward(self.light)
+        pixels = sum(int(np.count_nonzero(p.view.hit)) for p in self.photographs)
+        field = TransferField.of(self.shape, self.light.band_limit, pixels)
+        return ShadowedDual(self.shape, self.light, field.at)
+
+
+def recover_light(
+    config: RunConfig,
+    observations: Observations,
+    seen: tuple[list[Photograph], Shape],
+    clock: Clock,
+    progress: Progress,
+) -> LightRecovery:
+    """Recover the light, and the material where that is not known."""
+    photographs, shape = seen
+    if observations.transfer is None and not shape.is_convex():
+        with clock.stage("shadows"):
+            field = TransferField.of(shape, band_limit(config), observations.count)
+            assert observations.places is not None
+            normals = np.asarray(observations.samples.normals)
+            transfer = field.at(observations.places, normals)
+            observations = observations._replace(transfer=transfer)
+    known, model, comparison = config.task == "lighting", config.brdf.model, None
+    how = {
+        "gauge": "per-channel" if known else config.brdf.gauge,
+        "shape": shape,
+        "stage": clock.stage,
+        "watch": lambda round_: progress.note(_sentence(round_)),
+    }
+    settings = factor_settings(config)
+    if config.brdf.compare:
+        with fault_of("brdf.compare"):
+            held_out, seed = config.solve.held_out, config.samples.seed
+            models = asked_models(config)
+            comparison = compare_factorizations(
+                observations, models, settings, held_out, seed, **how
+            )
+        found, model = comparison.best.fit, comparison.best.name
+        assert isinstance(found, Factorization)
+        # What it was fitted to, and predicts.
+        observations, _ = divided(observations, held_out, seed)
+        progress.note(sentence_of(comparison))
+    else:
+        with fault_of(str(config.capture.transforms)):
+            lobe = lobe_of(config.brdf)
+            found = factorize(observations, lobe, settings, known_of(config), **how)
+    gauge = "given" if known else config.brdf.gauge
+    if known:
+        found = in_given_units(config, found)
+    asked = config.task, model, gauge
+    return LightRecovery(asked, found, observations, (photographs, shape), comparison)
+
+
+def _sentence(round_: Round) -> str:
+    return (
+        f"{round_.sources} sources: {100 * round_.relative_rms:.2f} % unexplained, "
+        f"sigma {round_.sigma:.4f}"
+    )

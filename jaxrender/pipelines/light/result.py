@@ -1,0 +1,99 @@
+"""What was found of light and material, as data for ``result.json``."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.harmonics import band_limit_of
+from jaxrender.inverse import Factorization
+from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.uncertainty import in_own_units
+from jaxrender.pipelines.own_words import OwnWords
+from jaxrender.pipelines.photographs import Photograph
+from jaxrender.pipelines.result import finite, pixels_of, ranking_of
+
+_GAUGES = {
+    "per-channel": "kd + ks = 1 in each channel; light scaled to match",
+    "dielectric": "one ks for all channels, mean of kd + ks = 1; light scaled to match",
+    "metal": "light of one mean radiance in all channels, mean of kd + ks = 1",
+    "given": "given by the material",
+}
+
+
+class Recovered(NamedTuple):
+    """What a result speaks of: the task, the model's name, the gauge, and what was found."""
+
+    task: str
+    model: str
+    gauge: str
+    found: Factorization
+    samples: int
+    photographs: list[Photograph]
+    comparison: Comparison | None = None
+
+
+def result_of(recovered: Recovered) -> dict[str, Any]:
+    """Build the summary of ``result.json``."""
+    found = recovered.found
+    words = OwnWords(recovered.model, found.brdf)
+    parameters = in_own_units(found.parameters, found.brdf)
+    result = {
+        "task": recovered.task,
+        "outcome": found.outcome.value,
+        "meaning": found.outcome.sentence,
+        "reasons": list(found.reasons),
+        "brdf": {
+            "model": recovered.model,
+            **words.material(parameters.value),
+            **words.choices(),
+        },
+        "interval90": words.intervals(parameters.lower, parameters.upper),
+        "standard_error": words.values(parameters.standard_error),
+        "identifiable": found.identifiable,
+        "residual": {
+            "relative_rms": found.relative_rms,
+            "samples": recovered.samples,
+        },
+        "noise": {"relative": found.noise.relative, "floor": found.noise.floor},
+        "lighting": _lighting(recovered),
+        "path": [
+            {
+                "sources": one.sources,
+                "ks_share": one.share.tolist(),
+                "sigma": one.sigma,
+                found.brdf.index.name: found.brdf.index.of_index(one.mu),
+                "relative_rms": one.relative_rms,
+            }
+            for one in found.rounds
+        ],
+        "pixels": pixels_of(recovered.photographs),
+    }
+    if recovered.comparison is not None:
+        result["comparison"] = ranking_of(recovered.comparison)
+    return finite(result)
+
+
+def _lighting(recovered: Recovered) -> dict[str, Any]:
+    scene = recovered.found.scene
+    return {
+        "gauge": _GAUGES[recovered.gauge],
+        "band_limit": band_limit_of(scene.slow.shape[0]),
+        "coefficients": scene.slow.tolist(),
+        "coefficients_error": scene.slow_error.tolist(),
+        "coefficients_total": scene.total.tolist(),
+        "environment": "lighting.exr",
+        "directional": [
+            {
+                "direction": np.asarray(direction).tolist(),
+                "irradiance": np.asarray(energy).tolist(),
+                "irradiance_error": error.tolist(),
+                "direction_error_degrees": float(np.degrees(step)),
+            }
+            for direction, energy, error, step in zip(
+                scene.sources.directions,
+                scene.sources.irradiance,
+                scene.energy_error,
+                scene.direction_error,
+            )
+        ],
+    }
