@@ -29,8 +29,8 @@ from jaxrender.shapes import AnyArray, Array, Float
 # Sines below it count as the pole, where the azimuth is nothing to differentiate by.
 _SMALLEST_SQUARED_SINE = 1e-12
 
-# The lobe is about as wide as a cosine.
-_WIDTH = 1.0
+# The lobe is as smooth as a cosine, which the horizon cuts.
+_WIDTH = 0.4
 
 # The largest directional albedo of white sides over all sigma and angles, found numerically.
 _FULL_OVERSHOOT, _QUALITATIVE_OVERSHOOT = 1.052, 1.017
@@ -149,7 +149,7 @@ class OrenNayarLobe(Parametric):
 
     @property
     def width(self) -> float:
-        """About a radian, whatever the grooves."""
+        """That of a cosine, whatever the grooves."""
         return _WIDTH
 
     def transfer(

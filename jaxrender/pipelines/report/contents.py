@@ -37,6 +37,12 @@ class ReportContents(NamedTuple):
         """Whether the material was fitted without a specular lobe."""
         return self.result.get("brdf", {}).get("model") == "lambertian"
 
+    @property
+    def is_matt(self) -> bool:
+        """Whether the material has one lobe alone, whatever that is."""
+        brdf = self.result.get("brdf", {})
+        return "kd" in brdf and "ks" not in brdf
+
 
 Panorama = Float[np.ndarray, "row column channel"]
 

@@ -116,4 +116,5 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
         "residuals": residual_plots(contents.fit.final),
         "spectra": spectrum_plots(contents),
         "lambertian": contents.is_lambertian,
+        "matt": contents.is_matt,
     }

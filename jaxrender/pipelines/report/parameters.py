@@ -23,6 +23,8 @@ _MEANINGS = {
     "deviation": ("σ₀", "λ", "how rough the surface is, in wavelengths of the light"),
     "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
 }
+# What a name means in a model where it means something else.
+_OWN_MEANINGS = {("oren-nayar", "sigma"): "roughness: how steep the grooves are [radians]"}
 _SHAPES = ("sigma", "roughness", "exponent")
 _THESIS = ("kd", "ks", "sigma", "mu")
 _RGB = ("red", "green", "blue")
@@ -98,6 +100,7 @@ def parameters(contents: Contents) -> tuple[Parameter, ...]:
 def _parameter(contents: Contents, name: str) -> Parameter:
     result = contents.result
     letter, index, meaning = _MEANINGS[name]
+    meaning = _OWN_MEANINGS.get((str(result.get("brdf", {}).get("model")), name), meaning)
     lines = _lines(contents, name)
     verdict = {True: "yes", False: "no", None: "fixed"}[_flag(result, "identifiable", name)]
     if not lines:
