@@ -20,7 +20,12 @@ from jaxrender.brdf import BRDF, SIMPLE_PARAMETRIC, Microfacet, Parametric, simp
 from jaxrender.geometry import NUSSELT, Components
 from jaxrender.inverse.elimination import Data, Problem, search
 from jaxrender.inverse.models import Columns
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, mu_unknown
+from jaxrender.inverse.unknowns import (
+    MicrofacetUnknowns,
+    Unknown,
+    index_bounds,
+    mu_unknown,
+)
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Facets in the words of renderers, and the thesis's.
@@ -100,8 +105,10 @@ def _fitted(
 ) -> Candidate:
     channels = values.shape[1]
     variant = _variant(name, channels)
-    has_index = variant.mu is not None
-    unknowns = MicrofacetUnknowns(mu=mu_unknown() if has_index else None, ks_per_channel=True)
+    free, black = Unknown(), Unknown(fixed=(0.0,))
+    amounts = [black if name is None else free for name in variant.amplitude_names]
+    index = None if variant.mu is None else mu_unknown(*index_bounds(variant))
+    unknowns = MicrofacetUnknowns(*amounts, mu=index, ks_per_channel=True)
     model = _Pairs(variant, *pairs, channels)
     data = Data(values, np.ones_like(values), np.zeros(len(values), int))
     problem = Problem.of(unknowns, channels)
@@ -111,10 +118,11 @@ def _fitted(
     mu = None if physical.mu is None else float(physical.mu)
     brdf = variant.with_roughness(float(physical.sigma), mu).with_amplitudes(kd, ks)
     missed = np.sqrt(np.sum((values - np.asarray(fit.predicted)) ** 2) / np.sum(values**2))
-    parameters: dict[str, float | list[float]] = {"kd": kd.tolist(), "ks": ks.tolist()}
+    found = zip(variant.amplitude_names, (kd, ks))
+    parameters: dict[str, float | list[float]] = {n: part.tolist() for n, part in found if n}
     parameters[variant.shape.name] = float(getattr(brdf, variant.shape.name))
     if mu is not None:
-        parameters["mu"] = mu
+        parameters[variant.index.name] = float(variant.index.of_index(mu))
     return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
 
 

@@ -3,6 +3,7 @@
 - From the Haar tree of its own 32^4 table at 8 % of the coefficients every model is ranked first,
   misses about as much as the tree does, and is found again: shape to 3 %, amplitudes to 5 %.
 - Of an exact BRDF the fit is exact; the error of a wrong model is that of least squares by SciPy.
+- Brushed metal and rough matt paint are found again, in their own words.
 - Misuse is refused.
 """
 
@@ -11,7 +12,16 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from jaxrender.brdf import BRDF, BlinnPhong, Microfacet, Phong, TorranceSparrow, Ward, WaveletBRDF
+from jaxrender.brdf import (
+    BRDF,
+    BlinnPhong,
+    Microfacet,
+    OrenNayar,
+    Phong,
+    TorranceSparrow,
+    Ward,
+    WaveletBRDF,
+)
 from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import NUSSELT
 from jaxrender.inverse.parametric import CANDIDATES, best_models
@@ -75,6 +85,25 @@ def test_least_squares_of_a_wrong_model_is_scipy_s():
     exact = best_models(truth, ["phong", "blinn-phong"], size=8, most_pairs=PAIRS)[0]
     assert (exact.name, exact.relative_rms < 1e-4) == ("blinn-phong", True)
     assert exact.parameters["exponent"] == pytest.approx(4.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "truth", "numbers"),
+    [
+        (
+            "anisotropic-ward",
+            Ward(np.array([0.1]), np.array([0.3]), 0.2, 0.5),
+            {"kd": [0.1], "ks": [0.3], "roughness": 0.2, "roughness_y": 0.5},
+        ),
+        ("oren-nayar", OrenNayar(np.array([0.2]), 0.4, True), {"kd": [0.2], "sigma": 0.4}),
+    ],
+)
+def test_models_without_a_lobe_about_the_mirror_speak_their_own_words(name, truth, numbers):
+    found = best_models(truth, [name], size=8, most_pairs=PAIRS)[0]
+    assert found.relative_rms < 1e-4
+    assert set(found.parameters) == set(numbers)
+    for key, value in numbers.items():
+        np.testing.assert_allclose(found.parameters[key], value, rtol=1e-3)
 
 
 def test_misuse_is_refused():
