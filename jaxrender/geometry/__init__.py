@@ -27,7 +27,13 @@ from jaxrender.geometry.directions import (
 )
 from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
 from jaxrender.geometry.footprints import pixel_steps, size_in_texels, texture_steps
-from jaxrender.geometry.frames import rotation, to_local, to_world, world_from_local
+from jaxrender.geometry.frames import (
+    meridian_frames,
+    rotation,
+    to_local,
+    to_world,
+    world_from_local,
+)
 from jaxrender.geometry.height_fields import Patch, gaussian_surface, height_field, sawtooth, velvet
 from jaxrender.geometry.hits import Hits, Shape
 from jaxrender.geometry.mesh import Mesh
@@ -76,6 +82,7 @@ __all__ = [
     "pixel_steps",
     "random_rotations",
     "reflect",
+    "meridian_frames",
     "rotation",
     "sawtooth",
     "sculpture",

@@ -51,6 +51,21 @@ def world_from_local(normals: Directions) -> Float[Array, "*batch 3 3"]:
     )
 
 
+def meridian_frames(normals: Directions) -> Float[Array, "*batch 3 3"]:
+    """Rz(beta) Ry(alpha) of normals (alpha, beta): the first column runs along the meridian, south.
+
+    Where an anisotropic surface has its tangent.  Smooth but at the poles, where beta counts as 0.
+    """
+    x, y, z = jnp.moveaxis(jnp.asarray(normals), -1, 0)
+    squared = x * x + y * y
+    pole = squared < jnp.finfo(squared.dtype).tiny
+    # The root of zero has no derivative, so there it is not taken.
+    sine = jnp.sqrt(jnp.where(pole, 1, squared))
+    cb, sb = jnp.where(pole, 1, x / sine), jnp.where(pole, 0, y / sine)
+    sine = jnp.where(pole, 0, sine)
+    return _matrix([[z * cb, -sb, x], [z * sb, cb, y], [-sine, jnp.zeros_like(z), z]])
+
+
 def to_world(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:
     """Directions given in local frames, expressed in the world: R d."""
     return jnp.einsum("...ij,...j->...i", world_from_local, directions, precision="highest")

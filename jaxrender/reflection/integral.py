@@ -8,6 +8,9 @@ masses; against the continuous hemisphere it errs by up to 1.5e-2 for 64 rows, 2
 for 512, because the horizon cuts between texels.  ``polar_columns`` serves smooth light without
 that error: nodes centred on each sample's normal end exactly at the horizon.
 
+The tangent of an anisotropic BRDF runs along the meridian about the world's +Z
+(``geometry.meridian_frames``).
+
 Both integrals know no shadows unless told: ``visible`` is V(x, w_i), which darkens each node for
 the samples that do not see it (``jaxrender.geometry.visible`` finds it by ray tracing).
 
@@ -28,6 +31,7 @@ from jaxrender.geometry import (
     Shape,
     SurfacePlaces,
     SurfaceSamples,
+    meridian_frames,
     visible,
     world_from_local,
 )
@@ -163,7 +167,7 @@ def _in_own_frame(
     sample: SurfaceSamples, local: Float[Array, "node 3"], incidence: Float[Array, "3 3"]
 ) -> tuple[Components, Components]:
     """Turn nodes about the normal from the plane of incidence to where the surface's tangent is."""
-    own = world_from_local(sample.normals)
+    own = meridian_frames(sample.normals)
     outgoing = Components.of(sample.outgoing).in_frame(own)
     cosine, sine = incidence[:, 0] @ own[:, 0], incidence[:, 0] @ own[:, 1]
     x, y, z = local.T
@@ -203,7 +207,7 @@ def radiance(
 def _sum_over_nodes(
     brdf: BRDF, sample: SurfaceSamples, nodes: LightNodes, seen: Bool[Array, "node"] | None
 ) -> Float[Array, "lobe channel"]:
-    frame = world_from_local(sample.normals)
+    frame = meridian_frames(sample.normals)
     outgoing = Components.of(sample.outgoing).in_frame(frame)
 
     def part(some: tuple) -> Float[Array, "lobe channel"]:

@@ -13,7 +13,14 @@ import pytest
 from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
-from jaxrender.geometry import direction_from_angles, rotation, to_local, to_world, world_from_local
+from jaxrender.geometry import (
+    direction_from_angles,
+    meridian_frames,
+    rotation,
+    to_local,
+    to_world,
+    world_from_local,
+)
 
 ROUNDING = 1e-14  # a few float64 roundings
 
@@ -65,6 +72,17 @@ def test_frames_are_continuous_at_the_poles(pole):
 @pytest.mark.parametrize("normal", [[0, 0, 1], [0, 0, -1], [0.48, -0.64, -0.6]])
 def test_frames_are_differentiable(normal):
     check_grads(world_from_local, (jnp.array(normal, jnp.float64),), order=1, eps=1e-5)
+
+
+def test_meridian_frames_are_the_thesis_s_rotation_without_a_turn():
+    alpha, beta = np.meshgrid([0.3, 1.2, np.pi / 2, 2.0, 3.0], np.linspace(-3, 3, 7))
+    found = meridian_frames(direction_from_angles(alpha, beta))
+    np.testing.assert_allclose(found, rotation(alpha, beta, 0.0), atol=ROUNDING)
+    for pole in (1.0, -1.0):
+        normal = jnp.array([0.0, 0.0, pole])
+        expected = rotation(np.arccos(pole), 0.0, 0.0)
+        np.testing.assert_allclose(meridian_frames(normal), expected, atol=ROUNDING)
+        assert np.all(np.isfinite(jax.jacfwd(meridian_frames)(normal)))
 
 
 def test_to_local_and_to_world_are_inverse():

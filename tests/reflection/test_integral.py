@@ -22,7 +22,7 @@ from scipy.integrate import dblquad
 
 from jaxrender import reflection
 from jaxrender.brdf import Lambertian, Microfacet, Ward
-from jaxrender.geometry import SurfaceSamples, world_from_local
+from jaxrender.geometry import SurfaceSamples, rotation, world_from_local
 from jaxrender.harmonics import LatLongGrid, evaluate, real_basis, synthesise
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes
 from jaxrender.reflection import FrameNodes, integral, integral_columns_by_frame, radiance
@@ -237,6 +237,22 @@ def test_polar_quadrature_knows_the_tangent():
     found, turned = (polar_columns(brdf, SAMPLES, smooth)[:, 1] for brdf in (along, across))
     assert np.abs(found - summed).max() < 0.01 * np.abs(summed).max()
     assert np.abs(turned - summed).max() > 0.05 * np.abs(summed).max()
+
+
+def test_the_tangent_is_the_meridian():
+    """It turns along with a turn about +Z, and has no jump at the equator."""
+    brdf = Ward(np.zeros(3), np.ones(3), 0.2, 0.6)
+    turn = rotation(0.0, 1.1, 0.0)
+    turned = SurfaceSamples(*(np.asarray(a) @ np.asarray(turn).T for a in SAMPLES))
+    light = LightNodes(NODES.directions @ np.asarray(turn).T, NODES.irradiance)
+    found = integral_columns(brdf, turned, light)
+    np.testing.assert_allclose(found, integral_columns(brdf, SAMPLES, NODES), atol=1e-12)
+    outgoing = np.array([0.6, 0.64, 0.48])
+    above, below = (
+        SurfaceSamples(np.array([[0.8, 0.6, z]]), outgoing[None]) for z in (1e-9, -1e-9)
+    )
+    near = integral_columns(brdf, above, NODES)
+    np.testing.assert_allclose(near, integral_columns(brdf, below, NODES), rtol=1e-6)
 
 
 def test_polar_coefficients_are_the_columns_under_each_harmonic():

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxrender.brdf import Glossy, Parametric
-from jaxrender.geometry import Components, SurfaceSamples, world_from_local
+from jaxrender.geometry import Components, SurfaceSamples, meridian_frames
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
@@ -205,7 +205,7 @@ def lobes_towards(
     directions = jnp.asarray(directions)
 
     def one(sample: SurfaceSamples) -> Float[Array, "source"]:
-        frame = world_from_local(sample.normals)
+        frame = meridian_frames(sample.normals)
         incoming = Components.of(directions).in_frame(frame)
         both = brdf.transfer(incoming, Components.of(sample.outgoing).in_frame(frame))
         return both[0 if base else 1]
