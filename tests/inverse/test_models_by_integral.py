@@ -77,8 +77,8 @@ def test_photographs_give_the_material_back(name):
 
 def test_brushed_metal_under_unknown_light():
     truth = AnisotropicWard(np.array([0.6, 0.5, 0.4]), np.array([0.4, 0.5, 0.6]), 0.15, 0.35)
-    noisy = with_noise(photograph(truth, *ball_samples(600)), 0.01, 0.002)
-    settings = FactorSettings(band_limit=5, most_sources=6)
+    noisy = with_noise(photograph(truth, *ball_samples(500)), 0.01, 0.002)
+    settings = FactorSettings(band_limit=5, most_sources=4)
     fit = factorize(noisy, truth.with_roughness(0.3, 1.3), settings)
     own = in_own_units(fit.parameters, truth)
     np.testing.assert_allclose(own.value.ks, truth.ks, atol=0.015)
