@@ -19,7 +19,7 @@ from jaxrender.brdf import BRDF, WaveletBRDF
 from jaxrender.brdf.isotropic_mean import IsotropicMean
 from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import Pinhole, Sphere, look_at
-from jaxrender.inverse.parametric import best_models
+from jaxrender.inverse.nearest_models import best_models
 from jaxrender.io import read_environment
 from jaxrender.lighting.base import LightNodes
 from jaxrender.pipelines.brdf_sources import source_of

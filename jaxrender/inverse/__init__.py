@@ -18,8 +18,8 @@
     intervals; what rests on grazing angles; what is identifiable and why not; what on the model
 ``known_light``
     the light split for the dual model, and as point masses for the integral
-``brdf``
-    the whole recovery of a BRDF under known light (T 6.4.2)
+``brdf`` ``coarse_fit``
+    the whole recovery of a BRDF under known light (T 6.4.2); where it begins without frequency view
 ``comparison`` ``interreflection``
     several models judged by held-out samples; the bounces of a diffuse concave object (T 6.6)
 ``lighting``
@@ -30,7 +30,7 @@
     the same in closed form, from all coefficients of a reflected light field (T 2.68)
 ``brdf_spectrum`` ``brdf_table``
     a BRDF as coefficients; as a table, from photographs under one moving lamp
-``parametric``
+``nearest_models``
     the models nearest to a BRDF that is a table or a tree, with what they miss
 ``texture``
     reflectance site by site, under known and unknown light
@@ -52,9 +52,9 @@ from jaxrender.inverse.lighting import (
     recover_coefficients,
     recover_dual,
 )
+from jaxrender.inverse.nearest_models import Candidate, best_models
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.parametric import Candidate, best_models
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.unknowns import MicrofacetUnknowns, Unknown
 

@@ -34,6 +34,7 @@ from jaxrender.pipelines.shadows import (
 )
 from jaxrender.reflection import (
     DualForward,
+    ExactForward,
     ForwardModel,
     ShadowedDual,
     ShadowedModel,
@@ -79,6 +80,8 @@ class MaterialRecovery(Recovery):
         def light_of(number: int) -> ForwardModel | ShadowedModel:
             own = sources_of_frame(finding.light, number)
             if not isinstance(material, Glossy):
+                if finding.light.environment is None and not np.any(own.irradiance):
+                    return ExactForward(own.nodes())
                 light = KnownLight(finding.light.environment, own)
                 return exact_forward(light, float(material.width), finding.shape, condensed=True)
             dual = dual_light(prepared.split, own, prepared.dual.band_limit)

@@ -24,7 +24,7 @@ from jaxrender.brdf import (
 )
 from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.geometry import NUSSELT
-from jaxrender.inverse.parametric import CANDIDATES, best_models
+from jaxrender.inverse.nearest_models import CANDIDATES, best_models
 from jaxrender.wavelets import CoefficientTree, analyse_nonstandard, haar, keep_fraction
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
