@@ -138,7 +138,7 @@ def polar_columns(
         frame = incidence_frame(sample)
         world = jnp.matmul(local, frame.T, precision="highest")
         light = radiance_of(world) * solid_angle[:, None]
-        return _sum(brdf.transfer(*_in_own_frame(sample, local, frame)), light)
+        return _sum(brdf.transfer(*_seen_by(brdf, sample, local, frame)), light)
 
     return by_chunks(one, arrays, local.shape[0])
 
@@ -157,21 +157,38 @@ def polar_coefficients(
 
     def one(sample: SurfaceSamples) -> Float[Array, "lobe coefficient"]:
         frame = incidence_frame(sample)
-        own = _sum(brdf.transfer(*_in_own_frame(sample, local, frame)), harmonics)
+        own = _sum(brdf.transfer(*_seen_by(brdf, sample, local, frame)), harmonics)
         return rotate(own.T, frame).T
 
     return by_chunks(one, arrays, local.shape[0])
 
 
-def _in_own_frame(
-    sample: SurfaceSamples, local: Float[Array, "node 3"], incidence: Float[Array, "3 3"]
+def _seen_by(
+    brdf: BRDF,
+    sample: SurfaceSamples,
+    local: Float[Array, "node 3"],
+    incidence: Float[Array, "3 3"],
 ) -> tuple[Components, Components]:
-    """Turn nodes about the normal from the plane of incidence to where the surface's tangent is."""
+    """Turn nodes about the normal from the plane of incidence to where the surface's tangent is.
+
+    An isotropic BRDF has none: its nodes stay the same for all samples, and so does all that it
+    makes of them alone.
+    """
+    if not _may_have_tangent(brdf):
+        return Components.of(local), Components.of(sample.outgoing).in_frame(incidence)
     own = meridian_frames(sample.normals)
     outgoing = Components.of(sample.outgoing).in_frame(own)
     cosine, sine = incidence[:, 0] @ own[:, 0], incidence[:, 0] @ own[:, 1]
     x, y, z = local.T
     return Components(cosine * x - sine * y, sine * x + cosine * y, z), outgoing
+
+
+def _may_have_tangent(brdf: BRDF) -> bool:
+    """Whether turning both directions may change something: where numbers are traced it may."""
+    try:
+        return not brdf.isotropic
+    except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
+        return True
 
 
 def _polar_rule(polar_nodes: int, dtype) -> tuple[Float[Array, "node 3"], Float[Array, "node"]]:

@@ -45,6 +45,8 @@ MODELS = {
 }
 SETTINGS = FitSettings(starts=1)
 METALLIC = MicrofacetUnknowns(mu=None)
+# A lobe that is a series is dear to integrate.
+FEW = 150
 
 
 # Each model is a minute of compiling on a slow machine; Blinn-Phong's width goes as Phong's, and
@@ -52,7 +54,8 @@ METALLIC = MicrofacetUnknowns(mu=None)
 @pytest.mark.parametrize("name", ["ward", "phong", "lafortune", "he-torrance"])
 def test_photographs_give_the_material_back(name):
     truth = MODELS[name]
-    noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
+    samples = ball_samples(FEW) if name == "he-torrance" else ball_samples()
+    noisy = with_noise(photograph(truth, *samples), 0.01, 0.002)
     fit = fit_brdf(noisy, known_light(), METALLIC, truth.with_roughness(0.1), SETTINGS)
     assert fit.outcome is Outcome.CONVERGED
     assert type(fit.brdf) is type(truth)

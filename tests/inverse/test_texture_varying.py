@@ -192,5 +192,5 @@ def test_only_facets_and_gloss_have_widths(scene):
     lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
     with pytest.raises(ValueError, match="lobes of one width: choose 'facets'"):
         dual_columns(lobe, samples, light, widths=widths)
-    with pytest.raises(ValueError, match="only a glossy BRDF has a width"):
+    with pytest.raises(ValueError, match="only a parametric BRDF has a width"):
         integral_columns(Lambertian(np.ones(3)), samples, lamps.nodes(), widths=widths)
