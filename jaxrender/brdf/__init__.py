@@ -66,7 +66,13 @@ from jaxrender.brdf.masking import (
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
 from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
-from jaxrender.brdf.parametric import IndexParameter, Parametric, ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import (
+    ByOwnNumber,
+    IndexParameter,
+    Parametric,
+    ShapeParameter,
+    WithoutIndex,
+)
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
 from jaxrender.brdf.properties import (
@@ -116,6 +122,7 @@ __all__ = [
     "WARD_NORMALISATIONS",
     "Beckmann",
     "BlinnPhong",
+    "ByOwnNumber",
     "CookTorrance",
     "CosineLobe",
     "CosineSampler",
@@ -126,6 +133,7 @@ __all__ = [
     "HalfDifference",
     "HeTorrance",
     "HeTorranceLobe",
+    "IndexParameter",
     "IsotropicMean",
     "IsotropicTable",
     "KajiyaKay",
@@ -135,7 +143,6 @@ __all__ = [
     "Microfacet",
     "Mixture",
     "Nearest",
-    "IndexParameter",
     "OrenNayar",
     "OrenNayarLobe",
     "Parametric",

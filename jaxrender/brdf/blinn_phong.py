@@ -21,7 +21,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -29,7 +29,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 _NEGLIGIBLE = 25.0
 
 
-class BlinnPhong(WithoutIndex, Glossy):
+class BlinnPhong(ByOwnNumber, Glossy):
     """The half vector's power over a Lambertian base, with a real ``exponent`` s >= 0."""
 
     # cos^s t_h is about exp(-s t_h^2 / 2), so s = 2 / sigma^2.

@@ -19,12 +19,12 @@ import numpy as np
 
 from jaxrender.brdf.half_vector import are_visible, power
 from jaxrender.brdf.parameters import Scalar, as_scalar, matching, refuse_outside
-from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 
-class KajiyaKay(WithoutIndex):
+class KajiyaKay(ByOwnNumber):
     """Fibres with a diffuse and a specular part, kd and ks in 1/sr, ``exponent`` s >= 0."""
 
     # cos^s t is about exp(-s t^2 / 2).

@@ -24,7 +24,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -94,7 +94,7 @@ class Lafortune(BRDF):
         return jnp.where(visible, incoming.z, 0), *lobes
 
 
-class CosineLobe(WithoutIndex, Glossy):
+class CosineLobe(ByOwnNumber, Glossy):
     """One isotropic lobe (-1, -1, ``c_z``) of an ``exponent`` n >= 0 over kd; c_z = 1 is Phong's.
 
     ``ks`` in 1/sr is the value where the generalised cosine is 1.

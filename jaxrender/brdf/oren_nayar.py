@@ -22,7 +22,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import Parametric, ShapeParameter
+from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
 from jaxrender.geometry import Components, squared_acute_angle
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -97,7 +97,7 @@ class OrenNayar(BRDF):
         )
 
 
-class OrenNayarLobe(Parametric):
+class OrenNayarLobe(WithoutIndex):
     """The qualitative model as a fit knows it, one lobe with the amplitude that Oren calls kd.
 
     The lobe is ``ks`` here; ``kd``, that of a Lambertian base under it, is to be black.
@@ -127,20 +127,6 @@ class OrenNayarLobe(Parametric):
     def isotropic(self) -> bool:
         """Always."""
         return True
-
-    @property
-    def mu(self) -> None:
-        """None."""
-        return None
-
-    @property
-    def fresnel_is_factor(self) -> bool:
-        """Of a ratio that is one everywhere."""
-        return True
-
-    def as_metal(self) -> "OrenNayarLobe":
-        """Have no Fresnel ratio to drop."""
-        return self
 
     @property
     def energy(self) -> float:

@@ -136,11 +136,6 @@ class WithoutIndex(Parametric):
     """A model of one number for its lobe, and no Fresnel term."""
 
     @property
-    def sigma(self) -> Scalar:
-        """The width that the model's own number stands for."""
-        return self.shape.width_of(getattr(self, self.shape.name))
-
-    @property
     def mu(self) -> None:
         """None."""
         return None
@@ -153,3 +148,12 @@ class WithoutIndex(Parametric):
     def as_metal(self: Same) -> Same:
         """Have no Fresnel ratio to drop."""
         return self
+
+
+class ByOwnNumber(WithoutIndex):
+    """One whose number goes by another name than sigma."""
+
+    @property
+    def sigma(self) -> Scalar:
+        """The width that the model's own number stands for."""
+        return self.shape.width_of(getattr(self, self.shape.name))

@@ -22,7 +22,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -30,7 +30,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 _NEGLIGIBLE = 25.0
 
 
-class Phong(WithoutIndex, Glossy):
+class Phong(ByOwnNumber, Glossy):
     """T 3.34 over a Lambertian base, with a real ``exponent`` s >= 0.
 
     ``clipped=False`` lets the lobe reach below the horizon of the incoming light, as the thesis

@@ -29,7 +29,7 @@ from jaxrender.brdf.parameters import (
     refuse_outside,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -52,7 +52,7 @@ class _Interval(NamedTuple):
         return _Interval(self.low, jnp.maximum(self.low, self.high))
 
 
-class PoulinFournier(WithoutIndex):
+class PoulinFournier(ByOwnNumber):
     """Cylinders with a material of kd and Blinn's lobe ks, ``exponent`` s >= 0.
 
     ``spacing`` d >= 2 between the axes and ``height`` in (0, 1], both in radii: 1 is half a

@@ -25,7 +25,7 @@ from jaxrender.brdf.parameters import (
     refuse_unlisted,
     share_of_energy_is_bounded,
 )
-from jaxrender.brdf.parametric import IndexParameter, Parametric, ShapeParameter, WithoutIndex
+from jaxrender.brdf.parametric import ByOwnNumber, IndexParameter, Parametric, ShapeParameter
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -48,7 +48,7 @@ _REACH = 5.0
 WARD_NORMALISATIONS = {"ward": _by_ward, "duer": _by_duer, "bounded": _bounded}
 
 
-class Ward(WithoutIndex, Glossy):
+class Ward(ByOwnNumber, Glossy):
     """Ward's lobe over a Lambertian base, roughness along +X and across it in (0, 1].
 
     ``roughness_y=None`` is the isotropic model.  Roughness is the slopes' deviation times sqrt(2),
