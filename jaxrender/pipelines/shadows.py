@@ -71,7 +71,8 @@ def interreflection(fit: BRDFFit) -> dict[str, Any]:
     if transfer is None:
         return {}
     hidden = hidden_fraction(transfer)
-    albedo = float(np.clip(np.mean(np.pi * np.asarray(fit.brdf.kd) + fit.brdf.ks), 0, 1))
+    gloss = np.asarray(fit.brdf.ks) * float(fit.brdf.energy)
+    albedo = float(np.clip(np.mean(np.pi * np.asarray(fit.brdf.kd) + gloss), 0, 1))
     if albedo * hidden < _WORTH_MENTIONING:
         return {}
     return {"estimate": albedo * hidden, "albedo": albedo, "hidden_fraction": hidden}
