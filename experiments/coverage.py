@@ -6,7 +6,8 @@ Three smooth area lights and two lamps; photographs by the polar quadrature (con
 grid), the fit's exact integral on a 64 x 128 image.  Noise is relative + floor, drawn anew for each
 seed and estimated by the fit.  All parameters of all seeds are counted together and held against
 the binomial 99.9 % band; they are correlated within a fit, so each is also counted alone.  Models
-besides the thesis's are those without a frequency view, fitted by the integral alone.
+besides the thesis's are those without a frequency view, fitted by the integral alone, and
+he-torrance's series, which is dear to compile.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import numpy as np
 import scenes
 from scipy.stats import binom
 
-from jaxrender.brdf import AnisotropicWard, KajiyaKay, Microfacet, OrenNayarLobe
+from jaxrender.brdf import AnisotropicWard, HeTorranceLobe, KajiyaKay, Microfacet, OrenNayarLobe
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown, fit_brdf
 from jaxrender.inverse.uncertainty import Parameters, in_own_units
@@ -31,6 +32,7 @@ MODELS = {
         AnisotropicWard(KD, KS, 0.12, 0.35),
         MicrofacetUnknowns(mu=mu_unknown(*index_bounds(AnisotropicWard))),
     ),
+    "he-torrance": (HeTorranceLobe(KD, KS, 0.16), MicrofacetUnknowns(mu=None)),
     "kajiya-kay": (KajiyaKay(KD, KS, 30.0), MicrofacetUnknowns(mu=None)),
     "oren-nayar": (
         OrenNayarLobe(NONE, KD, 0.5),

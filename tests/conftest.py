@@ -14,9 +14,16 @@ _MAPS = Path("/proc/self/maps")
 _MANY_MAPS = 20_000
 
 # Most of the tests' time goes into compiling.  XLA's older emitters of loops do it a third faster
-# (what they make is slower where much is integrated, and quicker elsewhere), and the collector need
-# not look through all traces so often.
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false"
+# (what they make is slower where much is integrated, and quicker elsewhere), and a seventh comes
+# from fewer optimisations, short vectors and one thread; the collector need not look through all
+# traces so often.
+_QUICK_TO_COMPILE = (
+    "--xla_cpu_use_fusion_emitters=false",
+    "--xla_backend_optimization_level=1",
+    "--xla_cpu_prefer_vector_width=128",
+    "--xla_cpu_parallel_codegen_split_count=1",
+)
+os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *_QUICK_TO_COMPILE])
 gc.set_threshold(50_000, 20, 50)
 
 jax.config.update("jax_enable_x64", True)
@@ -24,6 +31,12 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 install_import_hook("jaxrender", "beartype.beartype")
+
+
+def pytest_configure(config):
+    """What one process has compiled is there for the others, and for the next run."""
+    jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("compiled")))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -48,28 +48,25 @@ _REACH = 5.0
 WARD_NORMALISATIONS = {"ward": _by_ward, "duer": _by_duer, "bounded": _bounded}
 
 
-class Ward(ByOwnNumber, Glossy):
-    """Ward's lobe over a Lambertian base, roughness along +X and across it in (0, 1].
+class _AlongAndAcross(Parametric):
+    """What Ward's lobe is, whichever of its numbers are looked for."""
 
-    ``roughness_y=None`` is the isotropic model.  Roughness is the slopes' deviation times sqrt(2),
-    as Beckmann's.  Raises ``ValueError`` for values outside and unlisted normalisations.
-    """
-
-    # The roughness; of an anisotropic lobe that along +X.
     shape: ClassVar[ShapeParameter] = ShapeParameter("roughness")
 
-    kd: Float[AnyArray, "channel"]
-    ks: Float[AnyArray, "channel"]
-    roughness: Scalar = eqx.field(converter=as_scalar)
-    roughness_y: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
-    normalisation: str = eqx.field(static=True, default="ward")
+    roughness: eqx.AbstractVar[Scalar]
+    roughness_y: eqx.AbstractVar[Scalar | None]
+    normalisation: eqx.AbstractVar[str]
 
     def __check_init__(self):
-        remedy = "measured surfaces have .02 to .3"
         refuse_unlisted("normalisation", self.normalisation, tuple(WARD_NORMALISATIONS))
-        refuse_outside("roughness", self.roughness, "(0, 1]", remedy)
-        if self.roughness_y is not None:
-            refuse_outside("roughness_y", self.roughness_y, "(0, 1]", remedy)
+        for name in ("roughness", "roughness_y"):
+            if (value := getattr(self, name)) is not None:
+                refuse_outside(name, value, "(0, 1]", "measured surfaces have .02 to .3")
+
+    @property
+    def across(self) -> Scalar:
+        """The roughness across the tangent."""
+        return self.roughness if self.roughness_y is None else self.roughness_y
 
     @property
     def reciprocal(self) -> bool:
@@ -89,14 +86,21 @@ class Ward(ByOwnNumber, Glossy):
         return self.roughness_y is None or bool(self.roughness_y == self.roughness)
 
     @property
-    def reach(self) -> Float[Array, ""]:
-        """Twice the half angle whose tangent is five times the roughness."""
-        return 2 * jnp.arctan(_REACH * jnp.asarray(self.roughness))
-
-    @property
     def energy(self) -> float:
         """One: ks is about the lobe's albedo at normal exitance."""
         return 1.0
+
+    def specular_transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> Float[Array, "*batch"]:
+        """Evaluate the lobe times cos t_i."""
+        incoming, outgoing = lifted(incoming), lifted(outgoing)
+        half = half_vector(incoming, outgoing)
+        along, across = (matching(value, half.cosine) for value in (self.roughness, self.across))
+        h = half.direction
+        exponent = ((h.x / along) ** 2 + (h.y / across) ** 2) / jnp.maximum(h.z * h.z, STEEPEST)
+        scale = WARD_NORMALISATIONS[self.normalisation](incoming, outgoing, half)
+        return jnp.exp(-exponent) * scale * incoming.z / (4 * np.pi * along * across)
 
     def transfer(
         self, incoming: Components, outgoing: Components
@@ -104,35 +108,43 @@ class Ward(ByOwnNumber, Glossy):
         """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
         visible = are_visible(incoming, outgoing)
         lobe = self.specular_transfer(incoming, outgoing)
-        return jnp.where(visible, lifted(incoming).z, 0), jnp.where(visible, lobe, 0)
-
-    def specular_transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> Float[Array, "*batch"]:
-        """Evaluate the lobe times cos t_i."""
-        across = self.roughness if self.roughness_y is None else self.roughness_y
-        return _lobe(incoming, outgoing, (self.roughness, across), self.normalisation)
+        return jnp.where(visible, incoming.z, 0), jnp.where(visible, lobe, 0)
 
 
-class AnisotropicWard(Parametric):
+class Ward(_AlongAndAcross, ByOwnNumber, Glossy):
+    """Ward's lobe over a Lambertian base, roughness along +X and across it in (0, 1].
+
+    ``roughness_y=None`` is the isotropic model.  Roughness is the slopes' deviation times sqrt(2),
+    as Beckmann's.  Raises ``ValueError`` for values outside and unlisted normalisations.
+    """
+
+    kd: Float[AnyArray, "channel"]
+    ks: Float[AnyArray, "channel"]
+    # The roughness; of an anisotropic lobe that along +X.
+    roughness: Scalar = eqx.field(converter=as_scalar)
+    roughness_y: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
+    normalisation: str = eqx.field(static=True, default="ward")
+
+    @property
+    def reach(self) -> Float[Array, ""]:
+        """Twice the half angle whose tangent is five times the roughness."""
+        return 2 * jnp.arctan(_REACH * jnp.asarray(self.roughness))
+
+
+class AnisotropicWard(_AlongAndAcross):
     """Ward's own model with a roughness along +X and another across it, both to be found.
 
     ``roughness_y`` is searched for as an index (``IndexParameter``): it lies above 0 as mu lies
     above 1.  Raises ``ValueError`` for a roughness outside (0, 1].
     """
 
-    shape: ClassVar[ShapeParameter] = ShapeParameter("roughness")
     index: ClassVar[IndexParameter] = IndexParameter("roughness_y", 1.0, 1.0)
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
     roughness: Scalar = eqx.field(converter=as_scalar)
     roughness_y: Scalar | None = eqx.field(converter=as_scalar_or_none, default=None)
-
-    def __check_init__(self):
-        for name in ("roughness", "roughness_y"):
-            if (value := getattr(self, name)) is not None:
-                refuse_outside(name, value, "(0, 1]", "measured surfaces have .02 to .3")
+    normalisation: str = eqx.field(static=True, default="ward", init=False)
 
     @property
     def sigma(self) -> Scalar:
@@ -147,8 +159,7 @@ class AnisotropicWard(Parametric):
     @property
     def width(self) -> Scalar:
         """The smaller of both."""
-        across = self.roughness if self.roughness_y is None else self.roughness_y
-        return jnp.minimum(self.roughness, across)
+        return jnp.minimum(self.roughness, self.across)
 
     @property
     def fresnel_is_factor(self) -> bool:
@@ -158,48 +169,3 @@ class AnisotropicWard(Parametric):
     def as_metal(self) -> "AnisotropicWard":
         """Have no Fresnel ratio to drop."""
         return self
-
-    @property
-    def reciprocal(self) -> bool:
-        """Always."""
-        return True
-
-    @property
-    def conserves_energy(self) -> bool:
-        """Only without the lobe, as Ward's normalisation says nothing of grazing angles."""
-        return not np.any(self.ks) and share_of_energy_is_bounded(np.pi * self.kd)
-
-    @property
-    def isotropic(self) -> bool:
-        """Unless the roughness differs along and across the tangent."""
-        return self.roughness_y is None or bool(self.roughness_y == self.roughness)
-
-    @property
-    def energy(self) -> float:
-        """One: ks is about the lobe's albedo at normal exitance."""
-        return 1.0
-
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
-        visible = are_visible(incoming, outgoing)
-        across = self.roughness if self.roughness_y is None else self.roughness_y
-        lobe = _lobe(incoming, outgoing, (self.roughness, across), "ward")
-        return jnp.where(visible, lifted(incoming).z, 0), jnp.where(visible, lobe, 0)
-
-
-def _lobe(
-    incoming: Components,
-    outgoing: Components,
-    roughness: tuple[Scalar, Scalar],
-    normalisation: str,
-) -> Float[Array, "*batch"]:
-    """Evaluate the lobe times cos t_i, given the roughness along the tangent and across it."""
-    incoming, outgoing = lifted(incoming), lifted(outgoing)
-    half = half_vector(incoming, outgoing)
-    along, across = (matching(value, half.cosine) for value in roughness)
-    h = half.direction
-    exponent = ((h.x / along) ** 2 + (h.y / across) ** 2) / jnp.maximum(h.z * h.z, STEEPEST)
-    scale = WARD_NORMALISATIONS[normalisation](incoming, outgoing, half)
-    return jnp.exp(-exponent) * scale * incoming.z / (4 * np.pi * along * across)

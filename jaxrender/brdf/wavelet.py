@@ -12,18 +12,16 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
-from jaxrender.brdf.properties import max_albedo
+from jaxrender.brdf.measured import MeasuredAlbedo
 from jaxrender.geometry import NUSSELT, Components, Embedding
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.wavelets import CellForest, CoefficientTree, Traversal, is_stepwise
 
 _AXES = 4
-_ALBEDO_ROUNDING = 1e-4
 
 
-class WaveletBRDF(BRDF):
+class WaveletBRDF(MeasuredAlbedo):
     """A tree over pairs of directions, in 1/sr.
 
     Raises ``ValueError`` for a tree of other than four axes and for levels that it has not.
@@ -54,11 +52,6 @@ class WaveletBRDF(BRDF):
     def reciprocal(self) -> bool:
         """Never promised: thresholds are blind to it."""
         return False
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

@@ -43,17 +43,20 @@ class Shape(eqx.Module):
     ) -> Bool[np.ndarray, "ray"]:
         """Whether rays meet the surface at all; rays as in ``first_hits``, but cheaper."""
 
-    @abc.abstractmethod
     def occluded_pairs(
         self,
         origins: Float[np.ndarray, "place 3"],
         directions: Float[np.ndarray, "direction 3"],
         asked: Bool[np.ndarray, "place direction"],
-    ) -> Bool[np.ndarray, "pair"]:
-        """The same for those pairs of a place and a direction that are asked for, row by row.
+    ) -> Bool[np.ndarray, "place direction"]:
+        """The same for those pairs of a place and a direction that are asked for; False elsewhere.
 
         One thread's portion of work: ``visible`` divides a large one up.
         """
+        blocked = np.zeros(asked.shape, bool)
+        place, direction = np.nonzero(asked)
+        blocked[place, direction] = self.occluded(origins[place], directions[direction])
+        return blocked
 
     @abc.abstractmethod
     def bounds(self) -> Float[np.ndarray, "2 3"]:

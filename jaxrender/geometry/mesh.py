@@ -115,7 +115,7 @@ class Mesh(Shape):
         origins: Float[np.ndarray, "place 3"],
         directions: Float[np.ndarray, "direction 3"],
         asked: Bool[np.ndarray, "place direction"],
-    ) -> Bool[np.ndarray, "pair"]:
+    ) -> Bool[np.ndarray, "place direction"]:
         """By Embree, the rays put together in single precision."""
         return self._tracer.occluded_pairs(origins, directions, asked)
 

@@ -97,16 +97,6 @@ class PeriodicSurface(Shape):
             start, ray = self._advanced(start[on], towards[on], ends[on]), ray[on]
         return blocked
 
-    def occluded_pairs(
-        self,
-        origins: Float[np.ndarray, "place 3"],
-        directions: Float[np.ndarray, "direction 3"],
-        asked: Bool[np.ndarray, "place direction"],
-    ) -> Bool[np.ndarray, "pair"]:
-        """The same for those pairs that are asked for."""
-        place, direction = np.nonzero(asked)
-        return self.occluded(origins[place], directions[direction])
-
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Those of one period."""
         return self.patch.mesh.bounds()

@@ -65,16 +65,6 @@ class Sphere(Shape):
         """Whether the larger root lies in front of the origin."""
         return self.first_hits(origins, directions).hit
 
-    def occluded_pairs(
-        self,
-        origins: Float[np.ndarray, "place 3"],
-        directions: Float[np.ndarray, "direction 3"],
-        asked: Bool[np.ndarray, "place direction"],
-    ) -> Bool[np.ndarray, "pair"]:
-        """Ray by ray."""
-        place, direction = np.nonzero(asked)
-        return self.occluded(origins[place], directions[direction])
-
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """The cube around the sphere."""
         return np.stack([self.center - self.radius, self.center + self.radius])

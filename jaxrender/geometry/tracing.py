@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from jaxrender.geometry import convexity
 from jaxrender.geometry.triangles import FaceHits, clipped_barycentric
@@ -100,7 +100,7 @@ class EmbreeTracer:
         origins: Float[np.ndarray, "place 3"],
         directions: Float[np.ndarray, "direction 3"],
         asked: Bool[np.ndarray, "place direction"],
-    ) -> Bool[np.ndarray, "pair"]:
+    ) -> Bool[np.ndarray, "place direction"]:
         """The same for pairs of places and unit directions, in this thread.
 
         What Embree is given is half of the work of asking it, so rays from within the mesh's box
@@ -108,14 +108,18 @@ class EmbreeTracer:
         """
         # Each line is the quickest of several ways: together they were a fifth of the whole time.
         count = np.count_nonzero(asked, axis=1)
-        place = np.repeat(np.arange(len(asked)), count)
-        direction = np.flatnonzero(asked) - place * asked.shape[1]
+        pair = np.flatnonzero(asked)
+        direction = pair - np.repeat(np.arange(len(asked)) * asked.shape[1], count)
         boxed = (origins - self._center) / self._size
-        if not (np.einsum("pi,pi->p", boxed, boxed) < 1).all():
-            return self.occluded(origins[place], directions[direction])
-        single = boxed.astype(np.float32), directions.astype(np.float32)
-        towards = single[1].take(direction, axis=0, mode="clip")
-        return self._any(np.repeat(single[0], count, axis=0), towards)
+        blocked = np.zeros(asked.shape, bool)
+        if (np.einsum("pi,pi->p", boxed, boxed) < 1).all():
+            starts = np.repeat(_as_words(boxed), count)
+            towards = _as_words(directions).take(direction, mode="clip")
+            found = self._any(_of_words(starts), _of_words(towards))
+        else:
+            found = self.occluded(np.repeat(origins, count, axis=0), directions[direction])
+        blocked.reshape(-1)[pair] = found
+        return blocked
 
     def _any(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         # embreex wants at least one ray; it answers 0 for a ray that is blocked, else -1.
@@ -201,6 +205,17 @@ def _scene(
     # The first query builds the tree; it must not happen in two threads at once.
     scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
     return scene
+
+
+def _as_words(vectors: Float[np.ndarray, "row 3"]) -> Complex[np.ndarray, "row"]:
+    """Pack each vector into sixteen bytes, which NumPy copies as one: four times quicker."""
+    padded = np.zeros((len(vectors), 4), np.float32)
+    padded[:, :3] = vectors
+    return padded.view(np.complex128).reshape(-1)
+
+
+def _of_words(words: Complex[np.ndarray, "row"]) -> Float[np.ndarray, "row 3"]:
+    return words.view(np.float32).reshape(-1, 4)[:, :3]
 
 
 def in_threads(work: Callable[[int], None], items: Sequence[int]) -> None:

@@ -67,14 +67,13 @@ def visible(
     origins, normals = _starts(shape, places)
     seen = np.zeros((len(origins), len(directions)), bool)
     step = max(1, _PAIRS_AT_ONCE // max(len(directions), 1))
-    convex = shape.is_convex()
+    convex, columns = shape.is_convex(), np.ascontiguousarray(directions.T)
 
     def look(first: int) -> None:
         part = slice(first, first + step)
-        above = normals[part] @ directions.T > 0
+        above = normals[part] @ columns > 0
         if not convex:
-            free = ~shape.occluded_pairs(origins[part], directions, above)
-            above.reshape(-1)[np.flatnonzero(above)] = free
+            above &= ~shape.occluded_pairs(origins[part], directions, above)
         seen[part] = above
 
     in_threads(look, range(0, len(origins), step))

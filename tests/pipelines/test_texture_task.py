@@ -317,7 +317,7 @@ def test_sigma_varies_over_the_ball(varying):
     _, folder, result = varying
     maps = arrays(folder)
     height = np.cos((np.arange(ROWS) + 0.5) * np.pi / ROWS)[:, None]
-    true = SIGMA * np.exp(CHECKER_GROWING.growth * height) + 0 * maps["sigma"]
+    true = np.broadcast_to(SIGMA * np.exp(CHECKER_GROWING.growth * height), maps["sigma"].shape)
     told = maps["sigma_error"] < 0.03 * true
     assert told.mean() > 0.3
     # A texel is 11 degrees wide, over which sigma changes by 5 %.
@@ -329,8 +329,25 @@ def test_sigma_varies_over_the_ball(varying):
     unseen = maps["seen"] == 0
     assert unseen.any()
     assert np.isnan(maps["sigma"][unseen]).all()
+    assert true[told].max() / true[told].min() > 1.4
+    # A texel has one sigma, by which mu is off by more than its error.
+    assert result["brdf"]["mu"] == pytest.approx(MU, rel=0.015)
     # With one sigma for all it is more than three times the noise.
     assert result["residual"]["relative_rms"] < 1.5 * NOISE
+
+
+def test_the_texture_is_found_with_its_sigma(varying):
+    _, folder, _ = varying
+    texture = arrays(folder)
+    kd, _ = texel_paint(ROWS, CHECKER_GROWING)
+    good = (texture["seen"].ravel() > 2) & (texture["kd_marked"].ravel() == 0)
+    assert good.sum() > 100
+    found, error = (texture[name].reshape(-1, 3)[good] for name in ("kd", "kd_error"))
+    assert np.sqrt(np.mean((found / kd[good] - 1) ** 2)) < 0.03
+    assert 0.8 < np.sqrt(np.mean(((found - kd[good]) / error) ** 2)) < 1.4
+    unseen = texture["seen"] == 0
+    assert np.isnan(texture["sigma"][unseen]).all()
+    assert np.isinf(texture["sigma_error"][unseen]).all()
 
 
 def test_maps_of_sigma_are_written_and_shown(varying):

@@ -22,8 +22,8 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
+from jaxrender.brdf.measured import ValuesPerChannel
 from jaxrender.brdf.parameters import is_known
-from jaxrender.brdf.properties import max_albedo
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
@@ -31,8 +31,6 @@ HALF_PI = np.pi / 2
 
 # A node below the horizon takes the value at this fraction of cos t_h above it.
 _ABOVE_HORIZON = 0.02
-# What the quadrature of the albedo is good for.
-_ALBEDO_ROUNDING = 1e-4
 
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
@@ -52,7 +50,7 @@ class Corner(NamedTuple):
     weight: Float[AnyArray, "*batch"]
 
 
-class IsotropicTable(BRDF):
+class IsotropicTable(ValuesPerChannel):
     """``values`` in 1/sr at the nodes of a grid [theta_h, theta_d, phi_d, channel].
 
     Raises ``ValueError`` for a table of another rank, with fewer than two nodes of either polar
@@ -86,19 +84,9 @@ class IsotropicTable(BRDF):
         return cls(found.reshape(*shape, -1))
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
-        """One: every channel has a lobe of its own."""
-        return np.eye(self.values.shape[-1])
-
-    @property
     def reciprocal(self) -> bool:
         """Always, by the range of phi_d."""
         return True
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

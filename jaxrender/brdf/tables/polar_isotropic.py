@@ -13,8 +13,8 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
+from jaxrender.brdf.measured import ValuesPerChannel
 from jaxrender.brdf.parameters import is_known, refuse_unlisted
-from jaxrender.brdf.properties import max_albedo
 from jaxrender.brdf.tables.cells import refuse_unknown, values_of_pairs
 from jaxrender.brdf.tables.reconstruction import (
     RECONSTRUCTIONS,
@@ -27,13 +27,10 @@ from jaxrender.brdf.tables.reconstruction import (
 from jaxrender.geometry import Components, direction_from_angles
 from jaxrender.shapes import AnyArray, Array, Float
 
-# What the quadrature of the albedo is good for.
-_ALBEDO_ROUNDING = 1e-4
-
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
-class PolarIsotropicTable(BRDF):
+class PolarIsotropicTable(ValuesPerChannel):
     """``values`` in 1/sr of [theta_i, theta_r, azimuth, channel].
 
     Raises ``ValueError`` for a table of another rank, an odd number of azimuths, values that are
@@ -74,11 +71,6 @@ class PolarIsotropicTable(BRDF):
         return cls(found.reshape(*size, -1), reconstruction)
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
-        """One: every channel has a lobe of its own."""
-        return np.eye(self.values.shape[-1])
-
-    @property
     def reciprocal(self) -> bool:
         """When exchanging the polar angles and turning the azimuth back gives the same samples."""
         values = np.asarray(self.values)
@@ -86,11 +78,6 @@ class PolarIsotropicTable(BRDF):
             return False
         back = values.transpose(1, 0, 2, 3)[:, :, ::-1]
         return bool(np.abs(values - back).max() <= 1e-5 * np.abs(values).max())
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

@@ -15,15 +15,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
+from jaxrender.brdf.measured import ValuesPerChannel
 from jaxrender.brdf.parameters import is_known
-from jaxrender.brdf.properties import max_albedo
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float, Int
-
-# What the quadrature of the albedo is good for.
-_ALBEDO_ROUNDING = 1e-4
 
 
 class _Node(NamedTuple):
@@ -33,7 +29,7 @@ class _Node(NamedTuple):
     weight: Float[Array, "*batch"]
 
 
-class PolarNodesTable(BRDF):
+class PolarNodesTable(ValuesPerChannel):
     """``values`` in 1/sr [theta_i, phi_i, theta_o, phi_o, channel]; ``largest_polar`` in radians.
 
     Raises ``ValueError`` for a table of another rank, with fewer than two polar angles, for values
@@ -65,21 +61,11 @@ class PolarNodesTable(BRDF):
                 )
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
-        """One: every channel has a lobe of its own."""
-        return np.eye(self.values.shape[-1])
-
-    @property
     def reciprocal(self) -> bool:
         """When the table's own values are, all of them exactly; measured ones are not."""
         values = np.asarray(self.values)
         turned = np.moveaxis(values, (0, 1), (2, 3))
         return values.shape == turned.shape and bool(np.all(values == turned))
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

@@ -21,15 +21,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
-from jaxrender.brdf.properties import max_albedo
+from jaxrender.brdf.measured import MeasuredAlbedo
 from jaxrender.brdf.tables.bilinear_warp import BilinearWarp, Blend, Place, blended, interpolated
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
-# What the quadrature of the albedo is good for.
-_ALBEDO_ROUNDING = 1e-4
 _ISOTROPIC_AZIMUTHS = 2
 
 
@@ -44,7 +41,7 @@ class RglTables(NamedTuple):
     samples: Float[np.ndarray, "phi theta channel row column"]
 
 
-class RglBRDF(BRDF):
+class RglBRDF(MeasuredAlbedo):
     """A measured material; make one with ``of``."""
 
     phi_i: Float[AnyArray, "phi"]
@@ -98,11 +95,6 @@ class RglBRDF(BRDF):
     def reciprocal(self) -> bool:
         """No promise: incoming and outgoing directions were sampled differently."""
         return False
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

@@ -21,6 +21,7 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible
+from jaxrender.brdf.measured import ValuesPerChannel
 from jaxrender.brdf.parameters import is_known, refuse_unlisted
 from jaxrender.brdf.tables.cells import (
     Size,
@@ -45,7 +46,7 @@ _ROUNDING = 1e-5
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
-class TabulatedBRDF(BRDF):
+class TabulatedBRDF(ValuesPerChannel):
     """``values`` in 1/sr on the cells of an ``embedding`` of both directions.
 
     Negative values are kept as they are (thresholded wavelets have some); ``masked`` removes them.
@@ -100,11 +101,6 @@ class TabulatedBRDF(BRDF):
     def size(self) -> Size:
         """How many samples each of the four axes has."""
         return size_of(np.shape(self.values)[:4])
-
-    @property
-    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
-        """One: every channel has a lobe of its own."""
-        return np.eye(self.values.shape[-1])
 
     @property
     def reciprocal(self) -> bool:

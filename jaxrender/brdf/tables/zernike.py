@@ -23,16 +23,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.half_vector import are_visible, lifted
-from jaxrender.brdf.properties import max_albedo
+from jaxrender.brdf.measured import MeasuredAlbedo
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Beyond this the alternating sums of the polynomials lose single precision altogether.
 LARGEST_ORDER = 16
-# What the quadrature of the albedo is good for.
-_ALBEDO_ROUNDING = 1e-4
 
 
 class ZernikeIndex(NamedTuple):
@@ -58,7 +55,7 @@ def zernike_indices(order: int) -> tuple[ZernikeIndex, ...]:
     )
 
 
-class ZernikeBRDF(BRDF):
+class ZernikeBRDF(MeasuredAlbedo):
     """``coefficients`` in 1/sr of the functions that ``zernike_indices(order)`` lists.
 
     The functions are the lobes: a fit may eliminate the coefficients.  Raises ``ValueError`` for
@@ -84,11 +81,6 @@ class ZernikeBRDF(BRDF):
     def reciprocal(self) -> bool:
         """Always, function by function."""
         return True
-
-    @property
-    def conserves_energy(self) -> bool:
-        """When the albedo measured from head-on to grazing is at most 1 (to 1e-4)."""
-        return max_albedo(self) <= 1 + _ALBEDO_ROUNDING
 
     @property
     def isotropic(self) -> bool:

@@ -45,12 +45,6 @@ class IntegralResponse(Response):
         lit = jnp.ones((samples.normals.shape[0], sources), samples.normals.dtype)
         return cls(variant, samples, diffuse, lit)
 
-    def thinned(self, step: int) -> "IntegralResponse":
-        """Keep one in ``step`` samples."""
-        samples = SurfaceSamples(*(jnp.asarray(a)[::step] for a in self.samples))
-        bases = (jnp.asarray(a)[::step] for a in (self.diffuse_basis, self.lit))
-        return IntegralResponse(self.variant, samples, *bases)
-
     def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
         """Integrate the lobe against every harmonic."""
         band_limit = band_limit_of(self.slow_count)

@@ -12,6 +12,7 @@ what is left of both (T 6.4.4).
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -59,10 +60,6 @@ class Response(eqx.Module):
     lit: eqx.AbstractVar[Float[AnyArray, "sample source"]]
 
     @abc.abstractmethod
-    def thinned(self, step: int) -> "Response":
-        """Keep one in ``step`` samples."""
-
-    @abc.abstractmethod
     def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
         """Evaluate how the samples respond to slow light by the lobe."""
 
@@ -77,6 +74,15 @@ class Response(eqx.Module):
         self, directions: Float[Array, "direction 3"]
     ) -> Float[Array, "sample direction"]:
         """Evaluate the base towards directions, whether they are seen or not."""
+
+    def thinned(self, step: int) -> "Response":
+        """Keep one in ``step`` samples."""
+        of_samples = {
+            field.name: jax.tree.map(lambda a: jnp.asarray(a)[::step], getattr(self, field.name))
+            for field in dataclasses.fields(self)
+            if field.name != "variant"
+        }
+        return dataclasses.replace(self, **of_samples)
 
     @property
     def slow_count(self) -> int:
@@ -145,12 +151,6 @@ class MirrorResponse(Response):
         seen = jnp.asarray(reflected)[:, None]
         mirror = jnp.where(seen, jnp.asarray(self.mirror_basis), 0)
         return MirrorResponse(self.variant, self.samples, transfer, mirror, self.lit)
-
-    def thinned(self, step: int) -> "MirrorResponse":
-        """Keep one in ``step`` samples."""
-        samples = SurfaceSamples(*(jnp.asarray(a)[::step] for a in self.samples))
-        bases = (jnp.asarray(a)[::step] for a in (self.diffuse_basis, self.mirror_basis, self.lit))
-        return MirrorResponse(self.variant, samples, *bases)
 
     def passed(self, guess: Guess) -> Float[Array, "sample degree"]:
         """Evaluate the transfer h_l(t_o) of every sample."""

@@ -228,5 +228,5 @@ def _lit(
     values = reflected_pairs(scene, vertices, incoming)
     asked = (values != 0).max(axis=2)
     hidden = scene.shape.occluded_pairs(vertices.points, incoming, asked)
-    asked[asked] = ~hidden
+    asked &= ~hidden
     return np.where(asked[:, :, None], values, 0)
