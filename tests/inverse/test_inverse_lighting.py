@@ -27,7 +27,7 @@ from jaxrender.inverse.lighting.coefficients import (
     recover_coefficients,
     solve_coefficients,
 )
-from jaxrender.inverse.lighting.normal_equations import normal_equations
+from jaxrender.inverse.lighting.normal_equations import dense_normal_equations, normal_equations
 from jaxrender.inverse.lighting.operator import light_operator
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import irradiance
@@ -62,6 +62,10 @@ def test_streamed_equations_are_the_dense_ones():
         np.testing.assert_allclose(found.moment[channel], matrix.T @ right, rtol=0, atol=1e-10)
         assert found.energy[channel] == pytest.approx(right @ right, rel=1e-12)
     assert found.measured.tolist() == [400, 399, 400]
+    every = np.stack([kd * diffuse + ks * specular for kd, ks in zip(KD, KS)])
+    dense = dense_normal_equations(every, np.nan_to_num(measured), weights)
+    for ours, streamed in zip(dense, found):
+        np.testing.assert_allclose(ours, streamed, rtol=1e-10, atol=1e-10)
 
 
 def test_blocks_of_samples_join():

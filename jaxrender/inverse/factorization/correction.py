@@ -5,19 +5,16 @@ import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import LatLongGrid, synthesise
+from jaxrender.harmonics import evaluate
 from jaxrender.inverse.factorization.response import (
     MirrorResponse,
     gloss_share,
 )
-from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.factorization.sight import Sight, hidden_nodes
 from jaxrender.inverse.factorization.state import State, Task, response_of
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, reflect_slow_light
 from jaxrender.shapes import Array, Float
-
-# The directions by which what a concave object hides from itself is integrated.
-_HIDDEN_GRID = LatLongGrid(48, 96)
 
 
 def corrected(task: Task, state: State) -> State:
@@ -48,9 +45,7 @@ def hidden_slow_light(
     slow: Float[Array, "coefficient channel"],
 ) -> Float[Array, "sample channel"]:
     """Sum the slow light that the object keeps from itself: only this rests on a grid."""
-    image = np.asarray(synthesise(_HIDDEN_GRID, slow)).reshape(-1, slow.shape[1])
-    directions = _HIDDEN_GRID.directions().reshape(-1, 3)
-    weights = _HIDDEN_GRID.weights().reshape(-1, 1)
-    nodes = LightNodes(directions, weights * image)
-    hidden = ~sight.of_fixed(directions)
-    return integral_columns(lobe, samples, nodes, hidden)[:, 1]
+    directions, solid_angle = hidden_nodes()
+    light = evaluate(slow, directions)
+    nodes = LightNodes(directions, jnp.asarray(solid_angle, light.dtype)[:, None] * light)
+    return integral_columns(lobe, samples, nodes, sight.hidden())[:, 1]

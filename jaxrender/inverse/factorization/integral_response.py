@@ -3,9 +3,11 @@
 Brushed metal and fibres have no lobe about the reflected direction, but what they send to the
 camera under light Y_lm is an integral as well, over nodes about each normal
 (``reflection.polar_coefficients``).  It is exact for slow light, so that nothing is left to
-correct, and costs a hundred times what looking a mirror's image up costs.
+correct, and costs a hundred times what looking a mirror's image up costs.  Of a concave object what
+it hides from itself is summed over a grid and taken off.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -13,27 +15,35 @@ import jax.numpy as jnp
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import band_limit_of
+from jaxrender.harmonics import band_limit_of, real_basis
 from jaxrender.inverse.factorization.response import (
     Guess,
     MirrorResponse,
     Response,
     lobes_towards,
 )
-from jaxrender.reflection import polar_coefficients
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.inverse.factorization.sight import hidden_nodes
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import integral_columns, polar_coefficients
+from jaxrender.shapes import AnyArray, Array, Bool, Float
 
-# Nodes from the normal to the horizon: lobes of .05 radians and more are followed to a per mille.
+# Nodes from the normal to the horizon: at degree 10 lobes of .1 radians are followed to two per
+# mille, of .05 to nearly one per cent.
 _POLAR_NODES = 32
 
 
 class IntegralResponse(Response):
-    """Samples of a convex surface of any parametric material."""
+    """Samples of a surface of any parametric material.
+
+    ``hidden`` are the ``sight.hidden_nodes`` that a concave object keeps from each sample: what
+    they would have sent is taken off the integral.
+    """
 
     variant: Parametric
     samples: SurfaceSamples
     diffuse_basis: Float[AnyArray, "sample coefficient"]
     lit: Float[AnyArray, "sample source"]
+    hidden: Bool[AnyArray, "sample node"] | None = None
 
     @classmethod
     def of_convex(
@@ -45,10 +55,16 @@ class IntegralResponse(Response):
         lit = jnp.ones((samples.normals.shape[0], sources), samples.normals.dtype)
         return cls(variant, samples, diffuse, lit)
 
+    def shadowed(self, hidden: Bool[AnyArray, "sample node"]) -> "IntegralResponse":
+        """Let the object shadow itself."""
+        band_limit = band_limit_of(self.slow_count)
+        diffuse = _under_harmonics(self.variant, self.samples, band_limit, hidden)[:, 0]
+        return dataclasses.replace(self, diffuse_basis=diffuse, hidden=hidden)
+
     def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
         """Integrate the lobe against every harmonic."""
         band_limit = band_limit_of(self.slow_count)
-        return _under_harmonics(self.lobe(guess), self.samples, band_limit)[:, 1]
+        return _under_harmonics(self.lobe(guess), self.samples, band_limit, self.hidden)[:, 1]
 
     def specular_under(
         self, light: Float[Array, "part channel"]
@@ -75,15 +91,26 @@ def response_of_convex(
 
 @eqx.filter_jit
 def columns_under_slow_light(
-    brdf: Parametric, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
+    brdf: Parametric,
+    samples: SurfaceSamples,
+    slow: Float[AnyArray, "coefficient channel"],
+    hidden: Bool[AnyArray, "sample node"] | None = None,
 ) -> Float[Array, "sample 2 channel"]:
-    """Integrate both lobes under light given by its coefficients."""
-    each = _under_harmonics(brdf, samples, band_limit_of(slow.shape[0]))
+    """Integrate both lobes under light given by its coefficients, less what is hidden."""
+    each = _under_harmonics(brdf, samples, band_limit_of(slow.shape[0]), hidden)
     return jnp.einsum("slk,kc->slc", each, jnp.asarray(slow), precision="highest")
 
 
 @eqx.filter_jit
 def _under_harmonics(
-    brdf: Parametric, samples: SurfaceSamples, band_limit: int
+    brdf: Parametric,
+    samples: SurfaceSamples,
+    band_limit: int,
+    hidden: Bool[AnyArray, "sample node"] | None = None,
 ) -> Float[Array, "sample 2 coefficient"]:
-    return polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)
+    whole = polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)
+    if hidden is None:
+        return whole
+    directions, solid_angle = (jnp.asarray(a, whole.dtype) for a in hidden_nodes())
+    nodes = LightNodes(directions, solid_angle[:, None] * real_basis(directions, band_limit))
+    return whole - integral_columns(brdf, samples, nodes, hidden)

@@ -11,7 +11,7 @@ from jaxrender.inverse.factorization.integral_response import columns_under_slow
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.shadowing import concave, nodes_seen, places_of, with_transfer
+from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.reflection import (
     integral_columns,
     irradiance,
@@ -28,23 +28,23 @@ def predict(
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
     brdf, slow = found.brdf, jnp.asarray(found.scene.slow)
     lamps, samples = found.scene.sources.nodes(), observations.samples
+    hiding = concave(shape)
+    sight = None if hiding is None else Sight(hiding, places_of(observations))
+    seen = None if sight is None else sight.of(lamps.directions)
+    fast = integral_columns(brdf, samples, lamps, seen)
     if not isinstance(brdf, Glossy):
-        columns = columns_under_slow_light(brdf, samples, slow)
-        columns = columns + integral_columns(brdf, samples, lamps)
-        return np.asarray(radiance(brdf, columns))
+        hidden = None if sight is None else sight.hidden()
+        columns = columns_under_slow_light(brdf, samples, slow, hidden)
+        return np.asarray(radiance(brdf, columns + fast))
     diffuse = irradiance(slow, samples.normals)
     specular = reflect_slow_light(brdf, samples, slow)
-    hiding, seen = concave(shape), None
-    if hiding is not None:
+    if hiding is not None and sight is not None:
         band_limit = band_limit_of(slow.shape[0])
         observations = with_transfer(observations, hiding, band_limit)
         assert observations.transfer is not None
         transfer = np.asarray(observations.transfer)[:, : coefficient_count(band_limit)]
         diffuse = shadowed_irradiance(slow, transfer)
-        sight = Sight(hiding, places_of(observations))
         specular = specular - hidden_slow_light(samples, sight, brdf, slow)
-        seen = nodes_seen(hiding, observations, (lamps,))
-    fast = integral_columns(brdf, samples, lamps, None if seen is None else seen[0])
     kd, ks = (np.asarray(part)[None, :] for part in (brdf.kd, brdf.ks))
     predicted = kd * (diffuse + fast[:, 0]) + ks * (specular + fast[:, 1])
     return np.asarray(predicted)

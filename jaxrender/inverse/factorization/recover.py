@@ -11,7 +11,7 @@ from jaxrender.geometry import Shape, visible_along
 from jaxrender.harmonics import coefficient_count
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
-from jaxrender.inverse.factorization.integral_response import response_of_convex
+from jaxrender.inverse.factorization.integral_response import IntegralResponse, response_of_convex
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
 from jaxrender.inverse.factorization.sight import Sight
@@ -86,7 +86,7 @@ def factorize(
     little of the sphere of directions.
     """
     hiding = concave(shape)
-    if hiding is not None:
+    if hiding is not None and isinstance(variant, Glossy):
         observations = with_transfer(observations, hiding, settings.band_limit)
     task = _task(observations, variant, settings, known, hiding)
     _check_enough(task)
@@ -137,16 +137,16 @@ def _task(
     response = response_of_convex(variant, samples, settings.band_limit, lamps)
     if shape is None:
         return Task(radiance, response, None, known, settings)
-    if not isinstance(response, MirrorResponse):
-        raise ValueError(
-            "a material whose lobe is not about the reflected direction is told from unknown light "
-            "on convex objects only: choose a glossy model, or give the light"
-        )
     places = places_of(observations)
-    transfer = np.asarray(observations.transfer)[:, : coefficient_count(settings.band_limit)]
-    reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
-    response = response.shadowed(transfer, reflected)
-    return Task(radiance, response, Sight(shape, places), known, settings)
+    sight = Sight(shape, places)
+    if isinstance(response, MirrorResponse):
+        transfer = np.asarray(observations.transfer)[:, : coefficient_count(settings.band_limit)]
+        reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
+        response = response.shadowed(transfer, reflected)
+    else:
+        assert isinstance(response, IntegralResponse)
+        response = response.shadowed(sight.hidden())
+    return Task(radiance, response, sight, known, settings)
 
 
 def _check_enough(task: Task) -> None:

@@ -3,7 +3,11 @@
 import numpy as np
 
 from jaxrender.geometry import Shape, SurfacePlaces, visible
+from jaxrender.harmonics import LatLongGrid
 from jaxrender.shapes import AnyArray, Bool, Float
+
+# What a concave object hides from itself is summed over this grid; what is not hidden never is.
+_HIDDEN_GRID = LatLongGrid(48, 96)
 
 
 class Sight:
@@ -25,3 +29,12 @@ class Sight:
         if key not in self._known:
             self._known[key] = self.of(towards)
         return self._known[key]
+
+    def hidden(self) -> Bool[np.ndarray, "sample node"]:
+        """Tell which of ``hidden_nodes`` each sample does not see."""
+        return ~self.of_fixed(hidden_nodes()[0])
+
+
+def hidden_nodes() -> tuple[Float[np.ndarray, "node 3"], Float[np.ndarray, "node"]]:
+    """Directions by which hidden light is summed, with their solid angles."""
+    return _HIDDEN_GRID.directions().reshape(-1, 3), _HIDDEN_GRID.weights().ravel()

@@ -104,6 +104,23 @@ def normal_equations(
     return NormalEquations(*(np.asarray(part) for part in sums))
 
 
+def dense_normal_equations(
+    matrix: Float[np.ndarray, "channel sample coefficient"],
+    radiance: Float[np.ndarray, "sample channel"],
+    weights: Float[np.ndarray, "sample channel"],
+) -> NormalEquations:
+    """Add up those of a matrix that is at hand, a part of few samples."""
+    weighted = weights.T[:, :, None] * matrix
+    scaled = (weights * radiance).T
+    transposed = weighted.transpose(0, 2, 1)
+    return NormalEquations(
+        transposed @ weighted,
+        (transposed @ scaled[:, :, None])[:, :, 0],
+        np.sum(scaled**2, axis=1),
+        np.count_nonzero(weights, axis=0).astype(float),
+    )
+
+
 def degree_report(
     equations: NormalEquations, penalty: Float[np.ndarray, "coefficient"], noise_known: bool
 ) -> DegreeReport:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
-from jaxrender.geometry import Shape, SurfaceSamples, SurfaceView
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import Factorization, Observations, factorize
 from jaxrender.inverse.comparison import Comparison, compare_factorizations, divided
 from jaxrender.inverse.factorization import Round, predict
@@ -41,6 +41,9 @@ from jaxrender.reflection import (
     render_views,
 )
 from jaxrender.shapes import Float
+
+# Pixels whose radiance is integrated at once.
+_PIXELS_AT_ONCE = 2**14
 
 
 class LightRecovery(Recovery):
@@ -108,11 +111,17 @@ class LightRecovery(Recovery):
         return LightContents(title, result, self.found, images, frames)
 
     def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
+        places = SurfacePlaces.of_views([view])
+        count, channels = len(places.points), self.found.scene.slow.shape[1]
         samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
-        count, channels = len(samples.normals), self.found.scene.slow.shape[1]
-        unseen = Observations(samples, np.zeros((count, channels)), np.zeros(count, int))
+        unseen = Observations(samples, np.zeros((count, channels)), np.zeros(count, int), places)
+        shown = np.zeros((count, channels))
+        # What a concave object hides from a pixel are thousands of nodes.
+        for first in range(0, count, _PIXELS_AT_ONCE):
+            part = np.arange(first, min(first + _PIXELS_AT_ONCE, count))
+            shown[part] = predict(self.found, unseen.take(part), self.shape)
         image = np.zeros((*view.hit.shape, channels))
-        image[view.hit] = predict(self.found, unseen)
+        image[view.hit] = shown
         return image
 
     def _forward(self) -> ForwardModel | ShadowedModel:
