@@ -1,10 +1,10 @@
 """What a surface sees.
 
-Pinned down: Embree's any-hit query equals the brute-force twin on 20,000 random rays from outside,
-inside and afar, and the first hits; spheres answer exactly; ``visible`` is the brute-force loop
-over pairs; its laws on a bowl and in a notch whose visibility is known; convex shapes are not
-traced; no ray is blocked by the face it starts on; places of views, vertices and faces agree; the
-directions are even, the rotations uniform.
+Pinned down: Embree's any-hit query equals the brute-force twin on 20,000 random rays from
+outside, inside and afar, and the first hits; spheres answer exactly; pairs are their rays;
+``visible`` is the brute-force loop over pairs; its laws on a bowl and in a notch whose visibility
+is known; convex shapes are not traced; no ray is blocked by the face it starts on; places of
+views, vertices and faces agree; the directions are even, the rotations uniform.
 """
 
 import numpy as np
@@ -127,6 +127,22 @@ def test_visible_is_the_loop_over_pairs():
     np.testing.assert_array_equal(
         visible_along(TORUS, places, own), found[np.arange(30), np.arange(30)]
     )
+
+
+@pytest.mark.parametrize(
+    ("shape", "distance"), [(TORUS, 0.3), (TORUS, 4.0), (Sphere(), 2.0)], ids=str
+)
+def test_pairs_are_their_rays(shape, distance):
+    """From within the box and from afar, and of a shape that has no way of its own."""
+    origins, directions = distance * unit_vectors(60, 11), unit_vectors(50, 12)
+    asked = np.random.default_rng(13).random((60, 50)) < 0.6
+    asked[7] = False
+    found = shape.occluded_pairs(origins, directions, asked)
+    place, direction = np.nonzero(asked)
+    expected = np.zeros_like(asked)
+    expected[asked] = shape.occluded(origins[place], directions[direction])
+    assert 20 < expected.sum() < asked.sum()
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_chunks_do_not_show(monkeypatch):
