@@ -130,7 +130,9 @@ def test_visible_is_the_loop_over_pairs():
 
 
 @pytest.mark.parametrize(
-    ("shape", "distance"), [(TORUS, 0.3), (TORUS, 4.0), (Sphere(), 2.0)], ids=str
+    ("shape", "distance"),
+    [(TORUS, 0.3), (TORUS, 4.0), (Sphere(), 2.0)],
+    ids=["within", "from afar", "a sphere"],
 )
 def test_pairs_are_their_rays(shape, distance):
     """From within the box and from afar, and of a shape that has no way of its own."""
