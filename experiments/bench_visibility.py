@@ -3,11 +3,13 @@
     python experiments/bench_visibility.py [--places 10000] [--directions 1024] [--runs 7]
 
 The task: origins and directions in, the mask of all pairs out, both NumPy; only the half above each
-horizon is traced.  Mitsuba 3 (``llvm_ad_rgb``: Embree's packets of rays, all processors; its rays
+horizon is traced.  Ours twice, with Embree's packets (where Numba is installed) and with its single
+rays; Mitsuba 3 (``llvm_ad_rgb``: Embree's packets of rays, all processors; its rays
 are put together on its own side) with those rays picked out, and with the others masked off;
-trimesh's wrapper of embreex (one thread).  Warm; medians of runs in turn; wall time, and processor
-time of all threads, which other work on the machine disturbs less.  Transfer vectors to degree 8
-from the same number of directions are timed along.  Peers that are not installed are left out.
+trimesh's wrapper of embreex (one thread).  The first call, then warm: medians of runs in turn; wall
+time, and processor time of all threads, which other work on the machine disturbs less.  Transfer
+vectors to degree 8 from the same number of directions are timed along.  Peers that are not
+installed are left out.
 """
 
 import argparse
@@ -15,11 +17,12 @@ import os
 import statistics
 import time
 from collections.abc import Callable
+from unittest import mock
 
 import jax
 import numpy as np
 
-from jaxrender.geometry import Mesh, SurfacePlaces, fibonacci_sphere, sculpture, visible
+from jaxrender.geometry import Mesh, SurfacePlaces, fibonacci_sphere, packets, sculpture, visible
 from jaxrender.reflection import Quadrature, transfer_vectors
 
 # What is demanded: times Mitsuba's time.
@@ -30,8 +33,6 @@ OFFSET = 1e-4
 
 def take_turns(calls: dict[str, Callable], runs: int) -> dict[str, tuple[float, float]]:
     """Return median warm seconds of each call: on the wall's clock, and of the processors."""
-    for call in calls.values():
-        call()
     times = {name: [] for name in calls}
     for _ in range(runs):
         for name, call in calls.items():
@@ -130,10 +131,17 @@ def main():
     arrays = origins, normals, directions
     calls = mitsuba_calls(mesh, *arrays)
     calls["jaxrender, visible"] = lambda: visible(mesh, places, directions)
+    with mock.patch.object(packets, "available", return_value=False):
+        alone = sculpture(5)
+        seen = visible(alone, places, directions)  # which decides how this mesh is traced
+    calls["jaxrender, single rays"] = lambda: visible(alone, places, directions)
     calls["trimesh's wrapper"] = trimesh_call(mesh, *arrays)
-    seen = calls["jaxrender, visible"]()
+    print(f"packets of rays: {'yes' if packets.available() else 'no'}")
     for name, call in calls.items():
-        print(f"{name}: {np.mean(call() != seen):.1e} of the pairs differ")
+        start = time.perf_counter()
+        differ = np.mean(call() != seen)
+        first = time.perf_counter() - start
+        print(f"{name}: {differ:.1e} of the pairs differ, first call {first:.2f} s")
     quadrature = Quadrature(options.directions)
     shading = mesh.normals[: options.places]
     calls["transfer vectors, degree 8"] = lambda: transfer_vectors(

@@ -19,6 +19,7 @@ from jaxrender.geometry import (
     fibonacci_sphere,
     look_at,
     observe,
+    packets,
     random_rotations,
     visibility,
     visible,
@@ -130,12 +131,15 @@ def test_visible_is_the_loop_over_pairs():
 
 
 @pytest.mark.parametrize(
-    ("shape", "distance"),
-    [(TORUS, 0.3), (TORUS, 4.0), (Sphere(), 2.0)],
-    ids=["within", "from afar", "a sphere"],
+    ("make_shape", "distance", "in_packets"),
+    [(torus, 0.3, True), (torus, 0.3, False), (torus, 4.0, True), (Sphere, 2.0, True)],
+    ids=["within", "within, one by one", "from afar", "a sphere"],
 )
-def test_pairs_are_their_rays(shape, distance):
+def test_pairs_are_their_rays(make_shape, distance, in_packets, monkeypatch):
     """From within the box and from afar, and of a shape that has no way of its own."""
+    if not in_packets:
+        monkeypatch.setattr(packets, "available", lambda: False)
+    shape = make_shape()
     origins, directions = distance * unit_vectors(60, 11), unit_vectors(50, 12)
     asked = np.random.default_rng(13).random((60, 50)) < 0.6
     asked[7] = False

@@ -1,6 +1,6 @@
 """Do 90 % intervals hold the truth in 90 % of repetitions?
 
-    python experiments/coverage.py [--seeds 200] [--model anisotropic-ward]
+    python experiments/coverage_known_light.py [--seeds 200] [--model anisotropic-ward]
 
 Three smooth area lights and two lamps; photographs by the polar quadrature (continuous light, no
 grid), the fit's exact integral on a 64 x 128 image.  Noise is relative + floor, drawn anew for each
