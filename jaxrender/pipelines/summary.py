@@ -50,13 +50,16 @@ def summary_of(result: dict[str, Any]) -> str:
 def _summary_of_light(light: dict[str, Any]) -> list[str]:
     """Say what light was found."""
     lamps = light["directional"]
-    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} sources"]
+    noun = "source" if len(lamps) == 1 else "sources"
+    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} {noun}"]
     lines += [
         f"  from {_shown(lamp['direction'])}, irradiance {_shown(lamp['irradiance'])}"
         for lamp in lamps[:_LAMPS_SHOWN]
     ]
     if len(lamps) > _LAMPS_SHOWN:
         lines.append(f"  and {len(lamps) - _LAMPS_SHOWN} weaker ones")
+    if "sentence" in light:
+        lines.append(light["sentence"])
     return [*lines, f"gauge: {light['gauge']}"]
 
 

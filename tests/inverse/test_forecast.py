@@ -251,9 +251,9 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
 def test_what_no_factorization_can_begin_with_is_refused():
     samples, frame = few_samples()
     situation = Situation(samples, frame, UNIFORM)
-    matt = Supposed(Microfacet(np.full(3, 0.2), np.zeros(3), 0.1, 1.5), NOISE)
+    partly = Supposed(Microfacet(np.full(3, 0.2), np.array([0.1, 0, 0.1]), 0.1, 1.5), NOISE)
     with pytest.raises(ValueError, match="kd and ks must be above 0"):
-        forecast_joint(situation, matt)
+        forecast_joint(situation, partly)
     with pytest.raises(ValueError, match="240 samples for light of 169 coefficients"):
         forecast_joint(situation, Supposed(), 12)
     lamps = tuple(DirectionalSources(np.eye(3)[:1], np.ones((1, 3))) for _ in range(4))

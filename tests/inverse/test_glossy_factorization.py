@@ -10,21 +10,19 @@
 
 import numpy as np
 import pytest
+from area_and_lamp import AREA, ENERGY, KD, LAMP, NOISE, photographs
 from inverse_problems import ball_samples
 
 from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, Ward
-from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import KnownLight, Observations
+from jaxrender.inverse import KnownLight
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
 from jaxrender.inverse.factorization.state import Task, begin
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
-from jaxrender.lighting import DirectionalSources, SmoothLobes
-from jaxrender.reflection import integral_columns, polar_columns, radiance
+from jaxrender.lighting import DirectionalSources
 
-KD = np.array([0.245, 0.281, 0.2])
 MODELS = {
     "ward": Ward(KD, np.full(3, 0.15), 0.15),
     "phong": Phong(KD, np.full(3, 0.15), 22.0),
@@ -32,27 +30,8 @@ MODELS = {
     "torrance-sparrow": TorranceSparrow(KD, np.ones(3), 0.15, 1.7),
     "he-torrance": HeTorranceLobe(KD, np.full(3, 0.15), 0.2),
 }
-LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
-ENERGY = np.array([1.2, 1.15, 1.05])
-AREA = SmoothLobes(
-    np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
-    np.radians([75.0, 85.0]),
-    np.array([[1.0, 0.97, 0.92], [0.06, 0.07, 0.09]]),
-)
-NOISE = NoiseModel(0.01, 0.0005)
 SETTINGS = FactorSettings(6, 2)
 STATED_ERRORS = 4
-
-
-def photographs(truth) -> Observations:
-    samples, _ = ball_samples(900, 0.15, seed=1)
-    lamp = DirectionalSources(LAMP[None], ENERGY[None])
-    columns = integral_columns(truth, samples, lamp.nodes())
-    columns = columns + polar_columns(truth, samples, AREA.radiance)
-    exact = np.asarray(radiance(truth, columns))
-    return Observations(
-        samples, NOISE.add(exact, np.random.default_rng(0)), np.zeros(len(exact), int)
-    )
 
 
 # Each model compiles for some ten seconds; one without an index is found where two are compared.

@@ -220,9 +220,14 @@ LIGHT_TASKS = {
     "task: factorize\nlighting: {directional: [{direction: [0, 0, 1], irradiance: 1}]}\n": (
         "task factorize recovers the light; remove lighting, or choose task: brdf"
     ),
-    "task: factorize\nbrdf: {model: lambertian}\n": (
-        "task factorize reads the light off the gloss, which lambertian has not; choose model "
-        "microfacet, ggx or beckmann"
+    "task: factorize\nbrdf: {model: lambertian}\n": None,
+    "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\n": None,
+    "task: lighting\nbrdf: {model: lambertian}\n": (
+        "task lighting needs a known material; fix kd, or choose task: factorize"
+    ),
+    "task: factorize\nbrdf: {model: lambertian, kd: 0.2}\n": (
+        "of a matt body under unknown light the product of light and kd shows, not kd; leave kd "
+        "free, or choose task: lighting"
     ),
     "task: factorize\nbrdf: {ks: 0.1}\n": (
         "under unknown light only the ratio of kd and ks means anything; fix both or none"

@@ -4,6 +4,7 @@
   the gauge it states, and predicts the photographs.
 - ``task: lighting`` finds the lamps' own irradiance, given the material.
 - Any glossy model can be fitted, and is told in its own words.
+- A matt ball's lamps are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
@@ -22,6 +23,7 @@ from jaxrender.io import read_environment, read_image, write_environment
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.render import Scene, material_of, render_config
+from jaxrender.pipelines.summary import summary_of
 
 LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
 BALL = Ball(views=6, size=40, lights=(LAMPS,) * 6, gains=(1.0,) * 6)
@@ -96,6 +98,30 @@ def test_another_model_speaks_its_own_words(capture):
     assert low < result["brdf"]["exponent"] < high
     assert result["brdf"]["exponent"] == pytest.approx(2 / SIGMA**2, rel=0.15)
     assert isinstance(material_of(result["brdf"]), BlinnPhong)
+
+
+@pytest.mark.parametrize(
+    ("task", "brdf", "scale"),
+    [("lighting", f", kd: [{KD[0]}, {KD[1]}, {KD[2]}]", np.ones(3)), ("factorize", "", KD)],
+    ids=["lighting", "factorize"],
+)
+def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
+    write_ball(tmp_path / "capture", BALL._replace(ks=0.0))
+    output, result = _run(tmp_path / "capture", task, "model: lambertian" + brdf)
+    assert result["brdf"] == {"model": "lambertian", "kd": list(KD if brdf else np.ones(3))}
+    angles, which = _angles(result)
+    assert np.all(angles < 0.5)
+    energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
+    np.testing.assert_allclose(
+        energies, [energy * np.array(scale) for _, energy in LAMPS], rtol=0.03
+    )
+    told = "the photographs tell degrees 0 to 2 of the slow light; smoothness fills in the rest"
+    assert result["lighting"]["sentence"] == told
+    assert result["lighting"]["told"][3] < 0.05
+    assert told in summary_of(result)
+    page = (output / "report.html").read_text()
+    assert "matt: what it reflects goes everywhere" in page
+    assert "gloss and roughness make up for" not in page
 
 
 def test_lighting_finds_irradiance_in_its_own_units(relit):

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.harmonics import real_basis
+from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.inverse.factorization.joint import System, reduced_system
 from jaxrender.inverse.factorization.response import Guess, gloss_share
 from jaxrender.inverse.factorization.state import (
@@ -44,7 +44,9 @@ _PRIOR_VARIANCE = 4.0
 class RecoveredScene(NamedTuple):
     """The light of a factorization, in the gauge of its material: the slow part and the lamps.
 
-    ``total`` are the coefficients of both together, of the slow part's degrees.
+    ``total`` are the coefficients of both together, of the slow part's degrees; ``told`` is the
+    share of each degree that the photographs tell, from 0 to 1: the rest is what smooth light is
+    expected to have.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -53,6 +55,7 @@ class RecoveredScene(NamedTuple):
     energy_error: Float[np.ndarray, "source channel"]
     direction_error: Float[np.ndarray, "source"]
     total: Float[np.ndarray, "coefficient channel"]
+    told: Float[np.ndarray, "degree"]
 
 
 def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, RecoveredScene]:
@@ -75,7 +78,11 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
     light = np.asarray(solved.light)
     factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
     parameters = _parameters(task, state.guess, covariance, factor)
-    return parameters, _scene(state, light, covariance, (system, solved.normal, variance, factor))
+    errors = _light_errors(
+        np.asarray(solved.normal), np.asarray(system.across), covariance, variance
+    )
+    told = _told(np.asarray(data.penalty)[: response.slow_count], errors, variance)
+    return parameters, _scene(state, light, covariance, (errors, told, factor))
 
 
 def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unknown"]:
@@ -130,8 +137,7 @@ def _parameters(
 
 
 def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple) -> RecoveredScene:
-    system, factors, variance, gauge = parts
-    errors = _light_errors(np.asarray(factors), np.asarray(system.across), covariance, variance)
+    errors, told, gauge = parts
     slow = light.shape[0] - len(state.active)
     active = np.flatnonzero(state.active)
     order = active[np.argsort(-light[slow:][active].sum(axis=1))]
@@ -148,7 +154,19 @@ def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple
         errors[slow:][order] / gauge,
         np.sqrt(steps),
         coefficients + basis.T @ energies,
+        told,
     )
+
+
+def _told(
+    penalty: Float[np.ndarray, "coefficient channel"],
+    errors: Float[np.ndarray, "part channel"],
+    variance: float,
+) -> Float[np.ndarray, "degree"]:
+    """One less the variance that is left, in parts of the variance expected (1 / penalty)."""
+    left = np.clip(penalty * errors[: len(penalty)] ** 2 / variance, 0, 1).mean(axis=1)
+    degree = degrees(band_limit_of(len(left)))
+    return 1 - np.bincount(degree, left) / np.bincount(degree)
 
 
 def _light_errors(

@@ -239,5 +239,7 @@ def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: tuple[float, flo
     moved = moved / jnp.linalg.norm(moved, axis=1, keepdims=True)
     sigma = jnp.clip(guess.sigma + lobe[0], *np.log(SIGMA_BOUNDS))
     mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds, 1)))
-    gloss = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
+    # All gloss or none is a material that is known to be so, and stays.
+    within = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
+    gloss = jnp.where(jnp.isinf(guess.gloss), guess.gloss, within)
     return Guess(gloss, sigma, mu, moved)

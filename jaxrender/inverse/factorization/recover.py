@@ -77,9 +77,10 @@ def factorize(
 ) -> Factorization:
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
-    Of ``variant`` only the kind counts: any parametric model with gloss; of a microfacet
-    whether it is a metal, Fresnel angle, masking, distribution.  Its width is
-    ``parameters.value.sigma``.
+    Of ``variant`` only the kind counts: any parametric model; of a microfacet whether it is a
+    metal, Fresnel angle, masking, distribution.  Its width is ``parameters.value.sigma``.  Of a
+    Lambertian body a share of no gloss is ``known``, of one with a single lobe that all is gloss;
+    what of the light such a body does not tell, ``scene.told`` says.
     Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
     ``shape`` and the observations' places are to be given; its shadows are then modelled, its
     interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too

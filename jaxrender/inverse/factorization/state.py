@@ -12,6 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from scipy.special import logit
 
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
@@ -55,7 +56,10 @@ class FactorSettings(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of the material beforehand: ks / (kd + ks) of each channel, sigma, mu."""
+    """What is known of the material beforehand: ks / (kd + ks) of each channel, sigma, mu.
+
+    A share may be 0 or 1, of a material with one lobe only.
+    """
 
     share: tuple[float, ...] | None = None
     sigma: float | None = None
@@ -115,7 +119,7 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     even = np.full(channels, 1 / (1 + energy))
     share = even if known.share is None else np.asarray(known.share)
     guess = Guess(
-        jnp.asarray(np.log(share / (1 - share))),
+        jnp.asarray(logit(share)),
         jnp.asarray(np.log(sigma)),
         jnp.asarray(np.log(mu - 1)),
         jnp.asarray(np.tile([0.0, 0.0, 1.0], (lamps, 1))),
@@ -227,6 +231,8 @@ def round_of(task: Task, state: State) -> Round:
 
 
 def material_of(state: State) -> Float[np.ndarray, "unknown"]:
-    """List the search variables of the material."""
+    """List the search variables of the material, as numbers that can be subtracted."""
     guess = state.guess
-    return np.concatenate([np.asarray(guess.gloss), [float(guess.sigma), float(guess.mu)]])
+    # All gloss or none is infinite.
+    gloss = np.nan_to_num(np.asarray(guess.gloss))
+    return np.concatenate([gloss, [float(guess.sigma), float(guess.mu)]])

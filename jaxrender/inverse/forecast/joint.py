@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.special import expit, logit
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.harmonics import degrees
@@ -55,14 +56,22 @@ def forecast_joint(
 ) -> JointForecast:
     """Predict the error bars of a factorization; gloss, sigma and mu all unknown.
 
-    All samples of the situation count, as in a factorization; a part stands for the others.
+    All samples of the situation count, as in a factorization; a part stands for the others.  A
+    material that is all gloss has no share of it that is sought, only its shape.
 
-    Raises ``ValueError`` where kd or ks is supposed to be zero in a channel (then gloss has no
-    logarithm), for light that differs from photograph to photograph, and for too few samples.
+    Raises ``ValueError`` where ks is supposed to be zero, or kd in some channels only (then gloss
+    has no logarithm), for light that differs from photograph to photograph, and for too few
+    samples.
     """
     brdf = supposed.brdf
     kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
-    if not np.all(kd * ks > 0):
+    if not np.any(ks):
+        raise ValueError(
+            "of a Lambertian body the product of light and kd shows: in the gauge kd = 1 the light "
+            "is known as well as above"
+        )
+    mixed_lobes = bool(np.any(kd))
+    if not np.all(ks > 0) or (mixed_lobes and not np.all(kd > 0)):
         raise ValueError("kd and ks must be above 0 in every channel: suppose a little of both")
     if situation.light.per_frame is not None:
         raise ValueError("the light differs from photograph to photograph: factorize one light")
@@ -79,15 +88,18 @@ def forecast_joint(
     channels, metal = len(kd), brdf.mu is None
     lamps = len(guess.directions)
     free = np.ones(channels + 2 + 2 * lamps, bool)
-    free[channels + 1] = not metal
+    free[:channels], free[channels + 1] = mixed_lobes, not metal
     curvature = np.asarray(system.curvature)[np.ix_(free, free)]
     covariance = np.linalg.inv(curvature + np.eye(len(curvature)) / _PRIOR_VARIANCE)
-    material = channels + 2 - metal
-    parameters = _parameters(guess, covariance[:material, :material], metal)
-    names = ("kd", "ks", "sigma") if metal else ("kd", "ks", "sigma", "mu")
+    sought = np.flatnonzero(free[: channels + 2])
+    few = covariance[: len(sought), : len(sought)]
+    errors = np.zeros(channels + 2)
+    errors[sought] = np.sqrt(np.diag(few))
+    parameters = _parameters(guess, errors, metal)
+    names = [*(("kd", "ks") if mixed_lobes else ()), "sigma", *(() if metal else ("mu",))]
     identifiable = {name: within_reach(parameters, name) for name in names}
     # What remains of the material's curvature when the lamps' directions answer, too.
-    own = np.linalg.inv(covariance[:material, :material]) - np.eye(material) / _PRIOR_VARIANCE
+    own = np.linalg.inv(few) - np.eye(len(few)) / _PRIOR_VARIANCE
     singular = np.sqrt(np.maximum(np.linalg.eigvalsh(own)[::-1], 0))
     gauge = tuple(
         f"{name}: light times s, kd and ks divided by s, for any s" for name in GAUGES[:channels]
@@ -107,7 +119,7 @@ def joint_system(
     )
     mu = 1.5 if brdf.mu is None else float(brdf.mu)
     guess = Guess(
-        jnp.asarray(np.log(ks / kd)),
+        jnp.asarray(logit(ks / (kd + ks))),
         jnp.asarray(np.log(float(brdf.sigma))),
         jnp.asarray(np.log(mu - 1)),
         jnp.asarray(np.asarray(lamps.directions, float)),
@@ -168,10 +180,9 @@ def _radiance(
         return jnp.einsum("csp,pc->sc", mixed(evaluated(response, guess), guess), light)
 
 
-def _parameters(guess: Guess, covariance: np.ndarray, metal: bool) -> Uncertain:
-    share = 1 / (1 + np.exp(-np.asarray(guess.gloss)))
+def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], metal: bool) -> Uncertain:
+    share = expit(np.asarray(guess.gloss))
     channels = len(share)
-    errors = np.sqrt(np.diag(covariance))
     of_share = share * (1 - share) * errors[:channels]
     sigma, mu = float(jnp.exp(guess.sigma)), 1 + float(jnp.exp(guess.mu))
     one, zero = np.ones(()), np.zeros(())

@@ -114,17 +114,9 @@ class RunConfig(Section):
             _refuse_for_spectrum(self)
         if self.task not in ("lighting", "factorize"):
             return self
-        matt = [model for model in brdf.models if model in MATT]
-        if matt:
-            compared = f"remove {matt[0]} from brdf.compare"
-            remedy = f"choose model {GLOSSY}" if matt[0] == brdf.model else compared
-            raise ValueError(
-                f"task {self.task} reads the light off the gloss, which {matt[0]} has not; {remedy}"
-            )
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")
-        amounts = {"kd": not brdf.kd.free, "ks": not brdf.ks.free}
-        numbers = (*amounts, *numbers_of(brdf.model))
+        numbers = ("kd", *numbers_of(brdf.model))
         given = {name: getattr(brdf, name) for name in dict.fromkeys(numbers)}
         given = {name: value == "none" or not value.free for name, value in given.items()}
         if self.task == "lighting" and not all(given.values()):
@@ -132,7 +124,12 @@ class RunConfig(Section):
             raise ValueError(
                 f"task lighting needs a known material; fix {missing}, or choose task: factorize"
             )
-        if self.task == "factorize" and len(set(amounts.values())) > 1:
+        if self.task == "factorize" and given["kd"] and brdf.model in MATT:
+            raise ValueError(
+                "of a matt body under unknown light the product of light and kd shows, not kd; "
+                "leave kd free, or choose task: lighting"
+            )
+        if self.task == "factorize" and given["kd"] != given.get("ks", given["kd"]):
             raise ValueError(
                 "under unknown light only the ratio of kd and ks means anything; fix both or none"
             )

@@ -7,6 +7,7 @@ from jaxrender.inverse.comparison import Asked
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.config.brdf import MATT
 from jaxrender.pipelines.scene import lobe_of, settings_of, unknowns_of
 
 # Slow light of so high a degree tells lamps from each other; the lamps carry what is finer.
@@ -46,9 +47,12 @@ def known_of(config: RunConfig) -> Known:
         for unknown in (unknowns.sigma, unknowns.mu)
     )
     share = None
-    if brdf.kd.fixed is not None and brdf.ks.fixed is not None:
+    if unknowns.kd.fixed is not None and unknowns.ks.fixed is not None:
         kd, ks = _reflectances(config)
         share = tuple((ks / (kd + ks)).tolist())
+    elif brdf.model in MATT:
+        # One lobe alone, which is called kd: a base or, of oren-nayar, the lobe of the search.
+        share = (0.0 if unknowns.ks.fixed is not None else 1.0,) * 3
     return Known(share, sigma, mu)
 
 
@@ -76,6 +80,9 @@ def in_given_units(config: RunConfig, found: Factorization) -> Factorization:
 
 
 def _reflectances(config: RunConfig) -> tuple[np.ndarray, np.ndarray]:
-    brdf = config.brdf
-    kd, ks = (np.broadcast_to(np.asarray(p.fixed, float), (3,)) for p in (brdf.kd, brdf.ks))
+    unknowns = unknowns_of(config, 1)
+    kd, ks = (
+        np.broadcast_to(np.asarray(unknown.fixed, float), (3,))
+        for unknown in (unknowns.kd, unknowns.ks)
+    )
     return kd, ks

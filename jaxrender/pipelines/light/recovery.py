@@ -153,7 +153,7 @@ def recover_light(
         "gauge": "per-channel" if known else config.brdf.gauge,
         "shape": shape,
         "stage": clock.stage,
-        "watch": lambda round_: progress.note(_sentence(round_)),
+        "watch": lambda round_: progress.note(_sentence(round_, known or model == "lambertian")),
     }
     settings = factor_settings(config)
     if config.brdf.compare:
@@ -179,8 +179,7 @@ def recover_light(
     return LightRecovery(asked, found, observations, (photographs, shape), comparison)
 
 
-def _sentence(round_: Round) -> str:
-    return (
-        f"{round_.sources} sources: {100 * round_.relative_rms:.2f} % unexplained, "
-        f"sigma {round_.sigma:.4f}"
-    )
+def _sentence(round_: Round, width_is_known: bool) -> str:
+    width = "" if width_is_known else f", sigma {round_.sigma:.4f}"
+    noun = "source" if round_.sources == 1 else "sources"
+    return f"{round_.sources} {noun}: {100 * round_.relative_rms:.2f} % unexplained{width}"

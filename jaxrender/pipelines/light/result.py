@@ -11,7 +11,10 @@ from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.result import finite, pixels_of, ranking_of
+from jaxrender.shapes import Float
 
+# A degree is told if the photographs tell more than this share of it.
+_MOSTLY = 0.5
 _GAUGES = {
     "per-channel": "kd + ks = 1 in each channel; light scaled to match",
     "dielectric": "one ks for all channels, mean of kd + ks = 1; light scaled to match",
@@ -73,6 +76,22 @@ def result_of(recovered: Recovered) -> dict[str, Any]:
     return finite(result)
 
 
+def _sentence_on(told: Float[np.ndarray, "degree"]) -> str:
+    """Say which degrees of the light are measured, and which are expectation."""
+    spans: list[list[int]] = []
+    for degree in np.flatnonzero(told > _MOSTLY).tolist():
+        if spans and degree == spans[-1][1] + 1:
+            spans[-1][1] = degree
+        else:
+            spans.append([degree, degree])
+    if spans == [[0, len(told) - 1]]:
+        return f"the photographs tell all degrees of the slow light, 0 to {len(told) - 1}"
+    *most, last = (f"{a}" if a == b else f"{a} to {b}" for a, b in spans)
+    named = f"{', '.join(most)} and {last}" if most else last
+    degrees = "degree" if spans == [[0, 0]] else "degrees"
+    return f"the photographs tell {degrees} {named} of the slow light; smoothness fills in the rest"
+
+
 def _lighting(recovered: Recovered) -> dict[str, Any]:
     scene = recovered.found.scene
     return {
@@ -81,6 +100,8 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
         "coefficients": scene.slow.tolist(),
         "coefficients_error": scene.slow_error.tolist(),
         "coefficients_total": scene.total.tolist(),
+        "told": scene.told.tolist(),
+        "sentence": _sentence_on(scene.told),
         "environment": "lighting.exr",
         "directional": [
             {

@@ -40,8 +40,7 @@ class ReportContents(NamedTuple):
     @property
     def is_matt(self) -> bool:
         """Whether the material has one lobe alone, whatever that is."""
-        brdf = self.result.get("brdf", {})
-        return "kd" in brdf and "ks" not in brdf
+        return _is_matt(self.result)
 
 
 Panorama = Float[np.ndarray, "row column channel"]
@@ -61,8 +60,13 @@ class LightContents(NamedTuple):
 
     @property
     def is_lambertian(self) -> bool:
-        """Never: such a material has no gloss to see the light in."""
-        return False
+        """Whether the light was read off a body that reflects evenly."""
+        return self.result["brdf"]["model"] == "lambertian"
+
+    @property
+    def is_matt(self) -> bool:
+        """Whether the material has one lobe alone, whatever that is."""
+        return _is_matt(self.result)
 
 
 class TextureContents(NamedTuple):
@@ -111,3 +115,8 @@ class SpectrumContents(NamedTuple):
 
 
 Contents = ReportContents | LightContents | TextureContents | SpectrumContents
+
+
+def _is_matt(result: dict[str, Any]) -> bool:
+    brdf = result.get("brdf", {})
+    return "kd" in brdf and "ks" not in brdf

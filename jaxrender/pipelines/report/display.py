@@ -62,10 +62,13 @@ def exposed(picture: Picture, exposure: float) -> UInt8[np.ndarray, "row column 
     return _codes(SRGB().encode(np.clip(as_rgb(picture) * exposure, 0, 1)))
 
 
-def tone_key(radiance: Picture) -> float:
-    """Find the factor that takes a panorama's logarithmic mean to middle grey."""
+def tone_key(radiance: Picture, darkest: float = 1e-4) -> float:
+    """Find the factor that takes a panorama's logarithmic mean to middle grey.
+
+    What is under the part ``darkest`` of its mean counts little in it.
+    """
     luminance = as_rgb(radiance).mean(axis=-1)
-    floor = 1e-4 * luminance.mean()
+    floor = darkest * luminance.mean()
     if not floor > 0:
         return 1.0
     return _MIDDLE_GREY / float(np.exp(np.mean(np.log(luminance + floor))))

@@ -96,6 +96,8 @@ def _light_sections(contents: LightContents) -> dict[str, Any]:
         "pictures": light_pictures(contents),
         "comparison": comparison(contents),
         "band_limit": contents.result["lighting"]["band_limit"],
+        "matt": contents.is_matt,
+        "told": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),
     }
 

@@ -7,14 +7,20 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from jaxrender.brdf import Parametric
+from jaxrender.inverse.factorization import Round
 from jaxrender.pipelines.report.contents import LightContents
 from jaxrender.pipelines.report.display import data_uri, shrunk, tone_key, tone_mapped
 from jaxrender.pipelines.report.light import Circle, circles_on_map
 from jaxrender.pipelines.report.plots import INK, SERIES, plot
 
 _LONGEST_SIDE = 400
+# Darkness is not found exactly: what is under this part of the mean is not to be lit up.
+_DARKEST = 0.3
 # The parameters' plot shows at least this much to either side, per cent.
 _LEAST_RANGE = 5.0
+# What moved by less, relative to its value, was known.
+_STILL = 1e-9
 
 
 class LightPictures(NamedTuple):
@@ -26,16 +32,16 @@ class LightPictures(NamedTuple):
 
 
 class Path(NamedTuple):
-    """The parameters and the residual as sources were added."""
+    """The parameters, if any was sought, and the residual as sources were added."""
 
-    parameters: Markup
+    parameters: Markup | None
     residual: Markup
 
 
 def light_pictures(contents: LightContents) -> LightPictures:
     """Draw the light; the tone curve is that of its slow part, which lamps would drown."""
     whole, slow = contents.images
-    key = tone_key(slow)
+    key = tone_key(slow, _DARKEST)
     return LightPictures(
         data_uri(tone_mapped(shrunk(whole, _LONGEST_SIDE), key)),
         data_uri(tone_mapped(shrunk(slow, _LONGEST_SIDE), key)),
@@ -47,17 +53,7 @@ def path_plots(contents: LightContents) -> Path:
     """Plot where each round ended, relative to where all ended."""
     rounds = contents.fit.rounds
     steps = np.arange(len(rounds))
-    last = rounds[-1]
-    brdf = contents.fit.brdf
-    width = "sigma" if brdf.shape.name == "sigma" else "lobe width"
-    moved = {
-        width: [one.sigma / last.sigma - 1 for one in rounds],
-        "ks share": [float(np.mean(one.share) / np.mean(last.share)) - 1 for one in rounds],
-    }
-    if np.isfinite(last.mu):
-        # mu - 1 is what a model's own second number is, where that is no index.
-        second = "mu - 1" if brdf.index.offset == 0 else brdf.index.name
-        moved[second] = [(one.mu - 1) / (last.mu - 1) - 1 for one in rounds]
+    moved = _moved(rounds, contents.fit.brdf)
 
     def label(axes: Axes) -> None:
         axes.set_xticks(steps, [str(one.sources) for one in rounds])
@@ -82,7 +78,29 @@ def path_plots(contents: LightContents) -> Path:
         axes.set_yscale("log")
 
     shown = ", ".join(f"{one.sources}: {100 * one.relative_rms:.3g} %" for one in rounds)
+    drawn = None
+    if moved:
+        described = f"Parameters by number of sources, {shown}"
+        drawn = plot("path-parameters", described, paint_parameters)
     return Path(
-        plot("path-parameters", f"Parameters by number of sources, {shown}", paint_parameters),
+        drawn,
         plot("path-residual", f"Residual by number of sources: {shown}", paint_residual),
     )
+
+
+def _moved(rounds: tuple[Round, ...], brdf: Parametric) -> dict[str, list[float]]:
+    """Say how far each parameter was off its last value; what was known is left out."""
+    last = rounds[-1]
+    width = "sigma" if brdf.shape.name == "sigma" else "lobe width"
+    # mu - 1 is what a model's own second number is, where that is no index.
+    second = "mu - 1" if brdf.index.offset == 0 else brdf.index.name
+    paths = {
+        width: [one.sigma for one in rounds],
+        "ks share": [float(np.mean(one.share)) for one in rounds],
+        second: [one.mu - 1 for one in rounds if np.isfinite(last.mu)],
+    }
+    return {
+        name: [value / path[-1] - 1 for value in path]
+        for name, path in paths.items()
+        if path and np.ptp(path) > _STILL * abs(path[-1])
+    }
