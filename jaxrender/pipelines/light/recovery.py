@@ -22,7 +22,6 @@ from jaxrender.pipelines.light.asked import (
     band_limit,
     factor_settings,
     in_given_units,
-    known_of,
 )
 from jaxrender.pipelines.light.files import light_images, write_light, write_samples
 from jaxrender.pipelines.light.result import Recovered, result_of
@@ -30,7 +29,7 @@ from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import sentence_of
-from jaxrender.pipelines.scene import fault_of, lobe_of
+from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.reflection import (
     DualForward,
@@ -141,7 +140,10 @@ def recover_light(
 ) -> LightRecovery:
     """Recover the light, and the material where that is not known."""
     photographs, shape = seen
-    if observations.transfer is None and not shape.is_convex():
+    models = asked_models(config)
+    # What is summed over directions needs no transfer vectors.
+    filtered = any(isinstance(asked.variant, Glossy) for asked in models)
+    if filtered and observations.transfer is None and not shape.is_convex():
         with clock.stage("shadows"):
             field = TransferField.of(shape, band_limit(config), observations.count)
             assert observations.places is not None
@@ -159,7 +161,6 @@ def recover_light(
     if config.brdf.compare:
         with fault_of("brdf.compare"):
             held_out, seed = config.solve.held_out, config.samples.seed
-            models = asked_models(config)
             comparison = compare_factorizations(
                 observations, models, settings, held_out, seed, **how
             )
@@ -170,13 +171,13 @@ def recover_light(
         progress.note(sentence_of(comparison))
     else:
         with fault_of(str(config.capture.transforms)):
-            lobe = lobe_of(config.brdf)
-            found = factorize(observations, lobe, settings, known_of(config), **how)
+            (asked,) = models
+            found = factorize(observations, asked.variant, settings, asked.known, **how)
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = in_given_units(config, found)
-    asked = config.task, model, gauge
-    return LightRecovery(asked, found, observations, (photographs, shape), comparison)
+    what = config.task, model, gauge
+    return LightRecovery(what, found, observations, (photographs, shape), comparison)
 
 
 def _sentence(round_: Round, width_is_known: bool) -> str:
