@@ -14,6 +14,8 @@
     radiance over the places and directions of a surface
 ``sky`` ``coefficients``
     the overcast and the clear sky; light given by its harmonic coefficients
+``positive_part``
+    light that is nowhere negative, from coefficients that were measured
 ``cells`` ``split``
     near-equal cells of the sphere; slow and fast light apart (T 6.3)
 ``layouts`` ``panoramas``
@@ -37,6 +39,7 @@ from jaxrender.lighting.positional import (
     PointLight,
     SpotIntensity,
 )
+from jaxrender.lighting.positive_part import positive_part_of
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
 
@@ -67,6 +70,7 @@ __all__ = [
     "light_of_ball",
     "panorama_named",
     "partition",
+    "positive_part_of",
     "preetham",
     "split_to_energy",
     "take",

@@ -41,7 +41,6 @@ class Ball(NamedTuple):
     noise: float = 0.005
     gains: tuple = (1.0, 1.0, 1.0, 1.0)
     shape: Shape = UNIT_BALL
-    ks: float = KS
 
 
 STANDARD = Ball()
@@ -54,7 +53,7 @@ def write_ball(folder: Path, ball: Ball = STANDARD) -> Path:
     frames = []
     for number, camera in enumerate(cameras(ball)):
         name = f"images/{number}.exr"
-        radiance, covered = picture(camera, ball.lights[number], ball.shape, ball.ks)
+        radiance, covered = picture(camera, ball.lights[number], ball.shape)
         radiance *= 1 + ball.noise * rng.normal(size=radiance.shape)
         image = np.concatenate([ball.gains[number] * radiance, covered[..., None]], axis=-1)
         write_image(folder / name, image)
@@ -82,17 +81,15 @@ def focal_length(size: int) -> float:
     return 4.6 * size
 
 
-def picture(
-    camera: Pinhole, lights, shape: Shape = UNIT_BALL, ks: float = KS
-) -> tuple[np.ndarray, np.ndarray]:
+def picture(camera: Pinhole, lights, shape: Shape = UNIT_BALL) -> tuple[np.ndarray, np.ndarray]:
     """Radiance of a shape under directional sources, and which pixels it covers."""
     view = observe(camera, shape)
     image = np.zeros((*view.hit.shape, 3))
-    image[view.hit] = reflected(view.normals[view.hit], view.outgoing[view.hit], lights, ks)
+    image[view.hit] = reflected(view.normals[view.hit], view.outgoing[view.hit], lights)
     return image, view.hit
 
 
-def reflected(normals: np.ndarray, outgoing: np.ndarray, lights, ks: float = KS) -> np.ndarray:
+def reflected(normals: np.ndarray, outgoing: np.ndarray, lights) -> np.ndarray:
     """T 6.2 with Fresnel at the exit angle: sum over sources of (kd cos + ks F S / 4 cos_o) E."""
     exit_cosine = np.sum(normals * outgoing, axis=1)
     total = np.zeros((len(normals), 3))
@@ -103,7 +100,7 @@ def reflected(normals: np.ndarray, outgoing: np.ndarray, lights, ks: float = KS)
         half /= np.linalg.norm(half, axis=1, keepdims=True)
         angle = np.arccos(np.clip(np.sum(half * normals, axis=1), -1, 1))
         lobe = np.exp(-((angle / SIGMA) ** 2)) / (np.pi * SIGMA**2) * (cosine > 0)
-        gloss = ks * fresnel(exit_cosine) * lobe / (4 * exit_cosine)
+        gloss = KS * fresnel(exit_cosine) * lobe / (4 * exit_cosine)
         total += (cosine[:, None] * np.array(KD) + gloss[:, None]) * np.array(irradiance)
     return total
 

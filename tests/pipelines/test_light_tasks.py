@@ -11,10 +11,12 @@
 """
 
 import json
+from unittest import mock
 
 import h5netcdf
 import numpy as np
 import pytest
+import small_captures
 from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
 from jaxrender.brdf import BlinnPhong
@@ -106,7 +108,8 @@ def test_another_model_speaks_its_own_words(capture):
     ids=["lighting", "factorize"],
 )
 def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
-    write_ball(tmp_path / "capture", BALL._replace(ks=0.0))
+    with mock.patch.object(small_captures, "KS", 0.0):
+        write_ball(tmp_path / "capture", BALL)
     output, result = _run(tmp_path / "capture", task, "model: lambertian" + brdf)
     assert result["brdf"] == {"model": "lambertian", "kd": list(KD if brdf else np.ones(3))}
     angles, which = _angles(result)

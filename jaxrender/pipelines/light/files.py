@@ -7,7 +7,7 @@ import numpy as np
 from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
 from jaxrender.inverse import Factorization, Observations
 from jaxrender.inverse.factorization import RecoveredScene
-from jaxrender.lighting import DirectionalSources
+from jaxrender.lighting import DirectionalSources, positive_part_of
 from jaxrender.pipelines.result import write_variable
 from jaxrender.shapes import Float
 
@@ -55,10 +55,12 @@ def light_images(
 ) -> tuple[Float[np.ndarray, "row column channel"], Float[np.ndarray, "row column channel"]]:
     """Draw the whole light, each lamp as one texel of its energy, and its slow part alone.
 
-    Where a sum of few degrees falls below zero the light is black.
+    Where a sum of few degrees falls below zero the light is black; what that adds is taken off
+    elsewhere, so that the image has the coefficients that were found.
     """
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
-    slow = np.maximum(np.asarray(synthesise(grid, jnp.asarray(scene.slow))), 0)
+    series = positive_part_of(np.asarray(scene.slow), np.asarray(scene.slow_error))
+    slow = np.maximum(np.asarray(synthesise(grid, jnp.asarray(series))), 0)
     whole = slow.copy()
     rows, columns = texels_of(scene.sources, grid)
     energy = np.maximum(np.asarray(scene.sources.irradiance), 0)

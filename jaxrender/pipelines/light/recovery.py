@@ -1,5 +1,6 @@
 """The recovery of a light, and of the material where that is not known."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ class LightRecovery(Recovery):
 
     def write(self, folder: Path) -> None:
         """Write the light as images, whole and without its lamps, and all arrays as NetCDF."""
-        whole, slow = light_images(self.found.scene)
+        whole, slow = self._images
         write_environment(folder / "lighting.exr", Environment(whole))
         write_environment(folder / "lighting_slow.exr", Environment(slow))
         with h5netcdf.File(folder / "result.nc", "w") as file:
@@ -106,8 +107,13 @@ class LightRecovery(Recovery):
         """Gather what the report shows."""
         from jaxrender.pipelines.report import LightContents
 
-        images = light_images(self.found.scene)
-        return LightContents(title, result, self.found, images, frames)
+        return LightContents(title, result, self.found, self._images, frames)
+
+    @cached_property
+    def _images(
+        self,
+    ) -> tuple[Float[np.ndarray, "row column channel"], Float[np.ndarray, "row column channel"]]:
+        return light_images(self.found.scene)
 
     def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
         places = SurfacePlaces.of_views([view])

@@ -13,7 +13,7 @@ from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.texture import Texture
 from jaxrender.io import write_environment
-from jaxrender.lighting import Environment
+from jaxrender.lighting import Environment, positive_part_of
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, TextureConfig
 from jaxrender.pipelines.photographs import Photograph
@@ -117,7 +117,8 @@ class TextureRecovery(Recovery):
         write_texture_arrays(folder / "result.nc", self.surface, self.sites)
         if self.surface.light is not None:
             grid = LatLongGrid(_ROWS, 2 * _ROWS)
-            image = np.asarray(synthesise(grid, jnp.asarray(self.surface.light.coefficients)))
+            series = positive_part_of(*self.surface.light)
+            image = np.asarray(synthesise(grid, jnp.asarray(series)))
             light = Environment(np.maximum(image, 0))
             write_environment(folder / "lighting.exr", light)
             write_environment(folder / "lighting_slow.exr", light)
