@@ -54,6 +54,14 @@ def _trace(scene, width, origins, directions, asked, blocked):
                 filled = 0
 
 
-# Whatever checks types may have wrapped the function: Numba compiles the bare one, and keeps it on
-# disk for the next process.
-trace = njit(nogil=True, cache=True)(inspect.unwrap(_trace))
+def _compiled(function):
+    """Compile a function, which is kept on disk for the next process if there is a place for it."""
+    # Whatever checks types may have wrapped it: Numba compiles the bare one.
+    bare = inspect.unwrap(function)
+    try:
+        return njit(nogil=True, cache=True)(bare)
+    except RuntimeError:  # neither here nor in the user's folder may anything be written
+        return njit(nogil=True)(bare)
+
+
+trace = _compiled(_trace)
