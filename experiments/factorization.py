@@ -55,15 +55,15 @@ def errors(material: Microfacet, share: np.ndarray, sigma: float, mu: float) -> 
     )
 
 
-def run(scene: scenes.Scene, seed: int, count: int, warm: bool) -> Pair:
+def run(scene: scenes.Scene, seed: int, count: int) -> Pair:
     """Photograph a scene and factorize it."""
     samples, view = scenes.ring_samples(count, LOWEST_COSINE, seed)
     exact = scenes.photograph(scene.fine.nodes(), scene.material, samples, view)
     noisy = NOISE.add(exact.radiance, np.random.default_rng(1000 + seed))
     observations = exact._replace(radiance=noisy)
     settings = FactorSettings()
-    if warm:
-        factorize(observations, scene.material, settings)
+    # What depends on the number of lamps taken up at once is compiled for each pair anew.
+    factorize(observations, scene.material, settings)
     start = time.perf_counter()
     found = factorize(observations, scene.material, settings)
     seconds = time.perf_counter() - start
@@ -160,7 +160,7 @@ def main():
     jax.config.update("jax_enable_x64", True)
     found = []
     for seed, scene in enumerate(pairs(arguments.pairs, arguments.probes)):
-        found.append(run(scene, seed, arguments.samples, warm=seed == 0))
+        found.append(run(scene, seed, arguments.samples))
         print(f"{scene.name}: {found[-1].seconds:.0f} s", flush=True)
     report(found)
     draw(found)
