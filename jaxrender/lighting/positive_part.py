@@ -18,6 +18,7 @@ from jaxrender.shapes import Float
 
 # Rows of the grid on which radiance is kept positive, for each degree of the light.
 _ROWS_PER_DEGREE, _FEWEST_ROWS = 5, 16
+# The error of every coefficient in parts of the mean light where none is stated.
 _ALIKE = 0.01
 _MOST_STEPS, _SHORTEST = 40, 1e-6
 # The misfit of a coefficient, in parts of the mean light, at which the search ends.

@@ -5,7 +5,8 @@
 - ``task: lighting`` finds the lamps' own irradiance, given the material.
 - Any glossy model can be fitted, and is told in its own words.
 - A matt ball's lamps are found, too, and which degrees of the light it cannot tell is said.
-- ``result.json`` has the keys of the contract; the light is written as an image of that energy.
+- ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
+  slow part with the coefficients that were found.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
 """
@@ -14,6 +15,7 @@ import json
 from unittest import mock
 
 import h5netcdf
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import small_captures
@@ -21,9 +23,12 @@ from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
 from jaxrender.brdf import BlinnPhong
 from jaxrender.errors import InputError
+from jaxrender.harmonics import LatLongGrid, analyse, degrees, real_basis
+from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.io import read_environment, read_image, write_environment
-from jaxrender.lighting import Environment
+from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
+from jaxrender.pipelines.light import light_images
 from jaxrender.pipelines.render import Scene, material_of, render_config
 from jaxrender.pipelines.summary import summary_of
 
@@ -167,6 +172,20 @@ def test_the_light_is_written_with_its_energy(factorized):
     brightest = np.asarray(nodes.directions)[np.asarray(nodes.irradiance).sum(1).argmax()]
     truth = np.array(LAMPS[0][0]) / np.linalg.norm(LAMPS[0][0])
     assert brightest @ truth > np.cos(np.radians(2))
+
+
+def test_the_image_of_a_dark_sky_is_no_brighter_than_the_light_found():
+    """A broad lamp to degree 3 rings below zero: merely cut off, it is out by 27 errors."""
+    towards = jnp.array([[0.0, 0.6, 0.8]])
+    fading = np.exp(-0.05 * degrees(3) * (degrees(3) + 1))[:, None]
+    slow = fading * np.asarray(real_basis(towards, 3)).T * np.array([[1.0, 0.8, 0.6]])
+    slow[0] += 0.05
+    error = np.full_like(slow, 0.01 * slow[0].mean())
+    nothing = (DirectionalSources.none(), np.zeros((0, 3)), np.zeros(0), slow, np.ones(4))
+    _, image = light_images(RecoveredScene(slow, error, *nothing))
+    assert image.min() >= 0
+    off = np.asarray(analyse(LatLongGrid(*image.shape[:2]), jnp.asarray(image), 3)) - slow
+    assert np.all(np.abs(off) < error)
 
 
 def test_predictions_look_like_the_photographs(factorized, capture):
