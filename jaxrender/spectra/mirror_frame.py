@@ -21,13 +21,9 @@ from jaxrender.geometry import Components
 from jaxrender.harmonics import coefficient_count, flat_index, legendre, real_basis
 from jaxrender.shapes import AnyArray, Array, Float
 
-# Gauss-Legendre nodes in the angle from R, on each side of the horizon's first touch, and in
-# azimuth up to the horizon: the transfer is then good to 1e-6 of its largest value for sigma from
-# .02 to 1 and exit cosines from .15 (1e-4 at cosine .02).
-_POLAR_NODES = 64
-# Where the tail reaches all around, the polynomials' own waves are to be followed as well: at
-# sigma .05 and degree 64 with 64 nodes 2e-3 would be missed.
-_TAIL_NODES = 128
+# Gauss-Legendre nodes in azimuth up to the horizon.  With these, and as many in the angle from R as
+# ``_node_count`` says, the transfer is good to 1e-6 of its largest value for sigma from .02 to 1,
+# exit cosines from .15 and any degree (1e-4 at cosine .02).
 _AZIMUTH_NODES = 32
 
 Lobe = Callable[[Components, Components], Array]
@@ -48,7 +44,7 @@ def mean_transfer(
     """
     # N.V of unit vectors may round to just above 1.
     exit_angles = jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1))[:, None]
-    polar, weights = _polar_nodes(exit_angles, reach, tail)
+    polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
     moments = _moments(lobe, exit_angles, polar, 0)[..., 0]
     kernel = 2 * jnp.pi * moments * jnp.sin(polar) * weights
     polynomials = legendre(jnp.cos(polar), band_limit)
@@ -75,7 +71,7 @@ def azimuthal_transfer(
             f"orders to {order_limit} of degrees to {band_limit}: an order is at most its degree"
         )
     exit_angles = jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1))[:, None]
-    polar, weights = _polar_nodes(exit_angles, reach, tail)
+    polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
     moments = _moments(lobe, exit_angles, polar, order_limit)
     kernel = 2 * jnp.pi * moments * (jnp.sin(polar) * weights)[..., None]
     # At azimuth 0 the harmonics of the orders q >= 0 are their polar factors.
@@ -97,13 +93,16 @@ def _order_table(band_limit: int, order_limit: int) -> tuple[np.ndarray, np.ndar
 
 
 def _polar_nodes(
-    exit_angles: Float[Array, "bin 1"], reach: Float[Array, ""], tail: Float[Array, ""] | None
+    exit_angles: Float[Array, "bin 1"],
+    extent: tuple[Float[Array, ""], Float[Array, ""] | None],
+    band_limit: int,
 ) -> tuple[Float[Array, "bin node"], Float[Array, "bin node"]]:
     """Place nodes over the lobe's extent, split where the circles about R first cross the horizon.
 
     There the averaged lobe has a kink that one Gauss rule could not follow.  The integral does not
     depend on where its nodes are, so they follow the lobe without being differentiated.
     """
+    reach, tail = extent
     reach = jax.lax.stop_gradient(reach)
     tail = None if tail is None else jax.lax.stop_gradient(tail)
     # Circles wider than pi / 2 + t_o lie below the horizon altogether.
@@ -112,8 +111,7 @@ def _polar_nodes(
     if tail is not None:
         # t = 2 arctan(tail tan v): in v a Lorentzian tail is a trigonometric polynomial.
         reach, touch = (jnp.arctan2(jnp.sin(t / 2), tail * jnp.cos(t / 2)) for t in (reach, touch))
-    count = _POLAR_NODES if tail is None else _TAIL_NODES
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = np.polynomial.legendre.leggauss(_node_count(band_limit, tail is not None))
     nodes = jnp.asarray((nodes + 1) / 2, exit_angles.dtype)[None, :]
     weights = jnp.asarray(weights / 2, exit_angles.dtype)[None, :]
     above, across = touch, reach - touch
@@ -125,6 +123,15 @@ def _polar_nodes(
     sine, cosine = jnp.sin(polar), jnp.cos(polar)
     stretch = 2 * tail / (cosine**2 + (tail * sine) ** 2)
     return 2 * jnp.arctan2(tail * sine, cosine), weights * stretch
+
+
+def _node_count(band_limit: int, has_tail: bool) -> int:
+    """Say how many nodes each side of the horizon's first touch needs.
+
+    Some for the lobe, and some for each wave of the polynomials that its nodes have to follow: many
+    more where they are spread over every scale of a tail.
+    """
+    return max(64, 32 + 3 * band_limit) if has_tail else max(40, 16 + 5 * band_limit // 4)
 
 
 def _safe_arccos(cosines: Float[Array, "bin node"]) -> Float[Array, "bin node"]:

@@ -75,6 +75,8 @@ def hemisphere_integral(sigma, exit_cosine, degree):
         (0.3, 0.15, 4),
         (0.3, 0.6, 2),
         (0.3, 1.0, 3),
+        # A wide lobe, where the polynomial itself makes the waves.
+        (0.5, 0.15, 64),
     ],
 )
 def test_transfer_is_the_hemispherical_integral(sigma, exit_cosine, degree):
