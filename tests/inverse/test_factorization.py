@@ -1,6 +1,7 @@
 """Light and material both unknown.
 
 - The derivatives of the joint step are those of the prediction: gloss, lobe and directions.
+- A step's equations, summed by blocks, are those of whole matrices.
 - A step's gain is real, and material and lamp of a small scene are found from photographs by the
   exact integral, with noise, within a few of the stated standard errors.
 - Pursuit picks the lamp that is there; on noise alone it finds nothing worth adding.
@@ -18,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from inverse_problems import ball_samples
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import fibonacci_sphere
@@ -26,15 +28,17 @@ from jaxrender.inverse import Observations
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.correction import corrected
-from jaxrender.inverse.factorization.joint import (
+from jaxrender.inverse.factorization.joint import _moved
+from jaxrender.inverse.factorization.lamps import add_lamps
+from jaxrender.inverse.factorization.projection import (
+    _BLOCK,
     Measured,
-    _moved,
-    _tangents,
-    evaluated,
+    lobe_slopes,
+    mixed,
+    prediction_slopes,
     reduced_system,
     solve_light,
 )
-from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
@@ -132,7 +136,7 @@ def test_derivatives_of_the_prediction(photographs):
     state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
     response = response_of(task, state)
     light = state.joint.solved.light
-    tangents = np.asarray(_tangents(response, state.guess, evaluated(response, state.guess), light))
+    tangents = _slopes(response, state.guess, light)
 
     def predict(guess: Guess):
         share = jax.nn.sigmoid(guess.gloss)[:, None, None]
@@ -151,6 +155,55 @@ def test_derivatives_of_the_prediction(photographs):
         np.testing.assert_allclose(
             tangents[..., unknown], slope, atol=2e-6 * np.abs(slope).max(), err_msg=str(unknown)
         )
+
+
+def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
+    """The same equations by NumPy, of a number of samples that blocks do not divide."""
+    task = _task(photographs.take(np.arange(1205)))
+    assert len(task.radiance) > 2 * _BLOCK
+    assert len(task.radiance) % 3
+    state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
+    response, guess, data = response_of(task, state), state.guess, measured(task, state)
+    solved, system = reduced_system(response, guess, data)
+    slopes = _slopes(response, guess, solved.light)
+    curvature, slope, cost = 0, 0, 0
+    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+        weighted, moved = (data.weights[:, k, None] * a for a in (columns, slopes[k]))
+        seen = data.weights[:, k] * data.radiance[:, k]
+        dark = np.append(np.zeros(121), ~state.active)
+        normal = weighted.T @ weighted + np.diag(data.penalty[:, k] + dark)
+        light = np.linalg.solve(normal, weighted.T @ seen)
+        np.testing.assert_allclose(solved.light[:, k], light, atol=1e-8 * np.abs(light).max())
+        np.testing.assert_allclose(solved.predicted[:, k], columns @ light, rtol=1e-7)
+        left, across = seen - weighted @ light, weighted.T @ moved
+        cost += (left @ left + light @ (data.penalty[:, k] * light)) / 2
+        curvature += moved.T @ moved - across.T @ np.linalg.solve(normal, across)
+        slope += moved.T @ left
+        np.testing.assert_allclose(system.across[k], across, atol=1e-9 * np.abs(across).max())
+    assert float(solved.cost) == pytest.approx(cost, rel=1e-10)
+    assert float(solve_light(response, guess, data).cost) == pytest.approx(cost, rel=1e-10)
+    np.testing.assert_allclose(system.curvature, curvature, atol=1e-8 * np.abs(curvature).max())
+    np.testing.assert_allclose(system.slope, slope, atol=1e-7 * np.abs(moved).sum(axis=0).max())
+
+
+def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndarray:
+    lobe, columns = lobe_slopes(response, guess), response.columns(guess)
+    return np.stack(prediction_slopes(response, lobe, guess, columns, light))
+
+
+def test_blas_keeps_to_one_thread_meanwhile(photographs):
+    """Its threads would wait where XLA's work."""
+
+    def threads() -> list[int]:
+        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+
+    seen = []
+    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+    with threadpool_limits(2, user_api="blas"):
+        factorize(photographs, PAINT, settings, watch=lambda _: seen.append(threads()))
+        after = threads()
+    assert set(after) == {2}
+    assert {count for counts in seen for count in counts} == {1}
 
 
 def test_reduced_curvature_is_that_of_the_projected_problem(photographs):

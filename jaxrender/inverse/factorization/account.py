@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.inverse.factorization.joint import System, reduced_system
+from jaxrender.inverse.factorization.projection import System, reduced_system
 from jaxrender.inverse.factorization.response import Guess, gloss_share
 from jaxrender.inverse.factorization.state import (
     State,

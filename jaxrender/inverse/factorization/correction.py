@@ -33,7 +33,7 @@ def corrected(task: Task, state: State) -> State:
     exact = reflect_slow_light(lobe, response.samples, slow)
     if task.sight is not None:
         exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)
-    dual = jnp.einsum("sl,slc->sc", response.passed(guess), response.mirrored(slow))
+    dual = response.slow_radiance(response.passed(guess), slow)
     defect = gloss_share(guess)[None, :] * (exact - dual)
     return state._replace(target=task.radiance - np.asarray(defect))
 

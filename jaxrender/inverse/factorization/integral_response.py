@@ -8,7 +8,6 @@ it hides from itself is summed over a grid and taken off.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,17 +60,22 @@ class IntegralResponse(Response):
         diffuse = _under_harmonics(self.variant, self.samples, band_limit, hidden)[:, 0]
         return dataclasses.replace(self, diffuse_basis=diffuse, hidden=hidden)
 
-    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
+    def passed(self, guess: Guess) -> Float[Array, "sample coefficient"]:
         """Integrate the lobe against every harmonic."""
         band_limit = band_limit_of(self.slow_count)
         return _under_harmonics(self.lobe(guess), self.samples, band_limit, self.hidden)[:, 1]
 
-    def specular_under(
-        self, light: Float[Array, "part channel"]
-    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
-        """Integrate anew for every material."""
-        slow, fast = jnp.split(light, [self.slow_count])
-        return lambda guess: self.slow_specular(guess) @ slow + self.source_specular(guess) @ fast
+    def slow_columns(
+        self, passed: Float[Array, "sample coefficient"]
+    ) -> Float[Array, "sample coefficient"]:
+        """Keep the integrals as they are."""
+        return passed
+
+    def slow_radiance(
+        self, passed: Float[Array, "sample coefficient"], slow: Float[Array, "coefficient channel"]
+    ) -> Float[Array, "sample channel"]:
+        """Add the integrals up."""
+        return passed @ slow
 
     def base_towards(
         self, directions: Float[Array, "direction 3"]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, solve_columns
+from jaxrender.inverse.factorization.projection import Measured, mixed, solve_light
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
@@ -109,8 +109,7 @@ def _pair(
 
 
 def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:
-    columns = mixed(evaluated(response, guess), guess)
-    solved = solve_columns(columns, measured)
+    columns, solved = mixed(response, guess), solve_light(response, guess, measured)
     diffuse, specular = candidates
     left = measured.radiance - solved.predicted
 

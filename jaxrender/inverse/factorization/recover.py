@@ -10,6 +10,7 @@ from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape, visible_along
 from jaxrender.harmonics import coefficient_count
 from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.blas import one_blas_thread
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
 from jaxrender.inverse.factorization.integral_response import IntegralResponse, response_of_convex
 from jaxrender.inverse.factorization.response import MirrorResponse
@@ -96,11 +97,11 @@ def factorize(
     if step > 1:
         thinned = observations.take(np.arange(0, observations.count, step))
         few = _task(thinned, variant, settings, known, hiding)
-    with stage("light"):
+    with stage("light"), one_blas_thread():
         state = light_the_scene(few, begin(few), watch)
         if step > 1:
             state = taken_up(task, state)
-    with stage("refine"):
+    with stage("refine"), one_blas_thread():
         state = settle(task, state, watch)
     with stage("account"):
         parameters, scene = account_of(task, state, gauge)

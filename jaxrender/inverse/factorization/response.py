@@ -13,8 +13,7 @@ what is left of both (T 6.4.4).
 
 import abc
 import dataclasses
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -60,14 +59,20 @@ class Response(eqx.Module):
     lit: eqx.AbstractVar[Float[AnyArray, "sample source"]]
 
     @abc.abstractmethod
-    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
-        """Evaluate how the samples respond to slow light by the lobe."""
+    def passed(self, guess: Guess) -> Float[Array, "sample term"]:
+        """Evaluate all that slow light asks of the lobe: what it passes on of each term."""
 
     @abc.abstractmethod
-    def specular_under(
-        self, light: Float[Array, "part channel"]
-    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
-        """Make the lobe's radiance under a given light a function of the material."""
+    def slow_columns(
+        self, passed: Float[Array, "sample term"]
+    ) -> Float[Array, "sample coefficient"]:
+        """Make of what is passed how the samples respond to slow light by the lobe; linear."""
+
+    @abc.abstractmethod
+    def slow_radiance(
+        self, passed: Float[Array, "sample term"], slow: Float[Array, "coefficient channel"]
+    ) -> Float[Array, "sample channel"]:
+        """Evaluate the lobe's radiance under slow light: ``slow_columns`` times it, but quicker."""
 
     @abc.abstractmethod
     def base_towards(
@@ -75,14 +80,19 @@ class Response(eqx.Module):
     ) -> Float[Array, "sample direction"]:
         """Evaluate the base towards directions, whether they are seen or not."""
 
+    @property
+    def rows(self) -> dict[str, Any]:
+        """All that has a row for each sample."""
+        names = [field.name for field in dataclasses.fields(self) if field.name != "variant"]
+        return {name: jax.tree.map(jnp.asarray, getattr(self, name)) for name in names}
+
+    def of_rows(self, rows: dict[str, Any]) -> "Response":
+        """Make the same of other samples."""
+        return dataclasses.replace(self, **rows)
+
     def thinned(self, step: int) -> "Response":
         """Keep one in ``step`` samples."""
-        of_samples = {
-            field.name: jax.tree.map(lambda a: jnp.asarray(a)[::step], getattr(self, field.name))
-            for field in dataclasses.fields(self)
-            if field.name != "variant"
-        }
-        return dataclasses.replace(self, **of_samples)
+        return self.of_rows(jax.tree.map(lambda rows: rows[::step], self.rows))
 
     @property
     def slow_count(self) -> int:
@@ -97,7 +107,12 @@ class Response(eqx.Module):
 
     def columns(self, guess: Guess) -> Columns:
         """Evaluate both lobes' responses to every part of the light."""
-        specular = jnp.concatenate([self.slow_specular(guess), self.source_specular(guess)], axis=1)
+        return self.columns_of(self.passed(guess), guess)
+
+    def columns_of(self, passed: Float[Array, "sample term"], guess: Guess) -> Columns:
+        """Evaluate the same where what the lobe passes on is known."""
+        slow = self.slow_columns(passed)
+        specular = jnp.concatenate([slow, self.source_specular(guess)], axis=1)
         diffuse = self.source_diffuse(jnp.asarray(guess.directions))
         return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
 
@@ -158,33 +173,22 @@ class MirrorResponse(Response):
         assert isinstance(lobe, Glossy)
         return transfer_of_samples(lobe, self.samples.exit_cosines, band_limit)
 
-    def mirrored(
-        self, slow: Float[Array, "coefficient channel"]
-    ) -> Float[Array, "sample degree channel"]:
-        """Evaluate V(R) sum_m L_lm Y_lm(R): what a mirror would show of each degree."""
+    def slow_columns(
+        self, passed: Float[Array, "sample degree"]
+    ) -> Float[Array, "sample coefficient"]:
+        """Evaluate h_l(t_o) V(R) Y_lm(R)."""
+        return passed[:, degrees(band_limit_of(self.slow_count))] * jnp.asarray(self.mirror_basis)
+
+    def slow_radiance(
+        self, passed: Float[Array, "sample degree"], slow: Float[Array, "coefficient channel"]
+    ) -> Float[Array, "sample channel"]:
+        """Weigh what a mirror would show of each degree, V(R) sum_m L_lm Y_lm(R)."""
         band_limit = band_limit_of(self.slow_count)
         starts = [degree * degree for degree in range(1, band_limit + 1)]
         bases = jnp.split(jnp.asarray(self.mirror_basis), starts, axis=1)
         lights = jnp.split(slow, starts, axis=0)
-        return jnp.stack([basis @ light for basis, light in zip(bases, lights)], axis=1)
-
-    def slow_specular(self, guess: Guess) -> Float[Array, "sample coefficient"]:
-        """Evaluate h_l(t_o) V(R) Y_lm(R)."""
-        each = degrees(band_limit_of(self.slow_count))
-        return self.passed(guess)[:, each] * jnp.asarray(self.mirror_basis)
-
-    def specular_under(
-        self, light: Float[Array, "part channel"]
-    ) -> Callable[[Guess], Float[Array, "sample channel"]]:
-        """Weigh what a mirror would show of each degree: few products for every material."""
-        slow, fast = jnp.split(light, [self.slow_count])
-        by_degree = self.mirrored(slow)
-
-        def radiance(guess: Guess) -> Float[Array, "sample channel"]:
-            passed = jnp.einsum("sl,slc->sc", self.passed(guess), by_degree)
-            return passed + self.source_specular(guess) @ fast
-
-        return radiance
+        mirrored = jnp.stack([basis @ light for basis, light in zip(bases, lights)], axis=1)
+        return jnp.einsum("sl,slc->sc", passed, mirrored)
 
     def base_towards(
         self, directions: Float[Array, "direction 3"]

@@ -12,16 +12,14 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxrender.inverse.factorization.correction import corrected
-from jaxrender.inverse.factorization.joint import (
-    Joint,
-    solve_light,
-)
+from jaxrender.inverse.factorization.joint import Joint
 from jaxrender.inverse.factorization.lamps import (
     STEPS_PER_ROUND,
     add_lamps,
     with_neighbours_merged,
     without_idle_lamps,
 )
+from jaxrender.inverse.factorization.projection import solve_light
 from jaxrender.inverse.factorization.state import (
     Round,
     State,

@@ -16,12 +16,8 @@ from scipy.special import logit
 
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.factorization.joint import (
-    Joint,
-    Measured,
-    Solved,
-    descend_jointly,
-)
+from jaxrender.inverse.factorization.joint import Joint, descend_jointly
+from jaxrender.inverse.factorization.projection import Measured, Solved
 from jaxrender.inverse.factorization.response import (
     Guess,
     Response,

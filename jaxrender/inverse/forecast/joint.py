@@ -15,7 +15,7 @@ from scipy.special import expit, logit
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.harmonics import degrees
 from jaxrender.inverse.factorization.integral_response import response_of_convex
-from jaxrender.inverse.factorization.joint import Measured, evaluated, mixed, reduced_system
+from jaxrender.inverse.factorization.projection import Measured, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
@@ -177,7 +177,7 @@ def _radiance(
     response: Response, guess: Guess, light: Float[Array, "part channel"]
 ) -> Float[Array, "sample channel"]:
     with jax.default_matmul_precision("highest"):
-        return jnp.einsum("csp,pc->sc", mixed(evaluated(response, guess), guess), light)
+        return jnp.einsum("csp,pc->sc", mixed(response, guess), light)
 
 
 def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], metal: bool) -> Uncertain:

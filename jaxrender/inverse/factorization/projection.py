@@ -1,0 +1,285 @@
+"""The light eliminated: the normal equations of all other unknowns, the light following along.
+
+For a guess of the nonlinear unknowns the light follows from one small linear system a channel.
+With M_c the columns of channel c and V_c the derivatives of its prediction at fixed light, W the
+weights squared and Lambda the penalty on the light, what is left for the rest is
+
+H = sum_c V_c' W V_c - (M_c' W V_c)' (M_c' W M_c + Lambda)^-1 (M_c' W V_c),   g = sum_c V_c' W r_c
+
+(variable projection).  Only dozens of columns meet thousands of samples, so all of it costs a few
+matrix products whatever the number of parameters.  Samples go through in blocks, twice: columns and
+derivatives of one block stay in the processor's cache, and memory does not grow with the samples.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxrender.geometry import world_from_local
+from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
+from jaxrender.shapes import AnyArray, Array, Float
+
+# Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
+_BLOCK = 512
+
+
+class Measured(NamedTuple):
+    """Radiance, weights (1 / standard deviation), and the light's penalty (1 / variance)."""
+
+    radiance: Float[AnyArray, "sample channel"]
+    weights: Float[AnyArray, "sample channel"]
+    penalty: Float[AnyArray, "part channel"]
+
+
+class Solved(NamedTuple):
+    """The light that fits a guess best, what it predicts, and the penalised cost.
+
+    ``normal`` is the Cholesky factor of each channel's normal equations.
+    """
+
+    light: Float[Array, "part channel"]
+    predicted: Float[Array, "sample channel"]
+    cost: Float[Array, ""]
+    normal: Float[Array, "channel part part"]
+
+
+class System(NamedTuple):
+    """The reduced normal equations of the nonlinear unknowns, and M' W V: how the light answers."""
+
+    curvature: Float[Array, "unknown unknown"]
+    slope: Float[Array, "unknown"]
+    across: Float[Array, "channel part unknown"]
+
+
+class Lobe(NamedTuple):
+    """What the lobe passes on of slow light to each sample, and its derivatives."""
+
+    passed: Float[Array, "sample term"]
+    by_sigma: Float[Array, "sample term"]
+    by_mu: Float[Array, "sample term"]
+
+
+class _Block(NamedTuple):
+    rows: dict[str, Any]
+    lobe: Any
+    radiance: Float[Array, "sample channel"]
+    weights: Float[Array, "sample channel"]
+
+
+@jax.jit
+def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
+    """Solve for the light of every channel."""
+    with jax.default_matmul_precision("highest"):
+        blocks = _in_blocks(response, response.passed(guess), measured)
+        light, normal = _solved(response, guess, measured, blocks)
+
+        def predict(block: _Block) -> tuple[Array, Array]:
+            columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
+            predicted = _predicted(columns, guess, light)
+            return _squares(block, predicted), predicted
+
+        misfit, predicted = _summed(predict, blocks)
+        rows = predicted[: len(measured.radiance)]
+        return Solved(light, rows, _penalised(misfit, measured, light), normal)
+
+
+@jax.jit
+def reduced_system(response: Response, guess: Guess, measured: Measured) -> tuple[Solved, System]:
+    """Solve for the light and set up the step of everything else."""
+    with jax.default_matmul_precision("highest"):
+        lobe = lobe_slopes(response, guess)
+        blocks = _in_blocks(response, lobe, measured)
+        light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
+
+        def add(block: _Block) -> tuple[tuple, Array]:
+            own = response.of_rows(block.rows)
+            columns = _evaluated(own, block.lobe.passed, guess)
+            predicted = _predicted(columns, guess, light)
+            slopes = prediction_slopes(own, block.lobe, guess, columns, light)
+            sums = []
+            # One channel after the other: a batch of products is slower than each by itself.
+            for k, share in enumerate(gloss_share(guess)):
+                weights = block.weights[:, k]
+                moved = jax.lax.optimization_barrier(weights[:, None] * slopes[k])
+                left = weights * (block.radiance[:, k] - predicted[:, k])
+                weighted = _weighted(columns, share, weights)
+                sums.append((moved.T @ moved, left @ moved, weighted.T @ moved))
+            return (*map(jnp.stack, zip(*sums)), _squares(block, predicted)), predicted
+
+        (inner, slope, across, misfit), predicted = _summed(add, blocks)
+        projected = [
+            jax.scipy.linalg.solve_triangular(factor, mixed, lower=True)
+            for factor, mixed in zip(normal, across)
+        ]
+        curvature = sum(own - part.T @ part for own, part in zip(inner, projected))
+        rows = predicted[: len(measured.radiance)]
+        solved = Solved(light, rows, _penalised(misfit, measured, light), normal)
+        return solved, System(jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
+
+
+def mixed(response: Response, guess: Guess) -> Float[Array, "channel sample part"]:
+    """Weigh the lobes: what one unit of each part of the light sends to the camera."""
+    columns = _evaluated(response, response.passed(guess), guess)
+    share = gloss_share(guess)[:, None, None]
+    return jax.lax.optimization_barrier(
+        (1 - share) * columns.diffuse[None] + share * columns.specular[None]
+    )
+
+
+def tangent_frames(directions: Float[Array, "source 3"]) -> Float[Array, "source 3 2"]:
+    """Make two tangents of the sphere at every source."""
+    return jax.vmap(world_from_local)(directions)[:, :, :2]
+
+
+def lobe_slopes(response: Response, guess: Guess) -> Lobe:
+    """Evaluate what the lobe passes on and differentiate it by log sigma and log(mu - 1)."""
+
+    def passed(sigma, mu) -> Float[Array, "sample term"]:
+        return response.passed(guess._replace(sigma=sigma, mu=mu))
+
+    at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu))
+    one, zero = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
+    value, by_sigma = jax.jvp(passed, at, (one, zero))
+    _, by_mu = jax.jvp(passed, at, (zero, one))
+    return jax.lax.optimization_barrier(Lobe(value, by_sigma, by_mu))
+
+
+def prediction_slopes(
+    response: Response,
+    lobe: Lobe,
+    guess: Guess,
+    columns: Columns,
+    light: Float[Array, "part channel"],
+) -> list[Float[Array, "sample unknown"]]:
+    """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
+    share = gloss_share(guess)
+    slow, energies = jnp.split(light, [response.slow_count])
+    sources = _source_slopes(response, guess)
+    by_share = (columns.specular - columns.diffuse) @ light
+    by_sigma, by_mu = (
+        response.slow_radiance(passed, slow) + towards @ energies
+        for passed, towards in ((lobe.by_sigma, sources[0]), (lobe.by_mu, sources[1]))
+    )
+    found = []
+    for k, of_channel in enumerate(share):
+        gloss = jnp.zeros((len(by_share), len(share)), by_share.dtype)
+        gloss = gloss.at[:, k].set(of_channel * (1 - of_channel) * by_share[:, k])
+        both = of_channel * jnp.stack([by_sigma[:, k], by_mu[:, k]], axis=1)
+        aside = [
+            ((1 - of_channel) * diffuse + of_channel * specular) * energies[None, :, k]
+            for diffuse, specular in sources[2:]
+        ]
+        # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
+        parts = jax.lax.optimization_barrier([gloss, both, *aside])
+        found.append(jnp.concatenate(parts, axis=1))
+    return jax.lax.optimization_barrier(found)
+
+
+def _source_slopes(response: Response, guess: Guess) -> tuple:
+    """Differentiate the sources' columns: the lobe by sigma and mu, both by steps aside."""
+    directions = jnp.asarray(guess.directions)
+    at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu), directions)
+    one, zero, still = jnp.ones_like(at[0]), jnp.zeros_like(at[0]), jnp.zeros_like(directions)
+
+    def specular(sigma, mu, directions) -> Float[Array, "sample source"]:
+        return response.source_specular(Guess(guess.gloss, sigma, mu, directions))
+
+    def along(*step) -> Float[Array, "sample source"]:
+        return jax.jvp(specular, at, step)[1]
+
+    aside = [
+        (jax.jvp(response.source_diffuse, (directions,), (step,))[1], along(zero, zero, step))
+        for step in jnp.moveaxis(tangent_frames(directions), -1, 0)
+    ]
+    return jax.lax.optimization_barrier((along(one, zero, still), along(zero, one, still), *aside))
+
+
+def _solved(
+    response: Response, guess: Guess, measured: Measured, blocks: _Block
+) -> tuple[Float[Array, "part channel"], Float[Array, "channel part part"]]:
+    """Solve every channel's normal equations by Cholesky factorization; return the factors, too."""
+
+    def add(block: _Block) -> tuple[tuple, None]:
+        columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
+        sums = []
+        for k, share in enumerate(gloss_share(guess)):
+            weights = block.weights[:, k]
+            weighted = _weighted(columns, share, weights)
+            seen = (weights * block.radiance[:, k]) @ weighted
+            sums.append((weighted.T @ weighted, seen))
+        return tuple(map(jnp.stack, zip(*sums))), None
+
+    (gram, right), _ = _summed(add, blocks)
+    light, factors = [], []
+    for normal, seen, penalty in zip(gram, right, jnp.asarray(measured.penalty).T):
+        normal = normal + jnp.diag(penalty)
+        # A source that is switched off has no column: unit diagonal, so that its energy is zero.
+        size = jnp.diag(normal)
+        normal = normal + jnp.diag(jnp.where(size > 0, 1e-12 * size, 1))
+        factors.append(jnp.linalg.cholesky(normal))
+        light.append(jax.scipy.linalg.cho_solve((factors[-1], True), seen))
+    return jnp.stack(light, axis=1), jnp.stack(factors)
+
+
+def _evaluated(response: Response, passed: Float[Array, "sample term"], guess: Guess) -> Columns:
+    """Evaluate both lobes' responses once: the compiler is kept from doing so in every product."""
+    return jax.lax.optimization_barrier(response.columns_of(passed, guess))
+
+
+def _weighted(
+    columns: Columns, share: Float[Array, ""], weights: Float[Array, "sample"]
+) -> Float[Array, "sample part"]:
+    """Make one channel's columns, each row times its weight."""
+    weighted = weights[:, None] * ((1 - share) * columns.diffuse + share * columns.specular)
+    return jax.lax.optimization_barrier(weighted)
+
+
+def _predicted(
+    columns: Columns, guess: Guess, light: Float[Array, "part channel"]
+) -> Float[Array, "sample channel"]:
+    share = gloss_share(guess)[None, :]
+    return (1 - share) * (columns.diffuse @ light) + share * (columns.specular @ light)
+
+
+def _squares(block: _Block, predicted: Float[Array, "sample channel"]) -> Float[Array, ""]:
+    return jnp.sum((block.weights * (block.radiance - predicted)) ** 2)
+
+
+def _penalised(
+    misfit: Float[Array, ""], measured: Measured, light: Float[Array, "part channel"]
+) -> Float[Array, ""]:
+    return (misfit + jnp.sum(jnp.asarray(measured.penalty) * light**2)) / 2
+
+
+def _in_blocks(response: Response, lobe: Any, measured: Measured) -> _Block:
+    """Cut all that has a row for each sample into blocks of equal length.
+
+    The last is filled up with samples of no weight.
+    """
+    radiance, weights = jnp.asarray(measured.radiance), jnp.asarray(measured.weights)
+    count = len(radiance)
+    blocks = max(1, -(-count // _BLOCK))
+    length = -(-count // blocks)
+
+    def cut(rows: Array, mode: str = "edge") -> Array:
+        fill = ((0, blocks * length - count), *((0, 0),) * (rows.ndim - 1))
+        return jnp.pad(rows, fill, mode=mode).reshape(blocks, length, *rows.shape[1:])
+
+    every = _Block(response.rows, lobe, radiance, weights)
+    return jax.tree.map(cut, every)._replace(weights=cut(weights, "constant"))
+
+
+def _summed(of_block: Callable[[_Block], tuple[Any, Any]], blocks: _Block) -> tuple[Any, Any]:
+    """Add up the first of what is made of every block, and join the rows of the second."""
+    one = jax.tree.map(lambda rows: rows[0], blocks)
+    shapes = jax.eval_shape(of_block, one)[0]
+    zeros = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
+
+    def add(sums: Any, block: _Block) -> tuple[Any, Any]:
+        more, rows = of_block(block)
+        return jax.tree.map(jnp.add, sums, more), rows
+
+    sums, rows = jax.lax.scan(add, zeros, blocks)
+    return sums, jax.tree.map(lambda part: part.reshape(-1, *part.shape[2:]), rows)
