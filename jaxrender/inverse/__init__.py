@@ -2,8 +2,8 @@
 
 ``outcomes``
     how a fit ended, in words
-``solvers``
-    the only place that knows the optimisation libraries
+``solvers`` ``blas``
+    the only place that knows the optimisation libraries; BLAS kept to one thread
 ``unknowns``
     which parameters are free, within what bounds, and how they enter (linearly or not)
 ``observations``

@@ -31,7 +31,7 @@ from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import _moved
 from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.projection import (
-    _BLOCK,
+    BLOCK,
     Measured,
     lobe_slopes,
     mixed,
@@ -160,7 +160,7 @@ def test_derivatives_of_the_prediction(photographs):
 def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     """The same equations by NumPy, of a number of samples that blocks do not divide."""
     task = _task(photographs.take(np.arange(1205)))
-    assert len(task.radiance) > 2 * _BLOCK
+    assert len(task.radiance) > 2 * BLOCK
     assert len(task.radiance) % 3
     state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
@@ -246,7 +246,7 @@ def test_pursued_gains_are_what_the_cost_loses(photographs):
     one[:, 0] = 1
     lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
     after = solve_light(lit, guess, data)
-    assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-6)
+    assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-4)
 
 
 def test_one_lamp_found_twice_becomes_one(photographs):

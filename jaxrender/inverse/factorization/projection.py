@@ -12,6 +12,7 @@ derivatives of one block stay in the processor's cache, and memory does not grow
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -22,7 +23,7 @@ from jaxrender.inverse.factorization.response import Columns, Guess, Response, g
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
-_BLOCK = 512
+BLOCK = 512
 
 
 class Measured(NamedTuple):
@@ -72,7 +73,7 @@ class _Block(NamedTuple):
 def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
     """Solve for the light of every channel."""
     with jax.default_matmul_precision("highest"):
-        blocks = _in_blocks(response, response.passed(guess), measured)
+        blocks = _in_blocks(response, response.passed(guess), measured, BLOCK)
         light, normal = _solved(response, guess, measured, blocks)
 
         def predict(block: _Block) -> tuple[Array, Array]:
@@ -85,12 +86,14 @@ def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
         return Solved(light, rows, _penalised(misfit, measured, light), normal)
 
 
-@jax.jit
-def reduced_system(response: Response, guess: Guess, measured: Measured) -> tuple[Solved, System]:
-    """Solve for the light and set up the step of everything else."""
+@partial(jax.jit, static_argnames="block")
+def reduced_system(
+    response: Response, guess: Guess, measured: Measured, *, block: int = BLOCK
+) -> tuple[Solved, System]:
+    """Solve for the light and set up the step of everything else, ``block`` samples at a time."""
     with jax.default_matmul_precision("highest"):
         lobe = lobe_slopes(response, guess)
-        blocks = _in_blocks(response, lobe, measured)
+        blocks = _in_blocks(response, lobe, measured, block)
         light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
 
         def add(block: _Block) -> tuple[tuple, Array]:
@@ -253,14 +256,14 @@ def _penalised(
     return (misfit + jnp.sum(jnp.asarray(measured.penalty) * light**2)) / 2
 
 
-def _in_blocks(response: Response, lobe: Any, measured: Measured) -> _Block:
-    """Cut all that has a row for each sample into blocks of equal length.
+def _in_blocks(response: Response, lobe: Any, measured: Measured, most: int) -> _Block:
+    """Cut all that has a row for each sample into blocks of equal length, no longer than ``most``.
 
     The last is filled up with samples of no weight.
     """
     radiance, weights = jnp.asarray(measured.radiance), jnp.asarray(measured.weights)
     count = len(radiance)
-    blocks = max(1, -(-count // _BLOCK))
+    blocks = max(1, -(-count // most))
     length = -(-count // blocks)
 
     def cut(rows: Array, mode: str = "edge") -> Array:

@@ -8,10 +8,13 @@ gain_c(d) = (g_c' W r_c)^2 / (g_c' W g_c - |C^-1 M_c' W g_c|^2),     C C' = M_c'
 
 summed over the channels in which its energy is positive.  The best lamp joins the columns, the
 others are projected off it too, and so on: orthogonal matching pursuit, at fixed material.
+
+What is there already is solved for in full precision; the thousands of candidates, of which only
+the order counts, are held in single precision, at half the time.
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +27,8 @@ from jaxrender.inverse.factorization.response import (
     gloss_share,
 )
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+
+_Tree = TypeVar("_Tree")
 
 # A direction that the columns already there explain but for this part has nothing to add.
 _NOTHING_LEFT = 1e-3
@@ -60,7 +65,8 @@ def pursue(
     """
     with jax.default_matmul_precision("highest"):
         lamps = Guess(guess.gloss, guess.sigma, guess.mu, jnp.asarray(towards))
-        channels = _prepare(response, guess, measured, _pair(response, lamps, seen))
+        candidates = _pair(_narrow(response), _narrow(lamps), seen)
+        channels = _prepare(response, guess, measured, candidates)
         size = jnp.sum(channels.lamps**2, axis=1)
 
         def one_more(step: Int[Array, ""], state: tuple) -> tuple:
@@ -111,7 +117,7 @@ def _pair(
 def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:
     columns, solved = mixed(response, guess), solve_light(response, guess, measured)
     diffuse, specular = candidates
-    left = measured.radiance - solved.predicted
+    weights, left = jnp.asarray(measured.weights), measured.radiance - solved.predicted
 
     def of_channel(columns, weights, left, share, factor) -> _Channel:
         lamps = weights[:, None] * ((1 - share) * diffuse + share * specular)
@@ -120,6 +126,15 @@ def _prepare(response: Response, guess: Guess, measured: Measured, candidates: C
         free = jnp.sum(lamps**2, 0) - jnp.sum(inside**2, 0)
         return _Channel(lamps, inside, (weights * left) @ lamps, free)
 
-    return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(
-        columns, jnp.asarray(measured.weights), left, gloss_share(guess), solved.normal
-    )
+    each = (columns, weights, left, gloss_share(guess), solved.normal)
+    return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(*map(_narrow, each))
+
+
+def _narrow(tree: _Tree) -> _Tree:
+    """Cast every array of real numbers to single precision."""
+
+    def cast(values: Array) -> Array:
+        real = jnp.issubdtype(jnp.result_type(values), jnp.floating)
+        return jnp.asarray(values, jnp.float32) if real else values
+
+    return jax.tree.map(cast, tree)

@@ -1,0 +1,93 @@
+"""A step of the factorization: samples in blocks or all at once, BLAS with its threads or one.
+
+    python experiments/bench_factorize.py [--samples 4000] [--runs 15]
+
+``reduced_system`` of photographs of a ball under a sky, light to degree 10 and 48 lamps: what a
+step of the joint fit costs.  The twin takes all samples as one block, and the memory that goes with
+it.  Either is measured while BLAS keeps to one thread, as ``factorize`` asks it to, and while its
+threads do as they like.  Cold is the first call, with compilation; warm the medians of calls in
+turns.
+"""
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scenes
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import fibonacci_sphere
+from jaxrender.inverse.blas import one_blas_thread
+from jaxrender.inverse.factorization import FactorSettings, projection
+from jaxrender.inverse.factorization.response import Guess, MirrorResponse
+from jaxrender.inverse.factorization.state import Task, begin, measured
+
+MATERIAL = Microfacet(np.array([0.45, 0.4, 0.3]), np.full(3, 0.3), 0.12, 1.6)
+LAMPS = FactorSettings().most_sources
+
+
+def problem(count: int) -> tuple[MirrorResponse, Guess, projection.Measured]:
+    """Photograph a ball, and stand at the true material with lamps all around."""
+    samples, view = scenes.ring_samples(count, 0.15, seed=0)
+    light = scenes.probe("sky", 2).nodes()
+    radiance = np.asarray(scenes.photograph(light, MATERIAL, samples, view).radiance)
+    response = MirrorResponse.of_convex(MATERIAL, samples, 10, LAMPS)
+    task = Task(radiance, response)
+    state = begin(task)
+    guess = state.guess._replace(directions=jnp.asarray(fibonacci_sphere(LAMPS)))
+    return response, guess, measured(task, state)
+
+
+def compiled(block: int, arguments: tuple) -> tuple[Callable, float, float]:
+    """Compile the step for blocks of a length: seconds, and megabytes that it works in."""
+    start = time.perf_counter()
+    program = projection.reduced_system.lower(*arguments, block=block).compile()
+    seconds = time.perf_counter() - start
+    return program, seconds, program.memory_analysis().temp_size_in_bytes / 1e6
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--samples", type=int, default=4000)
+    parser.add_argument("--runs", type=int, default=15)
+    options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    arguments = problem(options.samples)
+    programs = {
+        "blocks": compiled(projection.BLOCK, arguments),
+        "all at once": compiled(options.samples, arguments),
+    }
+    results = [jax.tree.leaves(program(*arguments)) for program, *_ in programs.values()]
+    apart = max(float(jnp.max(jnp.abs(a - b)) / jnp.max(jnp.abs(a))) for a, b in zip(*results))
+    print(f"{options.samples} samples; the two differ by {apart:.0e} of the largest number")
+    threads: dict[str, Callable[[], AbstractContextManager]] = {
+        "one BLAS thread": one_blas_thread,
+        "BLAS threads": nullcontext,
+    }
+    taken = {(name, kind): [] for kind in threads for name in programs}
+    for _ in range(options.runs):
+        for (name, kind), seconds in taken.items():
+            program = programs[name][0]
+            with threads[kind]():
+                # The first wakes what the second then suffers from.
+                jax.block_until_ready(program(*arguments))
+                start = time.perf_counter()
+                jax.block_until_ready(program(*arguments))
+                seconds.append(time.perf_counter() - start)
+    base = statistics.median(taken["blocks", "one BLAS thread"])
+    for (name, kind), seconds in taken.items():
+        median = statistics.median(seconds)
+        _, cold, memory = programs[name]
+        print(
+            f"{name:12s} {kind:16s} {1e3 * median:7.1f} ms warm ({median / base:.2f}), "
+            f"compiled in {cold:.1f} s, works in {memory:.0f} MB"
+        )
+
+
+if __name__ == "__main__":
+    main()
