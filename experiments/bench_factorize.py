@@ -43,10 +43,10 @@ def problem(count: int) -> tuple[MirrorResponse, Guess, projection.Measured]:
     return response, guess, measured(task, state)
 
 
-def compiled(block: int, arguments: tuple) -> tuple[Callable, float, float]:
-    """Compile the step for blocks of a length: seconds, and megabytes that it works in."""
+def compiled(at_once: int, arguments: tuple) -> tuple[Callable, float, float]:
+    """Compile the step for so many samples at once: seconds, and megabytes that it works in."""
     start = time.perf_counter()
-    program = projection.reduced_system.lower(*arguments, block=block).compile()
+    program = projection.reduced_system.lower(*arguments, at_once=at_once).compile()
     seconds = time.perf_counter() - start
     return program, seconds, program.memory_analysis().temp_size_in_bytes / 1e6
 
@@ -59,7 +59,7 @@ def main():
     jax.config.update("jax_enable_x64", True)
     arguments = problem(options.samples)
     programs = {
-        "blocks": compiled(projection.BLOCK, arguments),
+        "blocks": compiled(projection.SAMPLES_AT_ONCE, arguments),
         "all at once": compiled(options.samples, arguments),
     }
     results = [jax.tree.leaves(program(*arguments)) for program, *_ in programs.values()]

@@ -39,7 +39,7 @@ from jaxrender.lighting.positional import (
     PointLight,
     SpotIntensity,
 )
-from jaxrender.lighting.positive_part import positive_part_of
+from jaxrender.lighting.positive_part import positive_environment, positive_part_of
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
 
@@ -70,6 +70,7 @@ __all__ = [
     "light_of_ball",
     "panorama_named",
     "partition",
+    "positive_environment",
     "positive_part_of",
     "preetham",
     "split_to_energy",

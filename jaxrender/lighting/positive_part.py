@@ -13,7 +13,8 @@ which is smooth, convex, and small enough for Newton's method.
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis
+from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis, synthesise
+from jaxrender.lighting.environment import Environment
 from jaxrender.shapes import Float
 
 # Rows of the grid on which radiance is kept positive, for each degree of the light.
@@ -50,6 +51,17 @@ def positive_part_of(
             relative = wanted / level, (error / level) ** 2
             found[:, channel] = level * _of_one_channel(basis, weights, *relative)
     return found
+
+
+def positive_environment(
+    coefficients: Float[np.ndarray, "coefficient channel"],
+    errors: Float[np.ndarray, "coefficient channel"] | None,
+    rows: int,
+) -> Environment:
+    """Draw the light that has these coefficients and is nowhere negative."""
+    grid = LatLongGrid(rows, 2 * rows)
+    series = positive_part_of(coefficients, errors)
+    return Environment(np.maximum(np.asarray(synthesise(grid, jnp.asarray(series))), 0))
 
 
 def _of_one_channel(

@@ -31,7 +31,7 @@ from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import _moved
 from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.projection import (
-    BLOCK,
+    SAMPLES_AT_ONCE,
     Measured,
     lobe_slopes,
     mixed,
@@ -160,7 +160,7 @@ def test_derivatives_of_the_prediction(photographs):
 def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     """The same equations by NumPy, of a number of samples that blocks do not divide."""
     task = _task(photographs.take(np.arange(1205)))
-    assert len(task.radiance) > 2 * BLOCK
+    assert len(task.radiance) > 2 * SAMPLES_AT_ONCE
     assert len(task.radiance) % 3
     state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)

@@ -23,7 +23,7 @@ from jaxrender.inverse.factorization.response import Columns, Guess, Response, g
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
-BLOCK = 512
+SAMPLES_AT_ONCE = 512
 
 
 class Measured(NamedTuple):
@@ -63,6 +63,8 @@ class Lobe(NamedTuple):
 
 
 class _Block(NamedTuple):
+    """Some of the samples: of ``lobe`` what is asked for; or, with one more axis, all blocks."""
+
     rows: dict[str, Any]
     lobe: Any
     radiance: Float[Array, "sample channel"]
@@ -73,7 +75,7 @@ class _Block(NamedTuple):
 def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
     """Solve for the light of every channel."""
     with jax.default_matmul_precision("highest"):
-        blocks = _in_blocks(response, response.passed(guess), measured, BLOCK)
+        blocks = _in_blocks(response, response.passed(guess), measured, SAMPLES_AT_ONCE)
         light, normal = _solved(response, guess, measured, blocks)
 
         def predict(block: _Block) -> tuple[Array, Array]:
@@ -86,14 +88,14 @@ def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
         return Solved(light, rows, _penalised(misfit, measured, light), normal)
 
 
-@partial(jax.jit, static_argnames="block")
+@partial(jax.jit, static_argnames="at_once")
 def reduced_system(
-    response: Response, guess: Guess, measured: Measured, *, block: int = BLOCK
+    response: Response, guess: Guess, measured: Measured, *, at_once: int = SAMPLES_AT_ONCE
 ) -> tuple[Solved, System]:
-    """Solve for the light and set up the step of everything else, ``block`` samples at a time."""
+    """Solve for the light and set up the step of everything else, ``at_once`` samples at a time."""
     with jax.default_matmul_precision("highest"):
         lobe = lobe_slopes(response, guess)
-        blocks = _in_blocks(response, lobe, measured, block)
+        blocks = _in_blocks(response, lobe, measured, at_once)
         light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
 
         def add(block: _Block) -> tuple[tuple, Array]:
@@ -113,8 +115,8 @@ def reduced_system(
 
         (inner, slope, across, misfit), predicted = _summed(add, blocks)
         projected = [
-            jax.scipy.linalg.solve_triangular(factor, mixed, lower=True)
-            for factor, mixed in zip(normal, across)
+            jax.scipy.linalg.solve_triangular(factor, of_channel, lower=True)
+            for factor, of_channel in zip(normal, across)
         ]
         curvature = sum(own - part.T @ part for own, part in zip(inner, projected))
         rows = predicted[: len(measured.radiance)]

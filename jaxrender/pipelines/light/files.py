@@ -1,13 +1,12 @@
 """A recovered light as images and as NetCDF, and the samples that it explains."""
 
 import h5netcdf
-import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders, synthesise
+from jaxrender.harmonics import LatLongGrid, band_limit_of, degrees, orders
 from jaxrender.inverse import Factorization, Observations
 from jaxrender.inverse.factorization import RecoveredScene
-from jaxrender.lighting import DirectionalSources, positive_part_of
+from jaxrender.lighting import DirectionalSources, positive_environment
 from jaxrender.pipelines.result import write_variable
 from jaxrender.shapes import Float
 
@@ -59,8 +58,8 @@ def light_images(
     elsewhere, so that the image has the coefficients that were found.
     """
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
-    series = positive_part_of(np.asarray(scene.slow), np.asarray(scene.slow_error))
-    slow = np.maximum(np.asarray(synthesise(grid, jnp.asarray(series))), 0)
+    light = positive_environment(np.asarray(scene.slow), np.asarray(scene.slow_error), _ROWS)
+    slow = np.asarray(light.radiance)
     whole = slow.copy()
     rows, columns = texels_of(scene.sources, grid)
     energy = np.maximum(np.asarray(scene.sources.irradiance), 0)

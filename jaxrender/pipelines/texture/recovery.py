@@ -3,17 +3,15 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples
-from jaxrender.harmonics import LatLongGrid, synthesise
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.texture import Texture
 from jaxrender.io import write_environment
-from jaxrender.lighting import Environment, positive_part_of
+from jaxrender.lighting import positive_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, TextureConfig
 from jaxrender.pipelines.photographs import Photograph
@@ -116,10 +114,7 @@ class TextureRecovery(Recovery):
         write_maps(folder, self.surface, self.sites, reach)
         write_texture_arrays(folder / "result.nc", self.surface, self.sites)
         if self.surface.light is not None:
-            grid = LatLongGrid(_ROWS, 2 * _ROWS)
-            series = positive_part_of(*self.surface.light)
-            image = np.asarray(synthesise(grid, jnp.asarray(series)))
-            light = Environment(np.maximum(image, 0))
+            light = positive_environment(*self.surface.light, _ROWS)
             write_environment(folder / "lighting.exr", light)
             write_environment(folder / "lighting_slow.exr", light)
         elif self.known.light is not None and self.known.light.environment is not None:
