@@ -6,15 +6,32 @@ on two processors, a fit that factorizes a matrix of some hundred rows at every 
 longer.
 """
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
+from threading import Lock
 
 from threadpoolctl import ThreadpoolController
 
+# The limit is the whole process's: of uses that overlap the first sets it, the last lifts it.
+_LOCK, _LIMIT, _USES = Lock(), ExitStack(), set[object]()
 
-def one_blas_thread() -> AbstractContextManager:
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
     """Make BLAS and LAPACK work on the calling thread alone, until the context is left."""
-    return _controller().limit(limits=1, user_api="blas")
+    use = object()
+    with _LOCK:
+        if not _USES:
+            _LIMIT.enter_context(_controller().limit(limits=1, user_api="blas"))
+        _USES.add(use)
+    try:
+        yield
+    finally:
+        with _LOCK:
+            _USES.remove(use)
+            if not _USES:
+                _LIMIT.close()
 
 
 @cache

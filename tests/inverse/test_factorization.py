@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from inverse_problems import ball_samples
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import fibonacci_sphere
@@ -188,21 +187,6 @@ def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndar
     return np.stack(prediction_slopes(response, lobe, guess, columns, light))
 
 
-def test_blas_keeps_to_one_thread_meanwhile(photographs):
-    """Its threads would wait where XLA's work."""
-
-    def threads() -> list[int]:
-        return [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
-
-    seen = []
-    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
-    with threadpool_limits(2, user_api="blas"):
-        factorize(photographs, PAINT, settings, watch=lambda _: seen.append(threads()))
-        after = threads()
-    assert set(after) == {2}
-    assert {count for counts in seen for count in counts} == {1}
-
-
 def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
     """The second derivative of the cost along gloss, the light following, at the minimum."""
     task = _task(photographs)
@@ -243,7 +227,7 @@ def test_pursued_gains_are_what_the_cost_loses(photographs):
     one[:, 0] = 1
     lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
     after = solve_light(lit, guess, data)
-    assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-4)
+    assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-5)
 
 
 def test_one_lamp_found_twice_becomes_one(photographs):
