@@ -36,27 +36,36 @@ def account_for(
     shape: Shape | None = None,
 ) -> Account:
     """Put error bars on the end of a fit, and say what they rest on; ``shape`` if it is concave."""
-    unknowns, fit = stop.problem.unknowns, stop.fit
-    physical = unknowns.unpack(fit.solution.point)
-    near = stop.model
-    if not isinstance(near, LinearisedModel):
-        near = LinearisedModel.about(stop.model, physical.sigma, physical.mu)
-    uncertain = uncertain_parameters(
-        stop.problem,
-        near,
-        stop.data,
-        fit,
-        settings.noise is not None,
-        variance_factor=variance_factor(in_deviations(stop), settings.loss),
-    )
+    near = _linearised(stop)
+    uncertain = error_bars(stop, settings)
     if not isinstance(variant, Glossy):
         return Account(uncertain, None)
     samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)
     darkened = shadows_of(shape, stop.observations, light)
     spectral = DualModel(variant, samples, light, darkened, transfer="gaussian")
-    evidence = sigma_evidence(stop.problem, near, spectral, stop.data, fit)
+    evidence = sigma_evidence(stop.problem, near, spectral, stop.data, stop.fit)
     return Account(uncertain, evidence)
+
+
+def error_bars(stop: Stop, settings: FitSettings) -> Uncertain:
+    """Put error bars on the end of a fit."""
+    return uncertain_parameters(
+        stop.problem,
+        _linearised(stop),
+        stop.data,
+        stop.fit,
+        settings.noise is not None,
+        variance_factor=variance_factor(in_deviations(stop), settings.loss),
+        shares=stop.observations.shares,
+    )
+
+
+def _linearised(stop: Stop) -> LinearisedModel:
+    if isinstance(stop.model, LinearisedModel):
+        return stop.model
+    physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
+    return LinearisedModel.about(stop.model, physical.sigma, physical.mu)
 
 
 def judge(

@@ -3,8 +3,9 @@
 1. *Rough*: the light is split at a small roughness, and the dual model fitted from many starts.
 2. *Frequency fit*: the light is split again at the roughness found, as finely as the dual model
    needs it, and the samples fitted again; the noise is estimated and the samples reweighted by it.
-3. *Refinement*: Levenberg-Marquardt on the exact integral over a stratified subset, starting from
-   there.  How far it moves each parameter is the bias of the frequency fit, and is reported.
+3. *Refinement*: Levenberg-Marquardt on the exact integral over a draw of the samples, starting from
+   there.  The draw grows until two halves of it agree.  How far the refinement moves each parameter
+   is the bias of the frequency fit, and is reported.
 4. *Account*: intervals from the full covariance, what is identifiable, where sigma comes from, and
    what would be different under a slightly different model.
 
@@ -26,10 +27,11 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
-from jaxrender.inverse.account import account_for, judge
+from jaxrender.inverse.account import account_for, error_bars, judge
+from jaxrender.inverse.bounds import checked_at_bound
 from jaxrender.inverse.coarse_fit import fit_coarsely, width_of
 from jaxrender.inverse.conditioning import SigmaEvidence
-from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.elimination import MANY, THINNING, Few, Problem
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import (
     KnownLight,
@@ -38,8 +40,9 @@ from jaxrender.inverse.known_light import (
     prepare_light,
     undivided,
 )
+from jaxrender.inverse.leverage import draw, leverage, sigma_range
 from jaxrender.inverse.models import ExactModel, TabulatedModel
-from jaxrender.inverse.observations import Observations, stratified_subset
+from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import (
     DEFAULTS,
@@ -53,7 +56,8 @@ from jaxrender.inverse.passes import (
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
-from jaxrender.reflection import DualLight, Shadows, roughness_table
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import DualLight, FrameNodes, Shadows, roughness_table
 from jaxrender.shapes import Float
 
 # The roughness that the light is split at in the rough first pass.
@@ -63,6 +67,11 @@ _TABLE_REACH = 1.8
 # The light is split anew when the fit ends this far (in log sigma) from where it was split.
 _SPLIT_AGAIN = 0.25
 _SPLITS = 3
+# A draw whose halves disagree grows by this factor.
+_GROWTH = 3
+# Pairs of a sample and a node of the light: a draw has so many without asking, and grows to so
+# many; and to no more than so many samples.
+_LITTLE_WORK, _MOST_WORK, _MOST_DRAWN = 5e4, 4e8, 100_000
 # Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
 SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
@@ -109,13 +118,15 @@ def fit_brdf(
     stage: Stage = lambda name: nullcontext(),
     *,
     shape: Shape | None = None,
+    pool: Observations | None = None,
 ) -> BRDFFit:
     """Recover kd, ks, the width sigma and mu of any parametric model from reflected light.
 
     ``variant`` tells the model: of a microfacet the distribution, the Fresnel angle, the masking
     and, by ``mu=None``, a metal; its numbers do not matter.  One without an index wants
     ``unknowns.mu`` to be None.  ``stage`` is entered with the name of each step.  ``shape`` is
-    asked for shadows where it is concave, and then the observations must have places.  Raises
+    asked for shadows where it is concave, and then the observations must have places.  ``pool`` are
+    all pixels that the observations were drawn from: the refinement draws from it.  Raises
     ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base that is
     not Lambertian.
     """
@@ -138,7 +149,7 @@ def fit_brdf(
             prepared = undivided(light, observations, settings.band_limit)
     exact, bounced = None, None
     if settings.refine:
-        begin = (found, choice, predicted)
+        begin = (found, choice, predicted) if pool is None else (found, pool, None)
         exact, bounced = _refine(begin, light, variant, settings, helpers)
     final = found if exact is None else exact
     with stage("account"):
@@ -177,7 +188,9 @@ def _frequency_fit(
         with stage("shadows"):
             return shadows_of(shape, observations, light)
 
-    found, prepared = _rough_fit(observations, light, sought, settings, (shadows, stage)), None
+    few = _few(observations, light, problem.unknowns, settings)
+    where = (shadows, stage, few)
+    found, prepared = _rough_fit(observations, light, sought, settings, where), None
     for _ in range(_SPLITS):
         at = _sigma(found)
         with stage("split"):
@@ -202,7 +215,8 @@ def _frequency_fit(
             )
         with stage("solve"):
             begin = Begin(settings.noise, None, np.asarray(found.fit.solution.point)[None])
-            found = fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
+            model = TabulatedModel(table)
+            found = fit_in_rounds(problem, model, observations, begin, settings, few)
         if abs(np.log(_sigma(found) / at)) < _SPLIT_AGAIN:
             break
     assert prepared is not None
@@ -214,10 +228,10 @@ def _rough_fit(
     light: KnownLight,
     sought: tuple[Problem, Glossy],
     settings: FitSettings,
-    helpers: tuple[Callable[[DualLight], Shadows | None], Stage],
+    helpers: tuple[Callable[[DualLight], Shadows | None], Stage, Few | None],
 ) -> Stop:
     """Find the neighbourhood of the answer from many starts."""
-    (problem, variant), (shadows, stage) = sought, helpers
+    (problem, variant), (shadows, stage, few) = sought, helpers
     unknowns = problem.unknowns
     if unknowns.sigma.free:
         sigma = max(unknowns.sigma.lower, min(_ROUGH_SIGMA, unknowns.sigma.upper))
@@ -240,34 +254,63 @@ def _rough_fit(
             shadows=darkened,
         )
         begin = Begin(settings.noise, None, unknowns.starts(settings.starts))
-        return fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings)
+        return fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings, few)
+
+
+def _few(
+    observations: Observations,
+    light: KnownLight,
+    unknowns: MicrofacetUnknowns,
+    settings: FitSettings,
+) -> Few | None:
+    """Choose the samples that a search among many begins with."""
+    if observations.count < MANY:
+        return None
+    told = leverage(observations, light, sigma_range(unknowns))
+    some, index = draw(observations, told, observations.count // THINNING, settings.seed)
+    return Few(index, some.pixels / observations.pixels[index])
 
 
 def _refine(
-    found: tuple[Stop, Observations, Float[np.ndarray, "sample channel"]],
+    found: tuple[Stop, Observations, Float[np.ndarray, "sample channel"] | None],
     light: KnownLight,
     variant: Parametric,
     settings: FitSettings,
     where: tuple[Shape | None, Stage],
 ) -> tuple[Stop, Bounced | None]:
-    """Continue on the exact integral over a stratified subset, and with bounces if asked.
+    """Continue on the exact integral over a draw of the samples, and with bounces if asked.
 
-    ``found`` is where a quicker fit ended, samples to choose from, and what it predicts of them.
+    ``found`` is where a quicker fit ended, samples to choose from, and what it predicts of them; of
+    a pool of pixels nothing is predicted. The draw grows until two halves of it agree within their
+    errors, until it holds all samples, or until it becomes too much work.
     """
     (quick, choice, expected), (shape, stage) = found, where
-    with stage("refine"):
-        some, predicted = stratified_subset(
-            choice, expected, settings.refine_samples, settings.seed
-        )
-        cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-        nodes = exact_nodes(light, np.asarray(some.frame), width_of(quick, variant), cells)
-    seen = None
-    if shape is not None:
-        with stage("shadows"):
-            seen = nodes_seen(shape, some, nodes)
-    with stage("refine"):
-        model = ExactModel(variant, some.samples, nodes, seen)
-        stop = descend(quick.problem, model, some, quick.onward(predicted), settings)
+    told = leverage(choice, light, sigma_range(quick.problem.unknowns))
+    count, before = settings.refine_samples, quick
+    if expected is None:
+        # Where the light is a few sources, many samples cost as little as few under an environment.
+        nodes = exact_nodes(light, np.zeros(0, int), width_of(quick, variant))
+        count = max(count, int(_LITTLE_WORK / _nodes_a_sample(nodes)))
+    while True:
+        with stage("refine"):
+            some, index = draw(choice, told, count, settings.seed)
+            cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
+            nodes = exact_nodes(light, np.asarray(some.frame), width_of(before, variant), cells)
+        seen = None
+        if shape is not None:
+            with stage("shadows"):
+                seen = nodes_seen(shape, some, nodes)
+        with stage("refine"):
+            model = ExactModel(variant, some.samples, nodes, seen)
+            begin = before.onward(None if expected is None else expected[index])
+            stop = descend(quick.problem, model, some, begin, settings)
+            stop = checked_at_bound(stop, model, settings)
+            work = some.count * _nodes_a_sample(nodes)
+            largest = min(choice.count, _MOST_DRAWN)
+            grown = some.count >= largest or _GROWTH * work > _MOST_WORK
+            if grown or error_bars(stop, settings).disagreement <= 1:
+                break
+        count, before = min(_GROWTH * count, largest), stop
     if shape is None or not settings.interreflection:
         return stop, None
 
@@ -278,6 +321,10 @@ def _refine(
 
     with stage("interreflection"):
         return fit_with_bounces(stop, (shape, light), refit)
+
+
+def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:
+    return sum(part.directions.shape[-2] for part in nodes)
 
 
 def _sigma(stop: Stop) -> float:

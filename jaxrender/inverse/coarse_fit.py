@@ -14,8 +14,9 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.elimination import Data, Problem, cost_at
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.leverage import draw, leverage, sigma_range
 from jaxrender.inverse.models import ExactModel
-from jaxrender.inverse.observations import Observations, random_subset
+from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Begin, FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.shapes import Float
@@ -46,7 +47,8 @@ def fit_coarsely(
     shape: Shape | None = None,
 ) -> Coarse:
     """Fit few samples by the integral over a condensed light; ``shape`` where it is concave."""
-    some = random_subset(observations, _SAMPLES, settings.seed)
+    told = leverage(observations, light, sigma_range(sought[0].unknowns))
+    some, _ = draw(observations, told, _SAMPLES, settings.seed)
     cell, stop = _WIDEST_CELL, None
     for _ in range(_ROUNDS):
         stop = _fit(some, light, sought, settings, (cell, shape, stop))
@@ -56,7 +58,7 @@ def fit_coarsely(
             break
         cell = wanted
     assert stop is not None
-    choice = random_subset(observations, _CHOICE * settings.refine_samples, settings.seed)
+    choice, _ = draw(observations, told, _CHOICE * settings.refine_samples, settings.seed)
     return Coarse(stop, choice, _predicted(stop, light, sought, choice, shape))
 
 
@@ -82,6 +84,7 @@ def _fit(
         return descend(problem, model, some, before.onward(predicted), settings)
     radiance = np.asarray(some.radiance)
     even = np.full_like(radiance, 1 / np.sqrt(np.mean(radiance**2)))
+    even *= np.sqrt(some.shares)[:, None].astype(even.dtype)
     data = Data(radiance, even, np.asarray(some.frame))
     # So many along each of the numbers that are searched for.
     shapes = sum(not name.startswith("gain") for name in problem.unknowns.names)

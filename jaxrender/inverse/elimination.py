@@ -27,11 +27,13 @@ METHODS = {"variable-projection": least_squares, "simplex": simplex}
 
 # From so many samples on, a search begins with one in so many of them.  The others then move the
 # answer by a few of its standard errors: a distance at which the model is all but linear.
-_MANY, _THINNING = 4000, 12
+MANY, THINNING = 4000, 12
 # The last steps: at most so many, until none moves a search variable by more than this (what the
 # next would do is of the order of its square), and to a cost not above what was promised by more
 # than this part.
 _LAST_STEPS, _SETTLED, _BROKEN_PROMISE = 4, 0.01, 0.01
+# Searches that end closer than this in every variable have found the same minimum.
+_SAME_PLACE = 0.05
 # By the method of the house, among all samples.
 _AS_IT_IS = ("variable-projection", 1)
 
@@ -42,6 +44,19 @@ class Data(NamedTuple):
     radiance: Float[AnyArray, "sample channel"]
     weights: Float[AnyArray, "sample channel"]
     frame: Int[AnyArray, "sample"]
+
+
+class Few(NamedTuple):
+    """Part of the samples, and how many each of them stands for relative to the others."""
+
+    index: Int[np.ndarray, "few"]
+    shares: Float[np.ndarray, "few"]
+
+    def of(self, model: Model, data: Data) -> tuple[Model, Data]:
+        """Keep this part of a model's rows and of the data."""
+        radiance, weights, frame = (np.asarray(part)[self.index] for part in data)
+        weights = weights * np.sqrt(self.shares)[:, None].astype(weights.dtype)
+        return model.take(self.index), Data(radiance, weights, frame)
 
 
 class Linear(NamedTuple):
@@ -205,10 +220,12 @@ def search(
     data: Data,
     starts: Float[np.ndarray, "start unknown"],
     method: str = "variable-projection",
+    few: Few | None = None,
 ) -> Fit:
-    """Search from every start and keep the best.
+    """Search from every start, and compare where they end on all samples.
 
-    Raises ``ValueError`` for a method that is not in ``METHODS``.
+    Of many samples each search begins with ``few``, or else with one in twelve.  Raises
+    ``ValueError`` for a method that is not in ``METHODS``.
     """
     if method not in METHODS:
         raise ValueError(f"method={method!r}: choose one of {', '.join(METHODS)}")
@@ -217,13 +234,19 @@ def search(
     if isinstance(model, LinearisedModel):
         # Nothing is lost by condensing once and for all, and one compiled search serves any number
         # of samples.
-        few, few_data = condense(model, data)
-        return _evaluate(problem, model, data, _best(problem, few, few_data, starts))
-    if data.radiance.shape[0] < _MANY:
+        near, near_data = condense(model, data)
+        return _evaluate(problem, model, data, _best(problem, near, near_data, starts))
+    if data.radiance.shape[0] < MANY:
         return _best(problem, model, data, starts)
-    few = _best(problem, model, data, starts, thinning=_THINNING)
-    return _settle(problem, model, data, few.solution.point) or _best(
-        problem, model, data, np.asarray(few.solution.point)[None]
+    part, how = (model, data), (method, THINNING)
+    if few is not None:
+        part, how = few.of(model, data), _AS_IT_IS
+    ends = [_search(problem, *part, start, how=how).solution.point for start in starts]
+    return _lowest(
+        [
+            _settle(problem, model, data, end) or _search(problem, model, data, end, how=_AS_IT_IS)
+            for end in _distinct(ends)
+        ]
     )
 
 
@@ -233,11 +256,23 @@ def _best(
     data: Data,
     starts: Float[np.ndarray, "start unknown"],
     method: str = "variable-projection",
-    thinning: int = 1,
 ) -> Fit:
-    """Search from every start."""
+    """Search from every start among all samples."""
     # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
-    found = [_search(problem, model, data, s, how=(method, thinning)) for s in starts]
+    return _lowest([_search(problem, model, data, s, how=(method, 1)) for s in starts])
+
+
+def _distinct(ends: list[Float[Array, "unknown"]]) -> list[Float[Array, "unknown"]]:
+    """Keep one of all searches that ended in the same place."""
+    kept = []
+    for end in ends:
+        if not any(np.all(np.abs(np.asarray(end - other)) < _SAME_PLACE) for other in kept):
+            kept.append(end)
+    return kept
+
+
+def _lowest(found: list[Fit]) -> Fit:
+    """Pick the fit of the lowest finite cost."""
     if len(found) == 1:
         return found[0]
     costs = np.array([float(fit.solution.cost) for fit in found])
@@ -295,7 +330,8 @@ def _search(
 ) -> Fit:
     method, thinning = how
     if thinning > 1:
-        model, data = model.thinned(thinning), Data(*(jnp.asarray(a)[::thinning] for a in data))
+        every = slice(None, None, thinning)
+        model, data = model.take(every), Data(*(jnp.asarray(a)[every] for a in data))
     args = (problem, model, _in_its_own_units(data))
     with jax.default_matmul_precision("highest"):
         # Gains differ between photographs, so then no few samples can stand for all.  A linearised

@@ -18,7 +18,7 @@ import numpy as np
 from jaxrender.brdf import Lambertian
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.models import Columns, Model
+from jaxrender.inverse.models import Columns, Model, Rows
 from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.shadowing import places_of
 from jaxrender.lighting import LightNodes
@@ -45,9 +45,9 @@ class WithBounced(eqx.Module):
         diffuse, specular = self.model.columns(sigma, mu)
         return Columns(diffuse + jnp.asarray(self.bounced), specular)
 
-    def thinned(self, step: int) -> "WithBounced":
-        """Keep one in ``step`` samples."""
-        return WithBounced(self.model.thinned(step), self.bounced[::step])
+    def take(self, index: Rows) -> "WithBounced":
+        """Keep the samples of the given indices."""
+        return WithBounced(self.model.take(index), self.bounced[index])
 
 
 class Bounced(NamedTuple):

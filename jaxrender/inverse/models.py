@@ -21,6 +21,9 @@ from jaxrender.reflection import (
 )
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
+# Which samples to keep: their indices, or every so many.
+Rows = Int[np.ndarray, "kept"] | slice
+
 
 class Columns(NamedTuple):
     """The columns of kd and ks."""
@@ -40,8 +43,8 @@ class Model(Protocol):
         """
         ...
 
-    def thinned(self, step: int) -> "Model":
-        """Keep one in ``step`` samples."""
+    def take(self, index: Rows) -> "Model":
+        """Keep the samples of the given indices."""
         ...
 
 
@@ -54,9 +57,9 @@ class TabulatedModel(eqx.Module):
         """Look up the columns."""
         return Columns(jnp.asarray(self.table.diffuse), self.table.specular(sigma, mu))
 
-    def thinned(self, step: int) -> "TabulatedModel":
-        """Keep one in ``step`` samples."""
-        return TabulatedModel(self.table.thinned(step))
+    def take(self, index: Rows) -> "TabulatedModel":
+        """Keep the samples of the given indices."""
+        return TabulatedModel(self.table.take(index))
 
 
 class DualModel(eqx.Module):
@@ -78,7 +81,7 @@ class DualModel(eqx.Module):
         )
         return Columns(columns[:, 0], columns[:, 1])
 
-    def take(self, index: Int[np.ndarray, "kept"]) -> "DualModel":
+    def take(self, index: Rows) -> "DualModel":
         """Keep the samples of the given indices."""
         light, shadows = self.light, self.shadows
         if light.frames is not None:
@@ -87,10 +90,6 @@ class DualModel(eqx.Module):
             shadows = Shadows(*jax.tree.map(lambda part: np.asarray(part)[index], shadows))
         samples = SurfaceSamples(*(np.asarray(part)[index] for part in self.samples))
         return DualModel(self.variant, samples, light, shadows, self.transfer)
-
-    def thinned(self, step: int) -> "DualModel":
-        """Keep one in ``step`` samples."""
-        return self.take(np.arange(0, self.samples.normals.shape[0], step))
 
 
 class ExactModel(eqx.Module):
@@ -115,16 +114,16 @@ class ExactModel(eqx.Module):
             specular = specular * normalised_fresnel(mu, self.samples.exit_cosines)[:, None]
         return Columns(columns[:, 0], specular)
 
-    def thinned(self, step: int) -> "ExactModel":
-        """Keep one in ``step`` samples."""
-        samples = SurfaceSamples(*(a[::step] for a in self.samples))
+    def take(self, index: Rows) -> "ExactModel":
+        """Keep the samples of the given indices."""
+        samples = SurfaceSamples(*(a[index] for a in self.samples))
         nodes = tuple(
-            FrameNodes(part.directions, part.irradiance, part.frame_of_sample[::step])
+            FrameNodes(part.directions, part.irradiance, part.frame_of_sample[index])
             if isinstance(part, FrameNodes)
             else part
             for part in self.nodes
         )
-        seen = None if self.seen is None else tuple(part[::step] for part in self.seen)
+        seen = None if self.seen is None else tuple(part[index] for part in self.seen)
         return ExactModel(self.variant, samples, nodes, seen)
 
     def _integrate(
@@ -150,9 +149,9 @@ class MatteModel(eqx.Module):
         diffuse = self.model.columns(sigma, mu).diffuse
         return Columns(diffuse, jnp.zeros_like(diffuse))
 
-    def thinned(self, step: int) -> "MatteModel":
-        """Keep one in ``step`` samples."""
-        return MatteModel(self.model.thinned(step))
+    def take(self, index: Rows) -> "MatteModel":
+        """Keep the samples of the given indices."""
+        return MatteModel(self.model.take(index))
 
 
 class LinearisedModel(eqx.Module):
@@ -183,14 +182,14 @@ class LinearisedModel(eqx.Module):
             specular = specular + self.by_mu * (mu - self.mu)
         return Columns(self.diffuse, specular)
 
-    def thinned(self, step: int) -> "LinearisedModel":
-        """Keep one in ``step`` samples."""
-        sigma = self.sigma[::step] if jnp.ndim(self.sigma) else self.sigma
+    def take(self, index: Rows) -> "LinearisedModel":
+        """Keep the samples of the given indices."""
+        sigma = self.sigma[index] if jnp.ndim(self.sigma) else self.sigma
         return LinearisedModel(
-            self.diffuse[::step],
-            self.specular[::step],
-            self.by_sigma[::step],
-            self.by_mu[::step],
+            self.diffuse[index],
+            self.specular[index],
+            self.by_sigma[index],
+            self.by_mu[index],
             sigma,
             self.mu,
         )

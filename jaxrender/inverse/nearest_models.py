@@ -19,7 +19,7 @@ import numpy as np
 from jaxrender.brdf import BRDF, SIMPLE_PARAMETRIC, Microfacet, Parametric, simple_parametric_named
 from jaxrender.geometry import NUSSELT, Components
 from jaxrender.inverse.elimination import Data, Problem, search
-from jaxrender.inverse.models import Columns
+from jaxrender.inverse.models import Columns, Rows
 from jaxrender.inverse.unknowns import (
     MicrofacetUnknowns,
     Unknown,
@@ -67,9 +67,9 @@ class _Pairs(eqx.Module):
         shape = (len(self.incoming), self.channels)
         return Columns(*(jnp.broadcast_to((f / incoming.z)[:, None], shape) for f in lobes))
 
-    def thinned(self, step: int) -> "_Pairs":
-        """Keep one in ``step`` pairs."""
-        pairs = self.incoming[::step], self.outgoing[::step]
+    def take(self, index: Rows) -> "_Pairs":
+        """Keep the pairs of the given indices."""
+        pairs = self.incoming[index], self.outgoing[index]
         return _Pairs(self.variant, *pairs, self.channels)
 
 

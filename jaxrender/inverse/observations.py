@@ -15,7 +15,8 @@ class Observations(NamedTuple):
     """Radiance of samples of a surface, and which photograph each is from.
 
     Shadows of a concave shape are traced from ``places``; ``transfer`` are the vectors of T 6.10
-    there, where they are known already.
+    there, where they are known already.  ``stands_for`` tells how many pixels each sample of a
+    draw stands for; None: one each.
     """
 
     samples: SurfaceSamples
@@ -23,6 +24,7 @@ class Observations(NamedTuple):
     frame: Int[AnyArray, "sample"]
     places: SurfacePlaces | None = None
     transfer: Float[AnyArray, "sample coefficient"] | None = None
+    stands_for: Float[AnyArray, "sample"] | None = None
 
     def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
         """Keep the samples of the given indices."""
@@ -33,12 +35,37 @@ class Observations(NamedTuple):
             places = SurfacePlaces(*(np.asarray(a)[index] for a in places))
         if transfer is not None:
             transfer = np.asarray(transfer)[index]
-        return Observations(samples, radiance, frame, places, transfer)
+        stands_for = self.stands_for
+        if stands_for is not None:
+            stands_for = np.asarray(stands_for)[index]
+        return Observations(samples, radiance, frame, places, transfer, stands_for)
+
+    @property
+    def pixels(self) -> Float[np.ndarray, "sample"]:
+        """How many pixels each sample stands for."""
+        return np.ones(self.count) if self.stands_for is None else np.asarray(self.stands_for)
+
+    @property
+    def shares(self) -> Float[np.ndarray, "sample"]:
+        """The same relative to their mean: what the square of a sample's weight is times."""
+        return self.pixels / np.mean(self.pixels) if self.count else self.pixels
 
     @property
     def count(self) -> int:
         """The number of samples."""
         return self.radiance.shape[0]
+
+
+def as_pixels(observations: Observations) -> Int[np.ndarray, "sample"]:
+    """List samples as often as they stand for pixels: as many in all, an even picture of all
+    pixels.
+
+    What is no sum over samples, such as a median, is taken of these.
+    """
+    if observations.stands_for is None:
+        return np.arange(observations.count)
+    passed = np.floor(np.cumsum(observations.shares) + 0.5).astype(int)
+    return np.repeat(np.arange(observations.count), np.diff(passed, prepend=0))
 
 
 def random_subset(observations: Observations, count: int, seed: int) -> Observations:

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.elimination import Data, Fit, Problem, cost_at, search
+from jaxrender.inverse.elimination import Data, Few, Fit, Problem, cost_at, search
 from jaxrender.inverse.models import LinearisedModel, Model
-from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.uncertainty import Parameters, to_parameters
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.reflection import ViewFilter
@@ -76,12 +76,13 @@ class Stop(NamedTuple):
 
     @property
     def relative_rms(self) -> float:
-        """sqrt(sum r^2 / sum B^2), unweighted."""
-        residual = np.asarray(self.data.radiance) - np.asarray(self.fit.predicted)
-        return float(np.sqrt(np.sum(residual**2) / np.sum(np.asarray(self.data.radiance) ** 2)))
+        """sqrt(sum r^2 / sum B^2) over the pixels that the samples stand for, unweighted."""
+        radiance, pixels = np.asarray(self.data.radiance), self.observations.pixels[:, None]
+        squares = pixels * (radiance - np.asarray(self.fit.predicted)) ** 2
+        return float(np.sqrt(np.sum(squares) / np.sum(pixels * radiance**2)))
 
-    def onward(self, predicted: Float[np.ndarray, "sample channel"]) -> "Begin":
-        """Let another pass begin here; ``predicted`` is the prediction of its samples."""
+    def onward(self, predicted: Float[np.ndarray, "sample channel"] | None) -> "Begin":
+        """Let another pass begin here; ``predicted`` is the prediction of its samples, if known."""
         return Begin(self.noise, predicted, np.asarray(self.fit.solution.point)[None])
 
 
@@ -99,22 +100,30 @@ def fit_in_rounds(
     observations: Observations,
     begin: Begin,
     settings: FitSettings,
+    few: Few | None = None,
 ) -> Stop:
-    """Fit, estimate the noise from what is left, weigh by it (and by the loss), fit again."""
+    """Fit, estimate the noise from what is left, weigh by it (and by the loss), fit again.
+
+    Of many samples the search begins with ``few``.
+    """
     radiance = np.asarray(observations.radiance)
+    share = np.sqrt(observations.shares)[:, None].astype(radiance.dtype)
     scale = float(np.sqrt(np.mean(radiance**2)))
     noise, predicted, starts = begin
+    even = as_pixels(observations)
     settled = settings.noise or NoiseModel(0.0, 0.0)
-    weights = np.full_like(radiance, 1 / scale)
+    weights = np.full_like(radiance, 1 / scale) * share
     for turn in range(_ROUNDS[settings.loss]):
         if noise is not None and predicted is not None:
             weights = _weights(noise, predicted, scale)
-            weights *= robust_weights((radiance - predicted) * weights, settings.loss)
+            weights *= share * robust_weights((radiance - predicted) * weights, settings.loss)
         data = Data(radiance, weights, np.asarray(observations.frame))
-        fit = search(problem, model, data, starts, settings.method)
+        fit = search(problem, model, data, starts, settings.method, few)
         predicted = np.asarray(fit.predicted)
         starts = np.asarray(fit.solution.point)[None]
-        before, settled = noise, settings.noise or estimate_noise(radiance - predicted, predicted)
+        before, settled = noise, settings.noise
+        if settled is None:
+            settled = estimate_noise((radiance - predicted)[even], predicted[even])
         noise = settled
         if turn > 0 and settings.loss == "squares" and _close(before, settled, predicted):
             break

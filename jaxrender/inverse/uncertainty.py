@@ -5,6 +5,9 @@ carried over to the parameters in their own units.  s^2 is the mean squared weig
 the noise was estimated; where it was given, intervals are widened when the data scatter more than
 they should, and never narrowed.  A robust loss widens them by what it costs.  sigma and mu - 1 are
 positive, so their intervals are symmetric in the logarithm.
+
+Samples of a draw that stand for c pixels each count c times in the sum of squares, but are measured
+only once.  Their covariance is (J' C W J)^-1 (J' C^2 W J) (J' C W J)^-1 in place of (J' W J)^-1.
 """
 
 from typing import NamedTuple
@@ -13,14 +16,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.stats
 
 from jaxrender.brdf import Parametric
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Half the width of a 90 % interval of the normal distribution, in standard errors.
 _NORMAL_90 = 1.6448536269514722
+# Two halves of the samples agree when their difference is among this part of what noise makes.
+_HALVES_AGREE = 0.999
 # A parameter is not identifiable when its interval reaches further than this to either side.
 IDENTIFIABLE_WITHIN = 0.25
 
@@ -41,6 +47,8 @@ class Uncertain(NamedTuple):
 
     What is fixed has a standard error of zero and an interval of its value alone.  ``covariance``
     is that of all numbers of ``Parameters`` one after the other (a metal's mu counts, as fixed).
+    ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
+    difference between what each of them says, over what 99.9 % of halves stay below.
     """
 
     value: Parameters
@@ -48,6 +56,7 @@ class Uncertain(NamedTuple):
     upper: Parameters
     standard_error: Parameters
     covariance: Float[np.ndarray, "number number"] | None = None
+    disagreement: float = 0.0
 
 
 def uncertain_parameters(
@@ -58,14 +67,20 @@ def uncertain_parameters(
     noise_given: bool,
     *,
     variance_factor: float = 1.0,
+    shares: Float[np.ndarray, "sample"] | None = None,
 ) -> Uncertain:
     """Compute the parameters at the end of a fit, with their intervals.
 
-    ``variance_factor`` is that of a robust loss (:mod:`jaxrender.inverse.weights`).
+    ``variance_factor`` is that of a robust loss (:mod:`jaxrender.inverse.weights`).  ``shares``
+    tell how many pixels each sample stands for, relative to their mean, which its weight has in it.
     """
-    settings = (_held(problem, fit), noise_given, np.asarray(variance_factor))
-    value, covariance = _propagate(
-        problem, model, data, (fit.solution.point, fit.linear.eliminated), settings
+    shares = np.ones(data.radiance.shape[0]) if shares is None else shares
+    held = _held(problem, fit)
+    # Neighbouring pixels are alike, so that every other one would be no draw of its own.
+    half = np.random.default_rng(0).permutation(len(shares)) % 2 == 0
+    settings = (held, noise_given, np.asarray(variance_factor))
+    value, covariance, apart = _propagate(
+        problem, model, (data, shares, half), (fit.solution.point, fit.linear.eliminated), settings
     )
     structure = jax.tree.structure(value)
     sizes = [leaf.size for leaf in jax.tree.leaves(value)]
@@ -74,7 +89,9 @@ def uncertain_parameters(
     shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
     error = Parameters(*jax.tree.unflatten(structure, shaped))
     value = Parameters(*(np.asarray(leaf, float) for leaf in value))
-    return intervals(value, error, np.asarray(covariance))
+    most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
+    found = intervals(value, error, np.asarray(covariance))
+    return found._replace(disagreement=float(apart) / float(most))
 
 
 def intervals(
@@ -139,9 +156,13 @@ def to_parameters(
 
 @eqx.filter_jit
 def _propagate(
-    problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple, settings: tuple
-) -> tuple[Parameters, Float[Array, "parameter parameter"]]:
-    held, noise_given, factor = settings
+    problem: Problem,
+    model: LinearisedModel,
+    measured: tuple[Data, Float[AnyArray, "sample"], Bool[AnyArray, "sample"]],
+    unknowns: tuple,
+    settings: tuple,
+) -> tuple[Parameters, Float[Array, "parameter parameter"], Float[Array, ""]]:
+    (data, shares, half), (held, noise_given, factor) = measured, settings
     vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
 
     def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
@@ -159,12 +180,26 @@ def _propagate(
         freedom = left.size - jnp.sum((~held).astype(left.dtype))
         variance = jnp.sum(left**2) / freedom
         variance = factor * (jnp.maximum(variance, 1) if noise_given else variance)
-        information = jacobian.T @ jacobian / variance + jnp.diag(_prior(problem, vector))
-        covariance = _inverse(information)
+        prior = jnp.diag(_prior(problem, vector))
+        channels = left.size // shares.shape[0]
+        own, in_half = (jnp.repeat(jnp.asarray(part), channels) for part in (shares, half))
+
+        def answer(chosen: Array) -> tuple[Float[Array, "all all"], Float[Array, "all"]]:
+            """Say how well some samples tell the unknowns, and how far from here they put them."""
+            some = jnp.where(chosen[:, None], jacobian, 0)
+            bread = _inverse(some.T @ some / variance + prior)
+            meat = some.T @ (own[:, None].astype(left.dtype) * some) / variance + prior
+            return bread @ meat @ bread, bread @ (some.T @ left) / variance
+
+        covariance, _ = answer(jnp.ones_like(in_half))
+        (first, one), (second, other) = answer(in_half), answer(~in_half)
+        apart = jnp.where(held, 0, one - other)
         spread = jnp.where(held[None, :], 0, jax.jacfwd(parameters)(vector))
-        return to_parameters(
-            problem, vector[:split], vector[split:]
-        ), spread @ covariance @ spread.T
+        return (
+            to_parameters(problem, vector[:split], vector[split:]),
+            spread @ covariance @ spread.T,
+            apart @ _inverse(first + second) @ apart,
+        )
 
 
 def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:

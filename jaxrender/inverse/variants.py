@@ -17,8 +17,8 @@ from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet, normalised_fres
 from jaxrender.geometry import Components, Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.leverage import draw, leverage, sigma_range
 from jaxrender.inverse.models import ExactModel
-from jaxrender.inverse.observations import stratified_subset
 from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Parameters, to_parameters
@@ -82,9 +82,9 @@ def fit_variants(
     final, fitted = fit.final, fit.brdf
     if not isinstance(fitted, Microfacet):
         return ()
-    some, predicted = stratified_subset(
-        final.observations, np.asarray(final.fit.predicted), _SAMPLES, settings.seed
-    )
+    told = leverage(final.observations, light, sigma_range(final.problem.unknowns))
+    some, index = draw(final.observations, told, _SAMPLES, settings.seed)
+    predicted = np.asarray(final.fit.predicted)[index]
     sigma = float(fit.brdf.sigma)
     nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA)
     seen = nodes_seen(concave(shape), some, nodes)

@@ -4,8 +4,9 @@ JSON: a list with one entry for each photograph, or an object ``{frame name: ent
 list of ``{"direction": [x, y, z], "irradiance": 1 or [r, g, b]}``, empty for no light.  Irradiance
 is that on a plane facing the source.
 
-Text: the number of photographs on the first line, then one direction ``x y z`` a line: one source
-of unit irradiance for each photograph, as photometric stereo data sets have it.
+Text: one direction ``x y z`` a line, one source for each photograph, as photometric stereo data
+sets have it; a first line may state their number.  The irradiance is 1, or that of a second file
+with one or three numbers a line.
 """
 
 from collections.abc import Sequence
@@ -20,17 +21,20 @@ from jaxrender.lighting.directional import DirectionalSources
 
 
 def read_per_frame_lights(
-    path: str | Path, frame_names: Sequence[str]
+    path: str | Path, frame_names: Sequence[str], irradiance: str | Path | None = None
 ) -> tuple[DirectionalSources, ...]:
     """Read the sources of each photograph, in the order of ``frame_names``.
 
-    A file whose name ends in .json is read as JSON, any other as text.  Raises InputError with
-    line or entry when the file is malformed or does not match the photographs.
+    A file whose name ends in .json is read as JSON, any other as text.  ``irradiance`` is the
+    second file of directions that are given as text.  Raises InputError with line or entry when a
+    file is malformed or does not match the photographs.
     """
     path = Path(path)
-    if path.suffix.lower() == ".json":
-        return _from_json(path, list(frame_names))
-    return _from_text(path, len(frame_names))
+    if path.suffix.lower() != ".json":
+        return _from_text(path, len(frame_names), None if irradiance is None else Path(irradiance))
+    if irradiance is not None:
+        raise InputError(f"{path}: JSON states its own irradiance; leave {irradiance} out")
+    return _from_json(path, list(frame_names))
 
 
 def _from_json(path: Path, names: list[str]) -> tuple[DirectionalSources, ...]:
@@ -95,35 +99,65 @@ def _vector(place: str, key: str, value: Any) -> np.ndarray:
     return vector
 
 
-def _from_text(path: Path, frames: int) -> tuple[DirectionalSources, ...]:
-    lines = [
-        (i, line.split()) for i, line in enumerate(read_text(path).splitlines(), 1) if line.strip()
-    ]
-    if not lines or len(lines[0][1]) != 1 or not lines[0][1][0].isdigit():
-        raise InputError(f"{path}:1: wanted the number of photographs on the first line")
-    stated = int(lines[0][1][0])
-    if stated != len(lines) - 1:
-        raise InputError(
-            f"{path}:{lines[0][0]}: {stated} directions announced, but {len(lines) - 1} follow"
-        )
-    _check_count(path, stated, frames)
-    unit = np.ones((1, 3))
+def _from_text(path: Path, frames: int, irradiance: Path | None) -> tuple[DirectionalSources, ...]:
+    rows = _rows(path, "direction")
+    _check_count(path, len(rows), frames)
+    directions = [_direction(f"{path}:{i}", words) for i, words in rows]
+    lit = [np.ones(3)] * frames
+    if irradiance is not None:
+        rows = _rows(irradiance, "irradiance")
+        _check_count(irradiance, len(rows), frames)
+        lit = [_irradiance(f"{irradiance}:{i}", words) for i, words in rows]
     return tuple(
-        DirectionalSources(_direction(f"{path}:{i}", words)[None], unit) for i, words in lines[1:]
+        DirectionalSources(direction[None], energy[None])
+        for direction, energy in zip(directions, lit, strict=True)
     )
 
 
+def _rows(path: Path, noun: str) -> list[tuple[int, list[str]]]:
+    """List the lines that are not empty, numbered; one that states their count is left out."""
+    lines = [
+        (i, line.split()) for i, line in enumerate(read_text(path).splitlines(), 1) if line.strip()
+    ]
+    if not lines:
+        raise InputError(f"{path}:1: the file is empty; wanted one {noun} a line")
+    first, words = lines[0]
+    # One number before rows of three is how many there are.
+    counted = len(words) == 1 and len(lines) > 1 and len(lines[1][1]) == 3 and words[0].isdigit()
+    if not counted:
+        return lines
+    if int(words[0]) != len(lines) - 1:
+        raise InputError(
+            f"{path}:{first}: {words[0]} {noun}s announced, but {len(lines) - 1} follow"
+        )
+    return lines[1:]
+
+
 def _direction(place: str, words: list[str]) -> np.ndarray:
-    try:
-        direction = np.array([float(word) for word in words])
-    except ValueError:
-        direction = np.full(1, np.nan)
+    direction = _numbers(words)
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise InputError(
             f"{place}: wanted a direction as three finite numbers, not all zero; "
             f"found {' '.join(words)!r}"
         )
     return direction
+
+
+def _irradiance(place: str, words: list[str]) -> np.ndarray:
+    values = _numbers(words)
+    if values.size not in (1, 3) or not np.isfinite(values).all() or (values < 0).any():
+        raise InputError(
+            f"{place}: wanted an irradiance as one or three numbers, 0 or more; "
+            f"found {' '.join(words)!r}"
+        )
+    return np.broadcast_to(values, (3,))
+
+
+def _numbers(words: list[str]) -> np.ndarray:
+    try:
+        return np.array([float(word) for word in words])
+    except ValueError:
+        return np.full(1, np.nan)
 
 
 def _check_count(path: Path, found: int, wanted: int) -> None:

@@ -109,8 +109,12 @@ def recover_material(
     seen: tuple[list[Photograph], Shape],
     clock: Clock,
     progress: Progress,
+    pool: Observations | None = None,
 ) -> MaterialRecovery:
-    """Fit the material, and its variants where the config asks for them."""
+    """Fit the material, and its variants where the config asks for them.
+
+    The refinement may draw from ``pool``, all pixels, where the shape does not shadow itself.
+    """
     (observations, light), (photographs, shape) = known, seen
     settings = settings_of(config)
     transfer = None
@@ -133,7 +137,9 @@ def recover_material(
     else:
         unknowns = unknowns_of(config, len(photographs))
         lobe = lobe_of(config.brdf)
-        found = fit_brdf(*known, unknowns, lobe, settings, clock.stage, shape=shape)
+        # Shadows are traced for the samples alone: a pool would cost as many times more rays.
+        pool = pool if transfer is None else None
+        found = fit_brdf(*known, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool)
     variants = ()
     if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):

@@ -153,7 +153,7 @@ def _photograph(
     rejected = {
         "silhouette": ~erode(covered, config.erode),
         "invalid": image.invalid,
-        "saturated": saturated(image.pixels, float(level), grow=1),
+        "saturated": saturated(image.pixels, float(level), config.saturation_grow),
         "black": below_black(image.pixels, float(config.black_level)),
         "grazing": view.exit_cosines < min_cosine,
     }

@@ -10,6 +10,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.observations import random_subset
 from jaxrender.io import write_image
 from jaxrender.pipelines.brdf_spectrum import recover_spectrum
@@ -62,6 +63,7 @@ class Loaded(NamedTuple):
     light: KnownLight | None
     inputs: list[Path]
     shape: Shape
+    pool: Observations | None = None
 
 
 def fit(
@@ -143,9 +145,18 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
         light = _light_of_kept(light, capture, photographs)
         observations = observations_of(photographs)
         # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
+        pool = observations
         if config.task != "texture":
-            observations = random_subset(observations, config.samples.count, config.samples.seed)
-    return Loaded(photographs, observations, light, inputs, shape)
+            observations = _drawn(config, observations, light)
+    return Loaded(photographs, observations, light, inputs, shape, pool)
+
+
+def _drawn(config: RunConfig, observations: Observations, light: KnownLight | None) -> Observations:
+    """Draw the samples of a fit: where they tell most of the material, if the light says where."""
+    count, seed = config.samples.count, config.samples.seed
+    if light is None or config.task != "brdf":
+        return random_subset(observations, count, seed)
+    return draw(observations, leverage(observations, light), count, seed).observations
 
 
 def _light_of_kept(
@@ -196,7 +207,7 @@ def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -
     if config.task == "brdf":
         assert loaded.light is not None
         known = (loaded.observations, loaded.light)
-        return recover_material(config, known, seen, clock, progress)
+        return recover_material(config, known, seen, clock, progress, loaded.pool)
     if config.task == "brdf-spectrum":
         assert loaded.light is not None
         known = (loaded.observations, loaded.light)

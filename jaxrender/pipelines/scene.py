@@ -180,7 +180,9 @@ def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
     per_frame = None
     if lighting.per_frame is not None:
         files.append(str(lighting.per_frame))
-        per_frame = read_per_frame_lights(lighting.per_frame, frame_names)
+        per_frame = read_per_frame_lights(
+            lighting.per_frame, frame_names, lighting.per_frame_irradiance
+        )
     with fault_of(f"lighting ({', '.join(files)})" if files else "lighting"):
         return KnownLight(environment, directional_of(lighting.directional), per_frame)
 

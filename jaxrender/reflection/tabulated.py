@@ -28,7 +28,7 @@ from jaxrender.reflection.integral import (
 from jaxrender.reflection.irradiance import irradiance
 from jaxrender.reflection.shrm import ViewFilter, mirror_light, reflect_mirror_light
 from jaxrender.reflection.transfer import shadowed_irradiance
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 from jaxrender.spectra import transfer_of_samples
 
 # Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
@@ -110,12 +110,12 @@ class RoughnessTable(eqx.Module):
         column = sum(both[k] * rows[k] for k in range(both.shape[0]))
         return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
 
-    def thinned(self, step: int) -> "RoughnessTable":
-        """Keep one in ``step`` samples."""
+    def take(self, index: Int[np.ndarray, "kept"] | slice) -> "RoughnessTable":
+        """Keep the samples of the given indices."""
         return RoughnessTable(
-            jnp.asarray(self.diffuse)[::step],
-            jnp.asarray(self.spline)[:, :, ::step],
-            jnp.asarray(self.exit_cosines)[::step],
+            jnp.asarray(self.diffuse)[index],
+            jnp.asarray(self.spline)[:, :, index],
+            jnp.asarray(self.exit_cosines)[index],
             self.log_sigma,
             self.log_mu,
         )

@@ -30,8 +30,8 @@ class ToyModel(eqx.Module):
         lobe = jnp.exp(-((self.angles / sigma) ** 2)) / (jnp.pi * sigma**2)
         return Columns(self.diffuse, lobe * normalised_fresnel(mu, self.cosines)[:, None])
 
-    def thinned(self, step):
-        return ToyModel(self.diffuse[::step], self.angles[::step], self.cosines[::step])
+    def take(self, index):
+        return ToyModel(self.diffuse[index], self.angles[index], self.cosines[index])
 
 
 def toy_model(count=60, seed=0, dtype=np.float64):

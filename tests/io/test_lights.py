@@ -89,8 +89,8 @@ def test_mistakes_in_json_are_named(tmp_path, content, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"l\.txt:1: wanted the number of photographs"),
-        ("0 0 1\n0 0 1\n", r"l\.txt:1: wanted the number of photographs"),
+        ("", r"l\.txt:1: the file is empty; wanted one direction a line"),
+        ("0 0 1\n", r"lights for 1 photographs, but the capture has 2"),
         ("2\n0 0 1\n", r"l\.txt:1: 2 directions announced, but 1 follow"),
         ("1\n0 0 1\n", r"lights for 1 photographs, but the capture has 2"),
         ("2\n0 0 1\n\n0 0\n", r"l\.txt:4: wanted a direction as three finite numbers"),
@@ -102,6 +102,36 @@ def test_mistakes_in_json_are_named(tmp_path, content, message):
 def test_mistakes_in_text_are_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read_per_frame_lights(write(tmp_path, text, "l.txt"), ["a", "b"])
+
+
+def test_directions_with_an_irradiance_each(tmp_path):
+    directions = write(tmp_path, "0 0 5\n3 0 4\n", "l.txt")
+    energy = write(tmp_path, "1 2.5 3\n2\n", "e.txt")
+    lights = read_per_frame_lights(directions, ["a", "b"], energy)
+    found = np.concatenate([sources.directions for sources in lights])
+    np.testing.assert_allclose(found, [[0, 0, 1], [0.6, 0, 0.8]], atol=ROUNDING)
+    np.testing.assert_array_equal(lights[0].irradiance, [[1, 2.5, 3]])
+    np.testing.assert_array_equal(lights[1].irradiance, [[2, 2, 2]])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1\n", r"e\.txt: lights for 1 photographs, but the capture has 2"),
+        ("1\n-1\n", r"e\.txt:2: wanted an irradiance .* 0 or more; found '-1'"),
+        ("1 2\n1\n", r"e\.txt:1: wanted an irradiance as one or three numbers"),
+    ],
+)
+def test_mistakes_in_an_irradiance_are_named(tmp_path, text, message):
+    directions, energy = write(tmp_path, "0 0 1\n1 0 0\n", "l.txt"), write(tmp_path, text, "e.txt")
+    with pytest.raises(InputError, match=message):
+        read_per_frame_lights(directions, ["a", "b"], energy)
+
+
+def test_json_has_its_own_irradiance(tmp_path):
+    energy = write(tmp_path, "1\n1\n", "e.txt")
+    with pytest.raises(InputError, match="JSON states its own irradiance"):
+        read_per_frame_lights(write(tmp_path, [[], [UP]]), ["a", "b"], energy)
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -17,7 +17,7 @@ from jaxrender.geometry import Components, to_local, world_from_local
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf_table.table import BRDFSamples, BRDFTable
 from jaxrender.inverse.elimination import Data, Problem, search
-from jaxrender.inverse.models import Columns, LinearisedModel
+from jaxrender.inverse.models import Columns, LinearisedModel, Rows
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters
 from jaxrender.inverse.unknowns import MicrofacetUnknowns
@@ -90,9 +90,9 @@ class CellModel(eqx.Module):
         specular = jnp.repeat(mean[:, None], self.channels, axis=1)
         return Columns(jnp.ones_like(specular), specular)
 
-    def thinned(self, step: int) -> "CellModel":
-        """Keep one in ``step`` samples."""
-        incoming, outgoing = self.incoming[::step], self.outgoing[::step]
+    def take(self, index: Rows) -> "CellModel":
+        """Keep the cells of the given indices."""
+        incoming, outgoing = self.incoming[index], self.outgoing[index]
         return CellModel(self.variant, incoming, outgoing, self.channels)
 
 

@@ -53,6 +53,9 @@ class CaptureConfig(Section):
     saturation: Positive | None = None
     """Pixel value at and above which a pixel is left out; if absent, none for formats of float
     values and 0.998 for those of integers, whose largest value is 1."""
+    saturation_grow: WholeNumber = 0
+    """Pixels left out around saturated ones: 1 where demosaicing or resizing mixed them, which
+    costs the rim of a narrow highlight."""
     black_level: NonNegative = 0.0
     """Pixel value below which a pixel is left out."""
     erode: WholeNumber = 2

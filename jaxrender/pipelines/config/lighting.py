@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import model_validator
+
 from jaxrender.pipelines.config.values import (
     ConfigPath,
     Count,
@@ -49,10 +51,20 @@ class LightingConfig(Section):
     """Directional sources."""
     per_frame: ConfigPath | None = None
     """A file with a list of directional sources for each photograph."""
+    per_frame_irradiance: ConfigPath | None = None
+    """The irradiance of each photograph's source, where per_frame is a text of directions."""
     split: Literal["off", "auto"] | Fraction = "auto"
     """How compact bright parts become sources: off, auto, or the energy left in the slow part."""
     free_scale: Switch = False
     """Whether the scale between light and photographs is unknown."""
+
+    @model_validator(mode="after")
+    def _irradiance_of_sources(self) -> LightingConfig:
+        if self.per_frame_irradiance is not None and self.per_frame is None:
+            raise ValueError(
+                "found per_frame_irradiance without per_frame; give the directions there, too"
+            )
+        return self
 
     @property
     def given(self) -> bool:

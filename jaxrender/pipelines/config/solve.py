@@ -62,7 +62,8 @@ class SolveConfig(Section):
     refine: Literal["exact", "off"] = "exact"
     """Whether the answer is refined with the exact reflection integral."""
     refine_samples: Count = 2000
-    """Pixels used by the refinement."""
+    """Pixels that the refinement begins with: it takes more where the light is a few sources, and
+    where two halves of them disagree."""
     method: Literal["variable-projection", "simplex"] = "variable-projection"
     """The search: linear part eliminated, or the thesis's simplex."""
     loss: Literal["auto", "squares", "huber", "cauchy"] = "auto"

@@ -52,6 +52,7 @@ def test_defaults():
         "response": "linear",
         "invalid": "refuse",
         "saturation": None,
+        "saturation_grow": 0,
         "black_level": 0.0,
         "erode": 2,
         "exposure": "given",
@@ -65,6 +66,7 @@ def test_defaults():
     assert config.lighting.model_dump(exclude={"environment"}) == {
         "directional": (),
         "per_frame": None,
+        "per_frame_irradiance": None,
         "split": "auto",
         "free_scale": False,
     }

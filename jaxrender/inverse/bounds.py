@@ -1,0 +1,65 @@
+"""A fit that ended without gloss, or at the bound of a width, is held against a start from the
+data.
+
+A search that lost the highlights ends with ks = 0 or with a lobe as wide as allowed, and looks
+converged.  So the widths are tried in turn on the same samples, kd and ks at their best for each:
+the residual of the diffuse part about the mirror directions chooses among them.  The fit goes on
+from the best, and the lower of the two ends is kept.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.elimination import cost_at
+from jaxrender.inverse.models import Model
+from jaxrender.inverse.passes import FitSettings, Stop, descend
+from jaxrender.shapes import Float
+
+# Widths that are tried, evenly in the logarithm.
+_TRIED = 16
+# Less than this part of the cost is no gain.
+_GAIN = 1e-6
+
+
+def checked_at_bound(stop: Stop, model: Model, settings: FitSettings) -> Stop:
+    """Keep a fit that ended inside its bounds; else the better of it and one from the data."""
+    if not lost(stop):
+        return stop
+    start = _from_data(stop, model)
+    other = descend(stop.problem, model, stop.observations, _begin(stop, start), settings)
+    return other if _gains(other, stop, model) else stop
+
+
+def lost(stop: Stop) -> bool:
+    """Whether the lobe of a fit is gone, or its width at a bound."""
+    unknowns = stop.problem.unknowns
+    gone = unknowns.ks.free and not np.any(np.asarray(stop.fit.linear.ks) > 0)
+    at_bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
+    return bool(unknowns.sigma.free and (gone or at_bound.get("sigma", False)))
+
+
+def _from_data(stop: Stop, model: Model) -> Float[np.ndarray, "unknown"]:
+    """Find the width that explains most of what the diffuse part leaves, the rest as it began."""
+    unknowns = stop.problem.unknowns
+    points = np.repeat(unknowns.starts(1), _TRIED, axis=0)
+    mu = unknowns.unpack(jnp.asarray(points[0])).mu
+    low, high = unknowns.sigma.lower, unknowns.sigma.upper
+    # Not the bounds themselves, where the search variable no longer moves.
+    for point, sigma in zip(points, np.geomspace(low, high, _TRIED + 2)[1:-1]):
+        packed = unknowns.pack(float(sigma), None if mu is None else float(mu))
+        point[unknowns.names.index("sigma")] = packed[unknowns.names.index("sigma")]
+    costs = [float(cost_at(stop.problem, model, stop.data, jnp.asarray(p))) for p in points]
+    return points[int(np.nanargmin(costs))]
+
+
+def _begin(stop: Stop, start: Float[np.ndarray, "unknown"]):
+    return stop.onward(np.asarray(stop.fit.predicted))._replace(starts=start[None])
+
+
+def _gains(other: Stop, stop: Stop, model: Model) -> bool:
+    """Whether another end explains the same data better, weighed as that other end does."""
+    costs = [
+        float(cost_at(stop.problem, model, other.data, jnp.asarray(end.fit.solution.point)))
+        for end in (other, stop)
+    ]
+    return costs[0] < (1 - _GAIN) * costs[1]

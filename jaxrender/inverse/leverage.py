@@ -1,0 +1,156 @@
+"""Which samples tell most about a material, and draws that prefer them without a bias.
+
+The leverage of a sample is J (J' J)^-1 J', with J the derivatives of its radiance by kd, ks, log
+sigma and mu.  Gloss shows near the mirror direction of each source, within a distance that the
+unknown width sets, and mu shows at grazing exit.  So the leverage is the mean over lobes from the
+narrowest to the widest that a fit may find.  It needs the light and the geometry alone: neither the
+measured radiance nor a fit, which may have lost its gloss.
+
+The lobe is the GGX distribution of the half vector times the Fresnel ratio at the exit angle.  It
+stands for every glossy model, since all of them shine about the mirror direction.
+
+A sample of a draw stands for 1 / chance pixels (Horvitz and Thompson 1952), so that sums over a
+draw are in the mean those over all pixels.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.unknowns import SIGMA_BOUNDS, MicrofacetUnknowns
+from jaxrender.lighting import condensed
+from jaxrender.shapes import Float, Int
+
+# Widths of the lobes over the range of a fit.
+_WIDTHS = 6
+# The light is looked at as the brightest of its cells, radians: so many, and so many terms in all.
+_CELL, _MOST_SOURCES, _MOST_TERMS = 0.2, 16, 3e7
+# Samples that are looked at at once.
+_BLOCK = 2**15
+# This part of a draw is uniform: it bounds how many pixels a sample may stand for.
+_UNIFORM = 0.5
+# The Fresnel ratio's slope in log(mu - 1) is all but that of Schlick's (1 - cos)^5 for any index.
+_SCHLICK = 5
+# Lobes of a fixed width are looked at within this factor of it.
+_ABOUT = 1.5
+
+
+def sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:
+    """Say between what widths the lobe of a fit may lie; about one width where it is fixed."""
+    if unknowns.sigma.free:
+        return unknowns.sigma.lower, unknowns.sigma.upper
+    sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).sigma)
+    return sigma / _ABOUT, sigma * _ABOUT
+
+
+class Draw(NamedTuple):
+    """Samples drawn, which say how many pixels they stand for, and their indices, ascending."""
+
+    observations: Observations
+    index: Int[np.ndarray, "kept"]
+
+
+def leverage(
+    observations: Observations,
+    light: KnownLight,
+    sigma_range: tuple[float, float] = SIGMA_BOUNDS,
+) -> Float[np.ndarray, "sample"]:
+    """Compute each sample's leverage on kd, ks, sigma and mu; all of them add up to one.
+
+    The mean over lobes whose widths cover ``sigma_range``.
+    """
+    widths = np.geomspace(*sigma_range, _WIDTHS)
+    shared, own = _sources(light, observations.count)
+    blocks = []
+    for first in range(0, observations.count, _BLOCK):
+        index = np.arange(first, min(first + _BLOCK, observations.count))
+        frame = np.asarray(observations.frame)[index]
+        sources = [*shared, *((directions[frame], energy[frame]) for directions, energy in own)]
+        blocks.append(_columns(observations.take(index), sources, widths))
+    diffuse, lobes = (np.concatenate(parts, axis=-1) for parts in zip(*blocks))
+    by_index = (1 - np.clip(np.asarray(observations.samples.exit_cosines, float), 0, 1)) ** _SCHLICK
+    found = np.zeros(observations.count)
+    for lobe, by_width in zip(lobes, np.gradient(lobes, axis=0)):
+        found += _of_columns(np.stack([diffuse, lobe, by_width, lobe * by_index], axis=1))
+    return found / found.sum() if found.any() else np.full(len(found), 1 / max(len(found), 1))
+
+
+def draw(
+    observations: Observations, leverage: Float[np.ndarray, "sample"], count: int, seed: int
+) -> Draw:
+    """Draw at most ``count`` samples, half of the chance by leverage and half alike for all."""
+    if observations.count <= count:
+        return Draw(observations, np.arange(observations.count))
+    chance = _chances(leverage, count)
+    # Systematic sampling along a random order takes exactly as many as the chances add up to.
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(observations.count)
+    passed = np.floor(np.cumsum(chance[order]) + rng.uniform())
+    index = np.sort(order[np.diff(passed, prepend=0.0) > 0])
+    some = observations.take(index)
+    return Draw(some._replace(stands_for=some.pixels / chance[index]), index)
+
+
+def _chances(leverage: Float[np.ndarray, "sample"], count: int) -> Float[np.ndarray, "sample"]:
+    """Compute with what probability a draw takes each sample; they add up to ``count``."""
+    wanted = (1 - _UNIFORM) * leverage / leverage.sum() + _UNIFORM / len(leverage)
+    certain = np.zeros(len(wanted), bool)
+    while True:
+        rest = np.where(certain, 0, wanted)
+        chance = np.where(certain, 1, (count - certain.sum()) * rest / rest.sum())
+        if np.all(chance <= 1):
+            return chance
+        certain |= chance > 1
+
+
+def _sources(light: KnownLight, samples: int) -> tuple[list, list]:
+    """List the brightest sources: those of all photographs, and those of each."""
+    most = int(np.clip(_MOST_TERMS / (_WIDTHS * max(samples, 1)), 1, _MOST_SOURCES))
+    parts = [light.directional.nodes()]
+    if light.environment is not None:
+        parts.append(condensed(light.environment, _CELL))
+    directions = np.concatenate([np.asarray(part.directions, float) for part in parts])
+    energy = np.concatenate([np.asarray(part.irradiance, float).mean(axis=1) for part in parts])
+    kept = np.argsort(-energy)[:most]
+    shared = [(directions[k], energy[k]) for k in kept if energy[k] > 0]
+    if light.per_frame is None:
+        return shared, []
+    frames = light.frame_nodes(np.zeros(0, int))
+    assert frames is not None
+    energy = np.asarray(frames.irradiance, float).mean(axis=-1)
+    order = np.argsort(-energy, axis=1)[:, :most]
+    rows = np.arange(len(order))
+    towards = np.asarray(frames.directions, float)
+    return shared, [(towards[rows, k], energy[rows, k]) for k in order.T]
+
+
+def _columns(
+    some: Observations, sources: list, widths: Float[np.ndarray, "width"]
+) -> tuple[Float[np.ndarray, "sample"], Float[np.ndarray, "width sample"]]:
+    """Add up the diffuse column and a lobe of every width, source by source."""
+    normals, outgoing = (np.asarray(part, float) for part in some.samples)
+    exits = np.sum(normals * outgoing, axis=1)
+    diffuse, lobes = np.zeros(some.count), np.zeros((len(widths), some.count))
+    for towards, energy in sources:
+        entry = np.sum(normals * towards, axis=1)
+        between = np.sum(outgoing * towards, axis=1)
+        lit = np.where(entry > 0, energy, 0)
+        # The square of the half vector's cosine to the normal, and of its tangent.
+        squared = np.clip((entry + exits) ** 2 / np.maximum(2 + 2 * between, 1e-12), 1e-12, 1)
+        tangent = (1 - squared) / squared
+        diffuse += lit * entry
+        for lobe, width in zip(lobes, widths):
+            lobe += lit / (width * squared * (1 + tangent / width**2)) ** 2
+    return diffuse, lobes / np.maximum(exits, 0.02)
+
+
+def _of_columns(columns: Float[np.ndarray, "sample 4"]) -> Float[np.ndarray, "sample"]:
+    """Compute x (X' X)^-1 x' for every row; columns that say nothing new count nothing."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.where(size > 0, size, 1)
+    return np.einsum(
+        "si,ij,sj->s", columns, np.linalg.pinv(columns.T @ columns, 1e-8, hermitian=True), columns
+    )
