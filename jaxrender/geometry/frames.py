@@ -54,7 +54,9 @@ def world_from_local(normals: Directions) -> Float[Array, "*batch 3 3"]:
 def meridian_frames(normals: Directions) -> Float[Array, "*batch 3 3"]:
     """Rz(beta) Ry(alpha) of normals (alpha, beta): the first column runs along the meridian, south.
 
-    Where an anisotropic surface has its tangent.  Smooth but at the poles, where beta counts as 0.
+    Where an anisotropic surface has its tangent.  At the poles beta counts as 0.  There, and nearer
+    to them than the root of a rounding, the derivative is that of the smallest rotation: it lacks
+    the turn about the normal, which grows without bound and which isotropic reflection ignores.
     """
     x, y, z = jnp.moveaxis(jnp.asarray(normals), -1, 0)
     squared = x * x + y * y
@@ -62,8 +64,13 @@ def meridian_frames(normals: Directions) -> Float[Array, "*batch 3 3"]:
     # The root of zero has no derivative, so there it is not taken.
     sine = jnp.sqrt(jnp.where(pole, 1, squared))
     cb, sb = jnp.where(pole, 1, x / sine), jnp.where(pole, 0, y / sine)
-    sine = jnp.where(pole, 0, sine)
-    return _matrix([[z * cb, -sb, x], [z * sb, cb, y], [-sine, jnp.zeros_like(z), z]])
+    # Rounding of gradients grows as that turn does.
+    near = squared < jnp.finfo(squared.dtype).eps
+    cb, sb = (jnp.where(near, jax.lax.stop_gradient(wave), wave) for wave in (cb, sb))
+    # Zero, but not its derivative: the axes stay at right angles.
+    across = jnp.where(near, (sb * x - cb * y) * z, 0)
+    sine = jnp.where(near, cb * x + sb * y, sine)
+    return _matrix([[z * cb, -sb, x], [z * sb, cb, y], [-sine, across, z]])
 
 
 def to_world(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:

@@ -33,9 +33,9 @@ class SurfaceSamples(NamedTuple):
         """Frames with R as third axis and N in the half plane of the first; any, seen head-on."""
         normals, reflected = jnp.asarray(self.normals), self.reflected
         towards = normals - dot(normals, reflected)[:, None] * reflected
-        length = jnp.linalg.norm(towards, axis=1, keepdims=True)
-        head_on = length < _HEAD_ON
-        first = jnp.where(
-            head_on, world_from_local(reflected)[:, :, 0], towards / jnp.where(head_on, 1, length)
-        )
+        squared = dot(towards, towards)[:, None]
+        head_on = squared < _HEAD_ON**2
+        # The root of zero has no derivative, so there it is not taken.
+        length = jnp.sqrt(jnp.where(head_on, 1, squared))
+        first = jnp.where(head_on, world_from_local(reflected)[:, :, 0], towards / length)
         return jnp.stack([first, jnp.cross(reflected, first), reflected], axis=-1)

@@ -37,7 +37,13 @@ from jaxrender.harmonics.indexing import (
     orders,
 )
 from jaxrender.harmonics.legendre import associated, legendre
-from jaxrender.harmonics.lookup import looked_up, over_poles
+from jaxrender.harmonics.lookup import (
+    interpolated,
+    looked_up,
+    looked_up_on_cube,
+    off_pole,
+    over_poles,
+)
 from jaxrender.harmonics.panoramic_grids import AngularMapGrid, CubeGrid
 from jaxrender.harmonics.resampling import change_grid, resample
 from jaxrender.harmonics.rotation import rotate, rotate_by_angles, rotation_matrices
@@ -80,8 +86,11 @@ __all__ = [
     "evaluate",
     "explicit_basis",
     "flat_index",
+    "interpolated",
     "legendre",
     "looked_up",
+    "looked_up_on_cube",
+    "off_pole",
     "orders",
     "over_poles",
     "quarter_turn",

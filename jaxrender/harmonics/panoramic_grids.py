@@ -15,7 +15,7 @@ from jaxrender.harmonics.grids import Grid, Neighbours
 from jaxrender.shapes import Bool, Float
 
 # Columns: where a face looks, and to where its image's columns and its rows (upwards) increase.
-_FACES = np.array(
+CUBE_FACES = np.array(
     [
         [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
@@ -59,7 +59,7 @@ class CubeGrid(Grid):
         plane = np.stack(
             np.broadcast_arrays(1.0, across[None, :], -across[:, None]), axis=-1
         )  # [row, column, (ahead, right, up)]
-        rays = np.einsum("rca,fax->frcx", plane, _FACES).reshape(*self.shape, 3)
+        rays = np.einsum("rca,fax->frcx", plane, CUBE_FACES).reshape(*self.shape, 3)
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     def weights(self) -> Float[np.ndarray, "row column"]:
@@ -76,23 +76,23 @@ class CubeGrid(Grid):
         parts = []
         for down, share in ((top, 1.0 - (row - top)), (top + 1, row - top)):
             for across, part in ((left, 1.0 - (column - left)), (left + 1, column - left)):
-                parts.append((self._texel(face, down, across), share * part))
+                parts.append((self.texel(face, down, across), share * part))
         index, shares = zip(*parts)
         return Neighbours(np.stack(index, axis=-1), np.stack(shares, axis=-1))
 
     def _places(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return face and continuous row and column, whole numbers at texel centres."""
-        local = np.einsum("fax,px->pfa", _FACES, directions)
+        local = np.einsum("fax,px->pfa", CUBE_FACES, directions)
         face = np.argmax(local[:, :, 0], axis=1)
         ahead, right, up = local[np.arange(len(face)), face].T
         scale = 0.5 * self.side
         return face, (1.0 - up / ahead) * scale - 0.5, (1.0 + right / ahead) * scale - 0.5
 
-    def _texel(self, face: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    def texel(self, face: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """Return the flat index of a texel, which may lie one beyond the edge of its face."""
         right, up = (2.0 * column + 1.0) / self.side - 1.0, 1.0 - (2.0 * row + 1.0) / self.side
         plane = np.stack([np.ones_like(right), right, up], axis=-1)
-        other, down, across = self._places(np.einsum("pa,pax->px", plane, _FACES[face]))
+        other, down, across = self._places(np.einsum("pa,pax->px", plane, CUBE_FACES[face]))
         inside = (np.clip(np.rint(place), 0, self.side - 1) for place in (down, across))
         down, across = (place.astype(int) for place in inside)
         return (other * self.side + down) * self.side + across

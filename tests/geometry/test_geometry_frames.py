@@ -85,6 +85,29 @@ def test_meridian_frames_are_the_thesis_s_rotation_without_a_turn():
         assert np.all(np.isfinite(jax.jacfwd(meridian_frames)(normal)))
 
 
+@pytest.mark.parametrize("pole", [1.0, -1.0])
+@pytest.mark.parametrize(("kind", "tolerance"), [("float64", 1e-6), ("float32", 1e-3)])
+def test_derivatives_of_meridian_frames_turn_them_rigidly_at_and_near_the_poles(
+    pole, kind, tolerance
+):
+    """What two directions share across the normal does not know the tangent's azimuth."""
+    first, second = np.array([0.4, 0.2, 0.7]), np.array([-0.3, 0.6, -0.2])
+
+    def across(normal):
+        frame = meridian_frames(normal)
+        pair = [to_local(frame, jnp.asarray(d, kind))[:2] for d in (first, second)]
+        return pair[0] @ pair[1]
+
+    sines = [0, 0, 1e-30, 1e-17, 1e-12, 1e-9, 1e-7, 1e-5, 1e-2]
+    for sine, azimuth in zip(sines, np.linspace(0, 6, len(sines))):
+        n = [sine * np.cos(azimuth), sine * np.sin(azimuth), pole * np.sqrt(1 - sine**2)]
+        found = np.asarray(jax.grad(across)(jnp.asarray(n, kind)), float)
+        # d1 . d2 - (n . d1) (n . d2), of which the part across n has a meaning.
+        expected = -(first * np.dot(n, second) + second * np.dot(n, first))
+        moved = (found - expected) - np.dot(found - expected, n) * np.array(n)
+        assert np.abs(moved).max() < tolerance, (sine, found, expected)
+
+
 def test_to_local_and_to_world_are_inverse():
     frames = world_from_local(normals())
     directions = normals(seed=1)

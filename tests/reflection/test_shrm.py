@@ -169,6 +169,58 @@ def test_interpolation_is_second_order_across_poles_and_seam(made):
     assert np.all(ratios > 3), (errors, ratios)
 
 
+def test_a_cube_is_evaluated_and_differentiated_where_the_compiler_sees_it(made):
+    whole, cube = global_shrm(made[2]), CubeGrid(24)
+    on_cube, samples = whole.on(cube), _samples(np.random.default_rng(9), 30)
+    index, share = cube.neighbours(np.asarray(samples.reflected))
+    maps = np.asarray(on_cube.maps).reshape(-1, *on_cube.maps.shape[2:])
+    between = np.einsum("pk,pkac->pac", share, maps[index])
+    expected = np.einsum("pac,pa->pc", between, np.asarray(real_basis(samples.outgoing, _P)))
+    at = jax.jit(lambda centres: on_cube.at(centres, samples.outgoing))
+    assert np.abs(np.asarray(at(samples.reflected)) - expected).max() < 1e-10
+    centres = jnp.asarray(samples.reflected)
+    across = jnp.cross(centres, jnp.asarray(samples.normals))
+    _, moved = jax.jvp(at, (centres,), (across,))
+    near = (at(centres + 1e-6 * across) - at(centres - 1e-6 * across)) / 2e-6
+    assert np.abs(moved - near).max() < 1e-6 * np.abs(moved).max()
+    by_maps = jax.jit(jax.grad(lambda s: jnp.sum(s.at(centres, samples.outgoing))))(on_cube)
+    assert np.isfinite(by_maps.maps).all()
+
+
+def test_derivatives_of_both_maps_at_the_poles_are_those_of_the_reflected_light(made):
+    light, spectrum, _ = made
+    centres = jnp.array([[0.0, 0, 1], [0, 0, -1], [1e-12, 0, 1]])
+    outgoing = jnp.broadcast_to(jnp.array([0.6, 0.0, 0.8]), centres.shape)
+
+    def exact(at):
+        x, y, z = at.T
+        alpha, beta = jnp.arctan2(jnp.hypot(x, y), z), jnp.arctan2(y, x)
+        frames = rotation(alpha, beta, jnp.zeros_like(x))
+        local = jnp.einsum("xij,xi->xj", frames, outgoing)
+        around = real_basis(local, _P)
+        return jnp.einsum("xkc,xk->xc", central_coefficients(light, spectrum, frames), around)
+
+    beside = np.array(centres)
+    beside[:, 0] = 1e-5
+    for axis in (0, 1):
+        across = np.zeros((3, 3))
+        across[:, axis] = 1e-4
+        # The reflected light is smooth, so its differences may be taken beside the pole.
+        expected = (exact(beside + across) - exact(beside - across)) / 2e-4
+        moves = jnp.asarray(across * 1e4)
+        errors = []
+        for rows in (60, 120):
+            local = local_shrm(light, spectrum, LatLongGrid(rows, 2 * rows))
+            both = [
+                jax.jvp(lambda c, s=s: s.at(c, outgoing), (centres,), (moves,))[1]
+                for s in (local, global_shrm(local))
+            ]
+            errors.append([np.abs(np.asarray(b) - expected).max() for b in both])
+        scale = np.abs(expected).max()
+        assert np.max(errors[1]) < 0.2 * scale, (errors, scale)
+        assert np.all(np.array(errors[1]) < 0.7 * np.array(errors[0]) + 0.01 * scale), errors
+
+
 def test_light_field_tables_lead_there_and_back(made):
     _, _, local = made
     rule = ViewerRule(_P + 1, 2 * _P + 1)

@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.geometry import dot
 from jaxrender.harmonics import (
     LatLongGrid,
     flat_index,
@@ -45,7 +44,7 @@ class IcosahedralMaps(eqx.Module):
         self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
     ) -> Float[Array, "point channel"]:
         """Blend the maps of the three viewers around each outgoing direction."""
-        shares = jnp.asarray(blending_shares(np.asarray(outgoing)), jnp.asarray(self.maps).dtype)
+        shares = blending_shares(jnp.asarray(outgoing))
         values = jnp.stack([looked_up(over_poles(one), centres) for one in jnp.asarray(self.maps)])
         found = jnp.einsum("xv,vxc->xc", shares, values, precision="highest")
         return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
@@ -70,15 +69,19 @@ def _faces() -> tuple[Int[np.ndarray, "20 3"], Float[np.ndarray, "20 3 3"]]:
     return np.array(faces), np.linalg.inv(corners)
 
 
-def blending_shares(directions: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 12"]:
+def blending_shares(directions: Float[AnyArray, "point 3"]) -> Float[Array, "point 12"]:
     """How much of each of the twelve viewers a direction is: barycentric on its face; sums to 1."""
     faces, shares_of = _faces()
-    shares = np.einsum("fij,xj->xfi", shares_of, np.asarray(directions, float))
-    face = np.argmax(shares.min(axis=2), axis=1)
-    own = np.maximum(shares[np.arange(len(face)), face], 0)
-    found = np.zeros((len(face), 12))
-    np.put_along_axis(found, faces[face], own / own.sum(axis=1, keepdims=True), axis=1)
-    return found
+    unit = jnp.asarray(directions)
+    shares = jnp.einsum(
+        "fij,xj->xfi", jnp.asarray(shares_of, unit.dtype), unit, precision="highest"
+    )
+    face = jnp.argmax(shares.min(axis=2), axis=1)
+    each = np.arange(unit.shape[0])
+    own = jnp.maximum(shares[each, face], 0)
+    own = own / own.sum(axis=1, keepdims=True)
+    found = jnp.zeros((unit.shape[0], 12), unit.dtype)
+    return found.at[each[:, None], jnp.asarray(faces)[face]].set(own, unique_indices=True)
 
 
 class AzimuthalTexture(eqx.Module):
@@ -106,13 +109,27 @@ class AzimuthalTexture(eqx.Module):
         """Interpolate linearly between the two nearest angles."""
         maps = jnp.asarray(self.maps)
         count = maps.shape[0]
-        place = jnp.arccos(jnp.clip(dot(centres, outgoing), -1, 1)) * ((count - 1) / np.pi)
+        place = _angle_between(centres, outgoing) * ((count - 1) / np.pi)
         floor = jnp.clip(jnp.floor(place), 0, count - 2)
         lower, share = floor.astype(int), (place - floor)[:, None]
         layers = jnp.stack([looked_up(over_poles(one), centres) for one in maps])
         each = np.arange(layers.shape[1])
         found = (1 - share) * layers[lower, each] + share * layers[lower + 1, each]
         return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+
+
+def _angle_between(
+    first: Float[AnyArray, "point 3"], second: Float[AnyArray, "point 3"]
+) -> Float[Array, "point"]:
+    """The angle between unit directions; where it is 0 or pi, its kinks, its derivative is 0."""
+    apart, along = (
+        jnp.sum(jnp.square(a), axis=-1)
+        for a in (jnp.asarray(first) - second, jnp.asarray(first) + second)
+    )
+    kink = (apart == 0) | (along == 0)
+    # The root of zero has no derivative, so there it is not taken.
+    half = jnp.arctan2(jnp.sqrt(jnp.where(kink, 1, apart)), jnp.sqrt(jnp.where(kink, 1, along)))
+    return jnp.where(kink, jnp.where(apart == 0, 0, np.pi), 2 * half)
 
 
 class ViewerRule(NamedTuple):

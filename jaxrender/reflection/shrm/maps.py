@@ -12,16 +12,20 @@ are divided by it where they are evaluated, though by no less than ``LEAST_COSIN
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import dot
 from jaxrender.harmonics import (
+    CubeGrid,
     Grid,
     LatLongGrid,
     band_limit_of,
     change_grid,
-    looked_up,
+    interpolated,
+    looked_up_on_cube,
+    off_pole,
     orders,
     over_poles,
     real_basis,
@@ -73,13 +77,15 @@ class Shrm(eqx.Module):
     ) -> Float[Array, "point channel"]:
         """Evaluate B for points with these central and outgoing directions, in the world.
 
-        Bilinear between texels; both kinds of map are second order in their size.
+        Bilinear between texels; both kinds of map are second order in their size, and at a pole
+        of a latitude-longitude map, where these have no derivative, theirs is first order.
+        Only these and the cube are looked up where the compiler sees it; what other grids have for
+        neighbours is asked on the host.
         """
-        directions = jnp.asarray(centres), jnp.asarray(outgoing)
-        if isinstance(self.grid, LatLongGrid):
-            return _evaluated(self, *directions)
-        values = _between_texels(self, np.asarray(centres))
-        return _summed_at(self, values, *directions)
+        if not isinstance(self.grid, LatLongGrid | CubeGrid):
+            values = _between_texels(self, np.asarray(centres))
+            return _summed_at(self, values, jnp.asarray(centres), jnp.asarray(outgoing))
+        return _evaluated(self, jnp.asarray(centres), jnp.asarray(outgoing))
 
 
 class LocalShrm(Shrm):
@@ -88,9 +94,10 @@ class LocalShrm(Shrm):
     def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
         """Express outgoing directions along (theta, phi, R) of each central direction."""
         x, y, z = jnp.moveaxis(jnp.asarray(centres), -1, 0)
-        sine = jnp.hypot(x, y)
-        at_pole = sine == 0
-        length = jnp.where(at_pole, 1, sine)
+        at_pole = (x == 0) & (y == 0)
+        # The root of zero has no derivative, so there it is not taken.
+        length = jnp.hypot(jnp.where(at_pole, 1, x), y)
+        sine = jnp.where(at_pole, 0, length)
         cos_b, sin_b = jnp.where(at_pole, 1, x / length), y / length
         out = jnp.asarray(outgoing)
         along = out[..., 0] * cos_b + out[..., 1] * sin_b
@@ -161,11 +168,43 @@ def _summed(
 def _evaluated(
     shrm: Shrm, centres: Float[Array, "point 3"], outgoing: Float[Array, "point 3"]
 ) -> Float[Array, "point channel"]:
-    """Interpolate all maps of a latitude-longitude grid and sum them."""
+    return _differentiable(shrm, centres, outgoing)
+
+
+@eqx.filter_custom_jvp
+def _differentiable(shrm: Shrm, centres: Array, outgoing: Array) -> Array:
+    return _plain(shrm, centres, outgoing)
+
+
+@_differentiable.def_jvp
+def _differentiable_jvp(primals, tangents):
+    """Differentiate by centres at a pole beside it: look-up and frames at the same place."""
+    (shrm, centres, outgoing), (maps_move, centres_move, outgoing_move) = primals, tangents
+    value, moved = eqx.filter_jvp(
+        lambda s, o: _plain(s, centres, o), (shrm, outgoing), (maps_move, outgoing_move)
+    )
+    if centres_move is None:
+        return value, moved
+    beside = centres
+    if isinstance(shrm.grid, LatLongGrid):
+        beside = off_pole(centres, shrm.grid.height)
+    _, by_centres = jax.jvp(lambda c: _plain(shrm, c, outgoing), (beside,), (centres_move,))
+    return value, by_centres if moved is None else moved + by_centres
+
+
+def _plain(
+    shrm: Shrm, centres: Float[Array, "point 3"], outgoing: Float[Array, "point 3"]
+) -> Float[Array, "point channel"]:
+    """Interpolate all maps and sum them."""
     maps = jnp.asarray(shrm.maps)
     rest = maps.shape[2:]
-    signs = np.broadcast_to(shrm._signs()[:, None], rest).reshape(-1)
-    values = looked_up(over_poles(maps.reshape(*maps.shape[:2], -1), signs), centres)
+    flat = maps.reshape(*maps.shape[:2], -1)
+    if isinstance(shrm.grid, LatLongGrid):
+        signs = np.broadcast_to(shrm._signs()[:, None], rest).reshape(-1)
+        values = interpolated(over_poles(flat, signs), centres)
+    else:
+        assert isinstance(shrm.grid, CubeGrid), "other grids are looked up on the host"
+        values = looked_up_on_cube(shrm.grid, flat, centres)
     return _summed_at(shrm, values.reshape(-1, *rest), centres, outgoing)
 
 
@@ -184,7 +223,7 @@ def _summed_at(
 def _between_texels(
     shrm: Shrm, centres: Float[np.ndarray, "point 3"]
 ) -> Float[Array, "point outgoing channel"]:
-    """Interpolate all maps where only the host knows the neighbours: a cube's."""
+    """Interpolate all maps where only the host knows the neighbours."""
     maps = jnp.asarray(shrm.maps)
     index, share = shrm.grid.neighbours(centres)
     corners = maps.reshape(-1, *maps.shape[2:])[index]
