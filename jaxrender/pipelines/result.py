@@ -262,6 +262,7 @@ def _write_stop(file: h5netcdf.File, name: str, stop: Stop) -> None:
     write_variable(group, "predicted", ("sample", "channel"), stop.fit.predicted)
     write_variable(group, "weight", ("sample", "channel"), stop.data.weights)
     write_variable(group, "frame", ("sample",), observations.frame)
+    write_variable(group, "pixels", ("sample",), observations.pixels)
 
 
 def write_variable(group, name: str, dimensions: tuple[str, ...], values) -> None:
