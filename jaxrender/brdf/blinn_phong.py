@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.half_vector import half_vector, lifted, power
+from jaxrender.brdf.half_vector import half_vector, lifted, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -71,9 +71,9 @@ class BlinnPhong(ByOwnNumber, Glossy):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate the normalised power times cos t_i."""
-        cosine = half_vector(lifted(incoming), lifted(outgoing)).direction.z
-        exponent = matching(self.exponent, cosine)
-        return blinn_normalisation(exponent) * power(cosine, exponent) * incoming.z
+        versine = half_vector(lifted(incoming), lifted(outgoing)).versine
+        exponent = matching(self.exponent, versine)
+        return blinn_normalisation(exponent) * power_of_cosine(versine, exponent) * incoming.z
 
 
 def blinn_normalisation(exponent: Float[Array, ""]) -> Float[Array, ""]:

@@ -16,7 +16,7 @@ import numpy as np
 from jax.scipy.special import erf
 
 from jaxrender.brdf.parameters import Scalar, as_scalar, as_scalar_or_none, matching, refuse_outside
-from jaxrender.geometry import Components, squared_acute_angle
+from jaxrender.geometry import Components, squared_angle_of_versine
 from jaxrender.shapes import AnyArray, Array, Float
 
 _SMOOTHER = "for a mirror use a small one such as 0.001, for a rougher surface oren-nayar"
@@ -58,7 +58,10 @@ class Gaussian(Distribution):
 
     def density(self, half: Components) -> Float[Array, "*batch"]:
         """Evaluate the Gaussian in the angle from the normal."""
-        squared_angle = squared_acute_angle(jnp.clip(half.z, 0, 1))
+        along = half.x * half.x + half.y * half.y
+        squared_angle = squared_angle_of_versine(
+            jnp.minimum(along / (1 + jnp.maximum(half.z, 0)), 1)
+        )
         roughness = matching(self.roughness, squared_angle)
         angles, weights = self._quadrature(squared_angle)
         area = 2 * jnp.pi * jnp.sum(weights * jnp.sin(angles) * jnp.cos(angles))

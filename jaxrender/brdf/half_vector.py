@@ -21,6 +21,12 @@ class HalfVector(NamedTuple):
     direction: Components
     cosine: Float[Array, "*batch"]
 
+    @property
+    def versine(self) -> Float[Array, "*batch"]:
+        """1 - N . h, with all its digits near the normal."""
+        x, y, z = self.direction
+        return jnp.asarray((x * x + y * y) / (1 + z))
+
 
 def are_visible(incoming: Components, outgoing: Components) -> Bool[AnyArray, "*batch"]:
     """Say where both directions are above the horizon."""
@@ -44,9 +50,18 @@ def half_vector(incoming: Components, outgoing: Components) -> HalfVector:
     return HalfVector(Components(x / length, y / length, z / length), length / 2)
 
 
-def power(
-    base: Float[AnyArray, "*batch"], exponent: Float[AnyArray, ""] | float
+def mirror_versine(incoming: Components, outgoing: Components) -> Float[Array, "*batch"]:
+    """Evaluate 1 - R . w_i of unit directions as |w_i - R|^2 / 2, R = (-x, -y, z) of w_o."""
+    x, y, z = incoming.x + outgoing.x, incoming.y + outgoing.y, incoming.z - outgoing.z
+    return jnp.asarray((x * x + y * y + z * z) / 2)
+
+
+def power_of_cosine(
+    versine: Float[AnyArray, "*batch"], exponent: Float[AnyArray, ""] | float
 ) -> Float[Array, "*batch"]:
-    """Evaluate max(x, 0)^s, whose derivatives in x and in s are 0 where x is not positive."""
-    positive = base > 0
-    return jnp.where(positive, jnp.exp(exponent * jnp.log(jnp.where(positive, base, 1))), 0)
+    """Evaluate max(c, 0)^s from the versine 1 - c; where c is not positive derivatives are 0.
+
+    A cosine near 1 has too few digits for a large power in single precision; its versine has all.
+    """
+    positive = versine < 1
+    return jnp.where(positive, jnp.exp(exponent * jnp.log1p(-jnp.where(positive, versine, 0))), 0)

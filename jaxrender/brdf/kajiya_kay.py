@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf.half_vector import are_visible, power
+from jaxrender.brdf.half_vector import are_visible, power_of_cosine
 from jaxrender.brdf.parameters import Scalar, as_scalar, matching, refuse_outside
 from jaxrender.brdf.parametric import ByOwnNumber, ShapeParameter
 from jaxrender.geometry import Components
@@ -63,8 +63,9 @@ class KajiyaKay(ByOwnNumber):
         """Evaluate the sine to the tangent and the power of the cone's cosine."""
         visible = are_visible(incoming, outgoing)
         sine_in, sine_out = _sine_to_tangent(incoming), _sine_to_tangent(outgoing)
-        cosine = sine_in * sine_out - incoming.x * outgoing.x
-        lobe = power(cosine, matching(self.exponent, cosine))
+        # 1 - (sin sin' - x x') of unit directions, with all its digits near the cone.
+        versine = ((sine_in - sine_out) ** 2 + (incoming.x + outgoing.x) ** 2) / 2
+        lobe = power_of_cosine(versine, matching(self.exponent, versine))
         return jnp.where(visible, sine_in, 0), jnp.where(visible, lobe, 0)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.half_vector import are_visible, power
+from jaxrender.brdf.half_vector import are_visible, mirror_versine, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -86,10 +86,13 @@ class Lafortune(BRDF):
         """Evaluate the clamped cosine, and each lobe times the clamped cosine."""
         visible = are_visible(incoming, outgoing)
         x, y, z = (jnp.asarray(a * b) for a, b in zip(incoming, outgoing, strict=True))
+        phong = mirror_versine(incoming, outgoing)
         coefficients, exponents = matching(self.coefficients, z), matching(self.exponents, z)
         lobes = []
         for (cx, cy, cz), exponent in zip(coefficients, exponents, strict=True):
-            lobe = power(cx * x + cy * y + cz * z, exponent) * incoming.z
+            # 1 - (C_x x + C_y y + C_z z), by how much its axis differs from R.
+            versine = phong - (cx + 1) * x - (cy + 1) * y - (cz - 1) * z
+            lobe = power_of_cosine(versine, exponent) * incoming.z
             lobes.append(jnp.where(visible, lobe, 0))
         return jnp.where(visible, incoming.z, 0), *lobes
 
@@ -146,6 +149,7 @@ class CosineLobe(ByOwnNumber, Glossy):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate the lobe times cos t_i."""
-        x, y, z = (jnp.asarray(a * b) for a, b in zip(incoming, outgoing, strict=True))
-        exponent, c_z = matching(self.exponent, z), matching(self.c_z, z)
-        return power(c_z * z - x - y, exponent) * incoming.z
+        versine = mirror_versine(incoming, outgoing)
+        exponent, c_z = matching(self.exponent, versine), matching(self.c_z, versine)
+        versine = versine - (c_z - 1) * incoming.z * outgoing.z
+        return power_of_cosine(versine, exponent) * incoming.z

@@ -35,7 +35,7 @@ from jaxrender.brdf.parameters import (
     share_of_energy_is_bounded,
 )
 from jaxrender.brdf.parametric import ShapeParameter
-from jaxrender.geometry import Components, squared_acute_angle
+from jaxrender.geometry import Components, squared_angle_of_versine
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Keeps 1 / cos t_o finite; samples this close to grazing are never used.
@@ -182,13 +182,17 @@ class Microfacet(Glossy):
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*exit"]]:
         """Evaluate S / (4 cos t_o), the cosine to the half vector, and the exit cosine.
 
-        By cosines alone, not by the half vector's components, and normalised as T 6.2 has it.
+        Normalised as T 6.2 has it.  1 - cos t_h is formed from the half vector's components along
+        the surface: in single precision cosines have no digits left for a narrow lobe.
         """
         cos_o = jnp.maximum(outgoing.z, _SMALLEST_COSINE)
+        x, y, z = (i + o for i, o in zip(incoming, outgoing))
+        along = x * x + y * y
         # |w_i + w_o| / 2 is the cosine between either direction and the half vector.
-        half_length = jnp.sqrt(jnp.maximum(2 + 2 * incoming.dot(outgoing), _SMALLEST_COSINE**2))
-        cos_normal = (incoming.z + outgoing.z) / half_length
-        squared_half_angle = squared_acute_angle(jnp.clip(cos_normal, 0, 1))
+        squared_length = jnp.maximum(along + z * z, _SMALLEST_COSINE**2)
+        half_length = jnp.sqrt(squared_length)
+        versine = along / (squared_length + jnp.maximum(z, 0) * half_length)
+        squared_half_angle = squared_angle_of_versine(jnp.minimum(versine, 1))
         lobe = microfacet_distribution(squared_half_angle, self.sigma) / (4 * cos_o)
         return lobe, half_length / 2, cos_o
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.half_vector import are_visible, power
+from jaxrender.brdf.half_vector import are_visible, mirror_versine, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -86,6 +86,6 @@ class Phong(ByOwnNumber, Glossy):
         self, incoming: Components, outgoing: Components
     ) -> Float[Array, "*batch"]:
         """Evaluate the normalised power of R . w_i."""
-        mirror = incoming.z * outgoing.z - incoming.x * outgoing.x - incoming.y * outgoing.y
-        exponent = matching(self.exponent, mirror)
-        return (exponent + 1) / (2 * np.pi) * power(mirror, exponent)
+        versine = mirror_versine(incoming, outgoing)
+        exponent = matching(self.exponent, versine)
+        return (exponent + 1) / (2 * np.pi) * power_of_cosine(versine, exponent)

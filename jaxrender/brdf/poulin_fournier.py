@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.blinn_phong import blinn_normalisation
-from jaxrender.brdf.half_vector import are_visible, half_vector, lifted, power
+from jaxrender.brdf.half_vector import are_visible, half_vector, lifted, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -110,9 +110,9 @@ class PoulinFournier(ByOwnNumber):
         floor = (high - low) * incoming.z * outgoing.z
         diffuse = _diffuse_arc(arc, incoming, outgoing) + floor
         exponent = matching(self.exponent, incoming.z)
-        half = half_vector(incoming, outgoing).direction
-        specular = _specular_arc(arc, incoming, outgoing, half, exponent)
-        specular = specular + floor * power(half.z, exponent)
+        half = half_vector(incoming, outgoing)
+        specular = _specular_arc(arc, incoming, outgoing, half.direction, exponent)
+        specular = specular + floor * power_of_cosine(half.versine, exponent)
         area = spacing * outgoing.z
         return (
             jnp.where(visible, diffuse / area, 0),
@@ -198,7 +198,8 @@ def _specular_arc(
         p = (low + high) / 2 + (high - low) / 2 * position
         y, z = jnp.sin(p), jnp.cos(p)
         facing = (y * incoming.y + z * incoming.z) * (y * outgoing.y + z * outgoing.z)
-        return total + weight * facing * power(y * half.y + z * half.z, exponent), None
+        versine = (half.x**2 + (y - half.y) ** 2 + (z - half.z) ** 2) / 2
+        return total + weight * facing * power_of_cosine(versine, exponent), None
 
     nodes = matching(_GAUSS[0], peak), matching(_GAUSS[1], peak)
     total, _ = jax.lax.scan(add, jnp.zeros_like(low + high), nodes)

@@ -24,6 +24,7 @@ from jaxrender.geometry.directions import (
     reflect,
     squared_acute_angle,
     squared_angle,
+    squared_angle_of_versine,
 )
 from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
 from jaxrender.geometry.footprints import pixel_steps, size_in_texels, texture_steps
@@ -88,6 +89,7 @@ __all__ = [
     "sculpture",
     "size_in_texels",
     "squared_acute_angle",
+    "squared_angle_of_versine",
     "squared_angle",
     "texture_steps",
     "to_local",

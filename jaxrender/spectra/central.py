@@ -27,7 +27,7 @@ from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
 from jaxrender.harmonics import associated, coefficient_count, real_basis
 from jaxrender.shapes import AnyArray, Array, Float
-from jaxrender.spectra.mirror_frame import Lobe, azimuthal_transfer, mean_transfer
+from jaxrender.spectra.mirror_frame import Lobe, azimuthal_transfer, exit_angles_of, mean_transfer
 
 # Exit angles that the dependence on the viewer is integrated over: fewer than these only where
 # more than a quarter as many degrees are asked for.
@@ -73,7 +73,7 @@ class CentralSpectrum(eqx.Module):
         Of a weighted spectrum h_lq cos t_o.
         """
         rho = jnp.asarray(self.coefficients)
-        around = _meridian(2 * jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1)), rho.shape[1:])
+        around = _meridian(2 * exit_angles_of(exit_cosines), rho.shape[1:])
         summed = jnp.einsum("spq,lpqc->slqc", around, rho, precision="highest")
         return summed * _like(_wavelengths(rho.shape[0])[None, :, None, None], summed)
 

@@ -24,8 +24,10 @@ from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
 # The transfer is tabulated at this many exit cosines when it is wanted for many samples, at equal
-# steps of the square root: it rises as steeply as 1 / cosine towards grazing exit.
+# steps of the square root: it rises as steeply as 1 / cosine towards grazing exit.  High degrees
+# see finer structure and ask for two knots each.
 _EXIT_COSINE_KNOTS = 64
+_KNOTS_PER_DEGREE = 2
 _LOWEST_COSINE = 0.02
 
 
@@ -113,7 +115,9 @@ def transfer_of_samples(
     if transfer not in TRANSFERS:
         raise ValueError(f"transfer={transfer!r}: choose one of {', '.join(TRANSFERS)}")
     return _interpolated(
-        lambda knots: TRANSFERS[transfer](brdf, knots, band_limit), jnp.asarray(exit_cosines)
+        lambda knots: TRANSFERS[transfer](brdf, knots, band_limit),
+        jnp.asarray(exit_cosines),
+        band_limit,
     )
 
 
@@ -134,20 +138,22 @@ def azimuthal_transfer_of_samples(
         extent = extent_of(brdf, knots.dtype)
         return azimuthal_transfer(brdf.specular_transfer, knots, limits, *extent)
 
-    return _interpolated(table, jnp.asarray(exit_cosines))
+    return _interpolated(table, jnp.asarray(exit_cosines), band_limit)
 
 
 def _interpolated(
     table_of: Callable[[Float[Array, "knot"]], Float[Array, "knot *rest"]],
     exit_cosines: Float[Array, "sample"],
+    band_limit: int,
 ) -> Float[Array, "sample *rest"]:
     """Tabulate a function of the exit cosine and look it up for every sample by cubics."""
     cosines = jnp.clip(exit_cosines, _LOWEST_COSINE, 1)
     lowest = _LOWEST_COSINE**0.5
-    knots = jnp.linspace(lowest, 1, _EXIT_COSINE_KNOTS, dtype=cosines.dtype) ** 2
+    count = max(_EXIT_COSINE_KNOTS, _KNOTS_PER_DEGREE * band_limit)
+    knots = jnp.linspace(lowest, 1, count, dtype=cosines.dtype) ** 2
     table = table_of(knots)
-    position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (_EXIT_COSINE_KNOTS - 1)
-    first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, _EXIT_COSINE_KNOTS - 4)
+    position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (count - 1)
+    first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, count - 4)
     weights = _cubic_lagrange(position - first.astype(cosines.dtype))
     shape = (-1,) + (1,) * (table.ndim - 1)
     terms = (weights[k].reshape(shape) * table[first + k] for k in range(4))

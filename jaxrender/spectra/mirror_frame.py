@@ -21,10 +21,13 @@ from jaxrender.geometry import Components
 from jaxrender.harmonics import coefficient_count, flat_index, legendre, real_basis
 from jaxrender.shapes import AnyArray, Array, Float
 
-# Gauss-Legendre nodes in azimuth up to the horizon.  With these, and as many in the angle from R as
-# ``_node_count`` says, the transfer is good to 1e-6 of its largest value for sigma from .02 to 1,
-# exit cosines from .15 and degrees to 96 (1e-4 at cosine .02, 3e-4 with a tail).
+# Gauss-Legendre nodes in azimuth up to the horizon, to which one is added for each order q.
+# With these, and as many in the angle from R as ``_node_count`` says, the transfer is good to 1e-6
+# of its largest value for sigma from .02 to 1, exit cosines from .15 and degrees to 96 (1e-4 at
+# cosine .02, 3e-4 with a tail).
 _AZIMUTH_NODES = 32
+# Closer to 1 than so many roundings an exit cosine counts as that: the angle has a slope there.
+_HEAD_ON_ROUNDINGS = 4
 
 Lobe = Callable[[Components, Components], Array]
 
@@ -42,8 +45,7 @@ def mean_transfer(
     radians from R.  Where its tail falls slowly, ``tail`` is the tangent of half its width: the
     nodes are then spread over every scale.
     """
-    # N.V of unit vectors may round to just above 1.
-    exit_angles = jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1))[:, None]
+    exit_angles = exit_angles_of(exit_cosines)[:, None]
     polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
     moments = _moments(lobe, exit_angles, polar, 0)[..., 0]
     kernel = 2 * jnp.pi * moments * jnp.sin(polar) * weights
@@ -70,7 +72,7 @@ def azimuthal_transfer(
         raise ValueError(
             f"orders to {order_limit} of degrees to {band_limit}: an order is at most its degree"
         )
-    exit_angles = jnp.arccos(jnp.clip(jnp.asarray(exit_cosines), 0, 1))[:, None]
+    exit_angles = exit_angles_of(exit_cosines)[:, None]
     polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
     moments = _moments(lobe, exit_angles, polar, order_limit)
     kernel = 2 * jnp.pi * moments * (jnp.sin(polar) * weights)[..., None]
@@ -81,6 +83,19 @@ def azimuthal_transfer(
     wavelength = jnp.asarray(np.sqrt(4 * np.pi / (2 * np.arange(band_limit + 1) + 1)), polar.dtype)
     terms = jnp.einsum("btq,btlq->blq", kernel, factors, precision="highest")
     return wavelength[None, :, None] * terms
+
+
+def exit_angles_of(exit_cosines: Float[AnyArray, "bin"]) -> Float[Array, "bin"]:
+    """Take arccos of exit cosines, with a finite slope head-on.
+
+    A mean about R is an even function of the angle, hence smooth in the cosine, but arccos itself
+    is not at 1.  N.V of unit vectors may round to just above 1, too.
+    """
+    cosines = jnp.maximum(jnp.asarray(exit_cosines), 0)
+    highest = 1 - _HEAD_ON_ROUNDINGS * float(jnp.finfo(cosines.dtype).eps)
+    # The value is held below 1, the slope passes.
+    beyond = jax.lax.stop_gradient(jnp.maximum(cosines - highest, 0))
+    return jnp.arccos(cosines - beyond)
 
 
 def _order_table(band_limit: int, order_limit: int) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +171,7 @@ def _moments(
     lift = sin_t * sin_o
     cosine = jnp.where(lift > 0, -cos_t * cos_o / jnp.where(lift > 0, lift, 1), -jnp.sign(cos_t))
     horizon = _safe_arccos(cosine)[..., None]
-    nodes, weights = np.polynomial.legendre.leggauss(_AZIMUTH_NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(_AZIMUTH_NODES + order_limit)
     azimuth = horizon * jnp.asarray((nodes + 1) / 2, polar.dtype)[None, None, :]
     toward, across = sin_t[..., None] * jnp.cos(azimuth), sin_t[..., None] * jnp.sin(azimuth)
     along = cos_t[..., None]

@@ -20,6 +20,9 @@ from jaxrender.shapes import AnyArray, Array, Float
 
 Exponent = Float[AnyArray, ""] | float
 
+# Stirling's series to 1 / x^7 is exact to rounding from here on.
+_STIRLING_FROM = 16.0
+
 
 def phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute T 3.37 for real s > -1: A_0 = 1, A_1 = (s+1)/(s+2), A_l+2 = A_l (s-l) / (s+l+3).
@@ -45,7 +48,8 @@ def phong_transfer_by_gamma(exponent: Exponent, band_limit: int) -> Float[Array,
 
     A_l = G(s/2 + 1) G(s/2 + 3/2) / (G((s-l)/2 + 1) G((s+l)/2 + 3/2))
 
-    Exact for all l, through log-gamma: loses digits for large s, and has no derivative at integers.
+    Exact for all l, through log-gamma; where s is far above l, through Stirling's series, in which
+    large terms cancel before they are evaluated.  It has no derivative at integers.
     """
     s = _checked(exponent, band_limit)
     degrees = jnp.arange(band_limit + 1, dtype=s.dtype)
@@ -54,7 +58,24 @@ def phong_transfer_by_gamma(exponent: Exponent, band_limit: int) -> Float[Array,
     # 1 / G(x) is zero at 0, -1, -2, ...; for negative x by reflection.
     reflected = jnp.exp(logarithm + gammaln(jnp.where(below > 0, 1, 1 - below)))
     direct = jnp.exp(logarithm - gammaln(jnp.where(below > 0, below, 1)))
-    return jnp.where(below > 0, direct, reflected * jnp.sin(np.pi * below) / np.pi)
+    near = jnp.where(below > 0, direct, reflected * jnp.sin(np.pi * below) / np.pi)
+    return jnp.where(below > _STIRLING_FROM, _by_stirling(s, degrees), near)
+
+
+def _by_stirling(s: Float[Array, ""], degrees: Float[Array, "degree"]) -> Float[Array, "degree"]:
+    """Evaluate the same from log G(x) = (x - 1/2) log x - x + 1 / 12 x - ... of large x."""
+    x, y, half = s / 2 + 1, s / 2 + 1.5, jnp.minimum(degrees / 2, s / 2 + 1 - _STIRLING_FROM)
+    half = jnp.maximum(half, 0)
+    powers = -(x - 0.5) * jnp.log1p(-half / x) - (y - 0.5) * jnp.log1p(half / y)
+    powers = powers + half * jnp.log1p(-(2 * half + 0.5) / (y + half))
+    rest = _stirling_rest(x) - _stirling_rest(x - half)
+    return jnp.exp(powers + rest + _stirling_rest(y) - _stirling_rest(y + half))
+
+
+def _stirling_rest(x: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    inverse = 1 / jnp.maximum(x, 1)
+    squared = inverse * inverse
+    return inverse * (1 / 12 - squared * (1 / 360 - squared * (1 / 1260 - squared / 1680)))
 
 
 def gaussian_phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:

@@ -1,11 +1,13 @@
 """Slow light with all azimuthal orders is the reflection integral; its mean alone is not."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import coefficient_count, degrees, real_basis
+from jaxrender.harmonics import coefficient_count, degrees, legendre, real_basis
 from jaxrender.reflection import polar_columns, reflect_slow_light
 from jaxrender.spectra import transfer_of_samples
 
@@ -66,3 +68,41 @@ def test_mirror_frames(scene):
     local = np.einsum("sij,si->sj", frames, samples.normals)
     np.testing.assert_allclose(local[:, 1], 0, atol=1e-7)
     assert np.all(local[:, 0] > -1e-7)
+
+
+def test_high_orders_are_the_integral_too():
+    """A source cut off at degree 48: the azimuth about R is followed to order 48."""
+    band_limit, axis = 48, np.array([0.6, 0, 0.8])
+    degree = np.arange(band_limit + 1)
+    falling = (2 * degree + 1) / (4 * np.pi)
+    coefficients = (falling * 4 * np.pi / (2 * degree + 1))[degrees(band_limit)]
+    coefficients = (coefficients * np.asarray(real_basis(axis[None], band_limit))[0])[:, None]
+    cosines = np.array([0.05, 0.8])
+    outgoing = np.stack([np.sqrt(1 - cosines**2), 0 * cosines, cosines], axis=-1)
+    samples = SurfaceSamples(np.tile([[0.0, 0.0, 1.0]], (2, 1)), outgoing)
+    wide = Microfacet(np.ones(1), np.ones(1), 0.6, 1.6)
+    found = np.asarray(reflect_slow_light(wide, samples, coefficients))
+    exact = np.asarray(
+        polar_columns(
+            wide, samples, lambda towards: (legendre(towards @ axis, 48) @ falling)[:, None], 112
+        )
+    )[:, 1]
+    assert np.abs(found - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_seen_head_on_it_has_the_derivative_of_its_neighbours(dtype):
+    """By the exit direction, V = N included: no NaN, and what differences say."""
+    brdf = Microfacet(*(np.asarray(x, dtype) for x in ([1.0], [1.0], 0.3, 1.5)))
+    rng = np.random.default_rng(2)
+    light = jnp.asarray(rng.normal(size=(9, 1)), dtype)
+    normal = jnp.asarray([[0.6, 0, 0.8]], dtype)
+    axis = jnp.asarray([[0.8, 0, -0.6]], dtype)
+
+    def total(angle):
+        outgoing = jnp.cos(angle) * normal + jnp.sin(angle) * axis
+        return reflect_slow_light(brdf, SurfaceSamples(normal, outgoing), light)[0, 0]
+
+    slope = jax.jit(jax.grad(total))
+    at_normal, beside = slope(jnp.asarray(0, dtype)), slope(jnp.asarray(1e-2, dtype))
+    assert abs(at_normal - beside) < 0.02 * max(1, abs(beside))

@@ -66,6 +66,20 @@ def test_the_closed_form_is_the_same_function(exponent):
     )
 
 
+@pytest.mark.parametrize(("dtype", "rounding"), [(np.float32, 1e-5), (np.float64, 1e-13)])
+@pytest.mark.parametrize("exponent", [30.0, 1e3, 1e6])
+def test_the_closed_form_keeps_its_digits_at_large_exponents(exponent, dtype, rounding):
+    degrees = range(0, 61, 6)
+    s = mpmath.mpf(exponent)
+    exact = [
+        mpmath.gammaprod([s / 2 + 1, s / 2 + 1.5], [(s - n) / 2 + 1, (s + n) / 2 + 1.5])
+        for n in degrees
+    ]
+    found = phong_transfer_by_gamma(np.asarray(exponent, dtype), 60)
+    assert found.dtype == dtype
+    np.testing.assert_allclose(found[::6], np.array(exact, float), atol=rounding)
+
+
 @pytest.mark.parametrize(("exponent", "off"), [(1, 1.25), (8, 0.046), (32, 0.031), (512, 0.012)])
 def test_the_printed_gamma_form_is_off(exponent, off):
     """T 3.38, [G(s/2)]^2 / (G((s-l)/2) G((s+l)/2)), for l < s or l = 2 (ERRATA 20)."""

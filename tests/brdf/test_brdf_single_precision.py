@@ -1,0 +1,50 @@
+"""Single precision keeps its digits: narrow lobes near the mirror, beside double precision."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxrender.brdf import SIMPLE_PARAMETRIC, Microfacet, simple_parametric_named
+from jaxrender.geometry import Components
+
+# Of the largest value.
+PROMISED = 1e-5
+ONE = np.ones(1)
+
+
+def model_named(name, sigma):
+    kind, _, facets = name.partition(" ")
+    if kind == "microfacet":
+        return Microfacet(ONE, ONE, sigma, 1.5, "exit", "none", facets)
+    plain = simple_parametric_named(kind, 1)
+    return plain.with_roughness(sigma, plain.mu).with_amplitudes(ONE, ONE)
+
+
+@eqx.filter_jit
+def lobe(brdf, incoming, outgoing):
+    return brdf.transfer(Components.of(incoming), Components.of(outgoing))[1]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["microfacet gaussian", "microfacet beckmann", "microfacet ggx", *SIMPLE_PARAMETRIC],
+)
+def test_narrow_lobes_are_those_of_double_precision(name):
+    rng = np.random.default_rng(1)
+    cosine = np.repeat([0.02, 0.15, 0.6, 1.0], 200)
+    outgoing = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], axis=-1)
+    for sigma in (0.01, 0.1):
+        mirror = outgoing * [-1, -1, 1]
+        incoming = mirror + sigma * rng.uniform(0, 3, (800, 1)) * rng.standard_normal((800, 3))
+        incoming /= np.linalg.norm(incoming, axis=1, keepdims=True)
+        incoming[incoming[:, 2] < 1e-3] = mirror[incoming[:, 2] < 1e-3]
+        given = model_named(name, sigma), incoming, outgoing
+        few = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), given)
+        many = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), few)
+        found, exact = lobe(*few), np.asarray(lobe(*many))
+        assert found.dtype == jnp.float32
+        # Each exit angle has a peak of its own.
+        off = np.abs(np.asarray(found, float) - exact).reshape(4, 200).max(axis=1)
+        assert (off < PROMISED * exact.max()).all(), (sigma, off / exact.max())
