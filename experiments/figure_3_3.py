@@ -2,10 +2,11 @@
 
     python experiments/figure_3_3.py [--out FOLDER]
 
-For s = 8, 32, 128, 512: the exact transfer (T 3.37), the published exp(-l^2 / 2s) (T 3.40) and
-exp(-l(l+1) / 2(s+1)).  The figure's caption says that a larger s is a wider lobe; the frequency
-width where the transfer falls to 1/e shows that it is a narrower one (ERRATA 23).  Prints widths
-and worst errors (beside ERRATA 22's); draws ``figure_3_3.png``.
+For s = 8, 32, 128, 512: the exact transfer (T 3.37), T 3.40's exp(-l^2 / 2s), and exp(-l(l+1) /
+2(s+1)), which ERRATA 22 proposes and the thesis does not have.  The figure's caption says that a
+larger s is a wider lobe; the frequency width where the transfer falls to 1/e shows that it is a
+narrower one (ERRATA 23).  Prints widths, and worst errors beside those of ERRATA 22, as the thesis
+states none; draws ``figure_3_3.png``.
 """
 
 import argparse
@@ -19,8 +20,8 @@ from jaxrender.spectra import gaussian_phong_transfer, matched_phong_transfer, p
 
 OUT = Path(__file__).parent / "out"
 EXPONENTS = (8, 32, 128, 512)
-# ERRATA 22: worst errors of T 3.40 and of the better form.
-EXPECTED = {8: (0.052, 0.0116), 32: (0.039, 0.0031), 128: (0.023, 0.0008), 512: (0.0125, 0.0002)}
+# Worst errors of T 3.40 and of the better form.
+ERRATA_22 = {8: (0.052, 0.0116), 32: (0.039, 0.0031), 128: (0.023, 0.0008), 512: (0.0125, 0.0002)}
 BAND_LIMIT = 120
 
 
@@ -33,14 +34,14 @@ def width(transfer: np.ndarray) -> float:
 
 def print_table():
     print("         worst error of 3.40   of exp(-l(l+1)/2(s+1))   1/e at degree     lobe: half")
-    print("     s   errata    measured    errata     measured    3.40: sqrt(2s)  exact  value at")
+    print("     s   ERRATA 22  measured  ERRATA 22    measured   T 3.40: sqrt(2s) exact  value at")
     for s in EXPONENTS:
         exact = np.asarray(phong_transfer(float(s), BAND_LIMIT))
         gaussian = np.abs(np.asarray(gaussian_phong_transfer(float(s), BAND_LIMIT)) - exact).max()
         matched = np.abs(np.asarray(matched_phong_transfer(float(s), BAND_LIMIT)) - exact).max()
         half = np.degrees(np.arccos(0.5 ** (1 / s)))
         print(
-            f"{s:6d}   {EXPECTED[s][0]:6.4f}    {gaussian:8.5f}    {EXPECTED[s][1]:6.4f}"
+            f"{s:6d}   {ERRATA_22[s][0]:6.4f}    {gaussian:8.5f}    {ERRATA_22[s][1]:6.4f}"
             f"     {matched:8.5f}    {np.sqrt(2 * s):10.2f}  {width(exact):9.2f}  {half:6.1f} deg"
         )
 
@@ -56,8 +57,9 @@ def draw(path: Path):
         axis.plot(degree, phong_transfer(float(s), 60), "o", ms=3, color=colour, label=f"s = {s}")
         axis.plot(degree, gaussian_phong_transfer(float(s), 60), "-", lw=1, color=colour)
         axis.plot(degree, matched_phong_transfer(float(s), 60), "--", lw=1, color=colour)
-    axis.plot([], [], "k-", lw=1, label=r"$\exp(-l^2/2s)$ (published)")
-    axis.plot([], [], "k--", lw=1, label=r"$\exp(-l(l+1)/2(s+1))$")
+    axis.plot([], [], "ko", ms=3, label="exact (T 3.37)")
+    axis.plot([], [], "k-", lw=1, label=r"$\exp(-l^2/2s)$ (T 3.40)")
+    axis.plot([], [], "k--", lw=1, label=r"$\exp(-l(l+1)/2(s+1))$ (ERRATA 22)")
     axis.set(xlabel="degree l", ylabel=r"$\Lambda_l\,\rho_l$", title="T fig. 3.3: Phong by degree")
     axis.legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -11,8 +11,8 @@ image is the integral over every texel of the light above each pixel's horizon, 
 
 Prints the relative rms of each over the sphere's pixels, by exit cosine.  The thesis has no number:
 its approximation "introduces large errors, while the SHRM with P_B = 5 is accurate".  Demanded: the
-SHRM nearer wherever the azimuth matters.  Differences are of the pictures as displayed, not
-amplified.
+SHRM nearer wherever the azimuth matters.  Differences are of the pictures as displayed, shown as
+they are and multiplied by the factor that stands above them.
 """
 
 import argparse
@@ -36,6 +36,7 @@ from figure_5_1 import (
     seen,
     velvet,
 )
+from figure_5_6 import amplification
 
 from jaxrender.geometry import Sphere
 from jaxrender.lighting import LightNodes
@@ -95,24 +96,30 @@ def print_table(rows: list[Comparison], names: tuple[str, str]):
 
 
 def draw(rows: list[Comparison], names: tuple[str, str], title: str, path: Path):
-    """The correct image, and each approximation with what it misses."""
+    """The correct image, and each approximation with what it misses, as it is and amplified."""
     figure, axes = plt.subplots(
-        len(rows), 5, squeeze=False, figsize=(11, 2.4 * len(rows) + 0.6), layout="constrained"
+        len(rows), 7, squeeze=False, figsize=(15, 2.4 * len(rows) + 0.6), layout="constrained"
     )
-    for places, row in zip(axes, rows):
-        # So that highlights are not all white: what both miss in them is to be seen.
-        exposure = WHITE / np.percentile(row.exact.max(axis=1), 99)
-        codes = [exposed(image[None], exposure)[0] for image in (row.exact, *row.images)]
-        places[0].imshow(displayed(codes[0], row.frames, 255))
+    # So that highlights are not all white: what both miss in them is to be seen.
+    exposures = [WHITE / np.percentile(row.exact.max(axis=1), 99) for row in rows]
+    codes = [
+        [exposed(image[None], exposure)[0].astype(int) for image in (row.exact, *row.images)]
+        for row, exposure in zip(rows, exposures)
+    ]
+    missed = [[np.abs(one - exact) for one in both] for exact, *both in codes]
+    factor = amplification([np.abs(own) / 255 for own, _ in missed])
+    for places, row, (exact, *both), apart in zip(axes, rows, codes, missed):
+        places[0].imshow(displayed(exact, row.frames, 255))
         places[0].set_ylabel(row.name)
-        for place, image, code in zip(places[1::2], row.images, codes[1:]):
-            place.imshow(displayed(code, row.frames, 255))
-            place.set_xlabel(f"{100 * relative_rms(image, row.exact):.1f} % rms", fontsize=9)
-        for place, code in zip(places[2::2], codes[1:]):
-            missed = np.abs(code.astype(int) - codes[0].astype(int))
-            place.imshow(displayed(missed, row.frames, 0))
-    heads = "correct", names[0], "difference", names[1], "difference"
-    for place, head in zip(axes[0], heads):
+        for first, image, code, off in zip((1, 4), row.images, both, apart):
+            places[first].imshow(displayed(code, row.frames, 255))
+            places[first].set_xlabel(
+                f"{100 * relative_rms(image, row.exact):.1f} % rms", fontsize=9
+            )
+            places[first + 1].imshow(displayed(off, row.frames, 0))
+            places[first + 2].imshow(displayed(np.minimum(factor * off, 255), row.frames, 0))
+    apart = "difference", f"difference x {factor}"
+    for place, head in zip(axes[0], ("correct", names[0], *apart, names[1], *apart)):
         place.set_title(head, fontsize=10)
     for place in axes.ravel():
         place.set(xticks=[], yticks=[])

@@ -12,7 +12,8 @@ Two of the viewers stand over the middle of a face of the icosahedron, farthest 
 first of them is drawn.  Prints what (F, P) miss of each BRDF and the relative rms of both methods
 over the sphere's pixels for growing P.  The thesis has no number: "Cabral's approximation can lead
 to large errors, while our approach still gives accurate results".  Demanded: the SHRM nearer at
-every viewer from P = 3 on.  Differences are of the pictures as displayed, not amplified.
+every viewer from P = 3 on.  Differences are of the pictures as displayed, shown as they are and
+multiplied by the factor that stands above them.
 """
 
 import argparse

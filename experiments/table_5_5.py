@@ -3,7 +3,7 @@
     python experiments/table_5_5.py [--runs 15] [--results 400]
 
 Light of 128 x 128 texels, 10 x 10 maps of 128 x 128, degrees (F, P) that miss less than 3 % of the
-BRDF's energy: the paper's pairs, and the true minima found by the order analysis (ERRATA 41).
+BRDF's energy: P's pairs, and the true minima found by the order analysis (ERRATA 41).
 
 Frequency: analysis of the light, coefficients of the tabulated BRDF (T 5.22), the map B_pq (T 5.24)
 and the hundred explicit maps, in float32; warm medians of the whole and of the map alone.  Angle:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from scipy.special import roots_legendre
 
+from jaxrender.harmonics.legendre import gauss_legendre
 from jaxrender.shapes import Float, Int
 
 
@@ -70,7 +70,7 @@ class SeparableGrid(Grid):
 
     @abc.abstractmethod
     def polar_angles(self) -> Float[np.ndarray, " row"]:
-        """Angle from +Z of each row, radians, increasing."""
+        """Angle from +Z of each row, radians, increasing, and the same above and below z = 0."""
 
     @abc.abstractmethod
     def row_weights(self) -> Float[np.ndarray, " row"]:
@@ -88,7 +88,9 @@ class SeparableGrid(Grid):
     def directions(self) -> Float[np.ndarray, "row column 3"]:
         """Unit vectors (sin t cos p, sin t sin p, cos t) of the texel centres."""
         polar, azimuth = self.polar_angles()[:, None], self.azimuths()[None, :]
-        x, y = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth)
+        # Near pi an angle has lost digits of its sine, which its mirror image in the north has.
+        sine = np.sin(np.minimum(polar, polar[::-1]))
+        x, y = sine * np.cos(azimuth), sine * np.sin(azimuth)
         return np.stack([x, y, np.broadcast_to(np.cos(polar), x.shape)], axis=-1)
 
     def weights(self) -> Float[np.ndarray, "row column"]:
@@ -171,11 +173,11 @@ class GaussLegendreGrid(SeparableGrid):
 
     def polar_angles(self) -> Float[np.ndarray, " row"]:
         """Angle from +Z of each row, radians."""
-        return np.arccos(-roots_legendre(self.height)[0])
+        return gauss_legendre(self.height).angles
 
     def row_weights(self) -> Float[np.ndarray, " row"]:
         """Solid angle of one texel of each row: Gauss's weights times 2 pi / W, steradians."""
-        return roots_legendre(self.height)[1] * 2.0 * np.pi / self.width
+        return gauss_legendre(self.height).weights * 2.0 * np.pi / self.width
 
 
 def _check_sides(height: int, width: int):

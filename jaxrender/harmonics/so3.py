@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Inexact
-from scipy.special import roots_legendre
 
 from jaxrender.harmonics.circle import phases
 from jaxrender.harmonics.indexing import coefficient_count
+from jaxrender.harmonics.legendre import gauss_legendre
 from jaxrender.harmonics.wigner import small_d
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -47,7 +47,7 @@ class RotationGrid(eqx.Module):
 
     def alphas(self) -> Float[np.ndarray, " alpha"]:
         """Angles about y, radians, increasing."""
-        return np.arccos(roots_legendre(self.band_limit + 1)[0])[::-1]
+        return gauss_legendre(self.band_limit + 1).angles
 
     def betas(self) -> Float[np.ndarray, " beta"]:
         """Angles of the last turn about z, radians; also those of the first, gamma."""
@@ -55,7 +55,7 @@ class RotationGrid(eqx.Module):
 
     def weights(self) -> Float[np.ndarray, " alpha"]:
         """Measure of one rotation of each alpha; sums to 8 pi^2 over the grid."""
-        nodes = roots_legendre(self.band_limit + 1)[1][::-1]
+        nodes = gauss_legendre(self.band_limit + 1).weights
         return nodes * (2.0 * np.pi / (2 * self.band_limit + 1)) ** 2
 
 

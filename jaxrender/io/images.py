@@ -14,6 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+# Its types are quoted in annotations: a class of equinox keeps all functions that its module names
+# until after the interpreter's end, when the binding reports what they still hold as leaked.
 import OpenImageIO as oiio
 from jaxtyping import Bool, Float
 
@@ -103,7 +106,7 @@ def write_image(path: str | Path, pixels: Float[AnyArray, "row column channel"])
         aside.unlink(missing_ok=True)
 
 
-def _open(path: Path) -> tuple[oiio.ImageInput, oiio.ImageSpec]:
+def _open(path: Path) -> "tuple[oiio.ImageInput, oiio.ImageSpec]":
     """Open a picture and refuse the headers that the rest of this module cannot honour."""
     if not path.is_file():
         raise InputError(f"{path}: no such image file; mend the path")
@@ -118,7 +121,7 @@ def _open(path: Path) -> tuple[oiio.ImageInput, oiio.ImageSpec]:
     return file, spec
 
 
-def _check_header(path: Path, spec: oiio.ImageSpec) -> None:
+def _check_header(path: Path, spec: "oiio.ImageSpec") -> None:
     size = f"{spec.width} x {spec.height}"
     megabytes = spec.width * spec.height * spec.nchannels * 4 / 2**20
     if megabytes > LARGEST_IMAGE_MB:
@@ -143,7 +146,7 @@ def _check_header(path: Path, spec: oiio.ImageSpec) -> None:
         )
 
 
-def _values(path: Path, file: oiio.ImageInput, spec: oiio.ImageSpec) -> np.ndarray:
+def _values(path: Path, file: "oiio.ImageInput", spec: "oiio.ImageSpec") -> np.ndarray:
     """Read all channels as float64, integers divided by their largest value."""
     integer = _is_integer(spec)
     values = file.read_image(spec.format if integer else "double")
@@ -158,7 +161,7 @@ def _values(path: Path, file: oiio.ImageInput, spec: oiio.ImageSpec) -> np.ndarr
 
 
 def _split_channels(
-    path: Path, spec: oiio.ImageSpec, values: np.ndarray
+    path: Path, spec: "oiio.ImageSpec", values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Pick the RGB or grey channels by name, and alpha."""
     names = list(spec.channelnames)
@@ -195,7 +198,7 @@ def _invalid_pixels(
     )
 
 
-def _metadata(spec: oiio.ImageSpec) -> dict[str, bool | int | float]:
+def _metadata(spec: "oiio.ImageSpec") -> dict[str, bool | int | float]:
     known: dict[str, bool | int | float] = {
         "is_integer": _is_integer(spec),
         "bit_depth": spec.get_int_attribute("oiio:BitsPerSample", spec.format.size() * 8),
@@ -266,7 +269,7 @@ def _write(path: Path, aside: Path, values: np.ndarray) -> None:
             raise InputError(f"{path}: cannot be written ({_one_line(output.geterror())})")
 
 
-def _is_integer(spec: oiio.ImageSpec) -> bool:
+def _is_integer(spec: "oiio.ImageSpec") -> bool:
     return spec.format.basetype not in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 
 

@@ -218,4 +218,9 @@ def _grid(path: Path, kind: type[Grid], shape: tuple[int, ...]) -> Grid:
                 f"below each other are 6 n x n; {_AGAIN}"
             )
         return CubeGrid(columns)
+    if columns % 2:
+        raise InputError(
+            f"{path}: `maps` of {columns} columns cannot be looked up over the poles, which takes "
+            f"an even number; {_AGAIN}"
+        )
     return LatLongGrid(rows, columns)

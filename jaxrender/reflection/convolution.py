@@ -9,7 +9,7 @@ B(R, o) = int L(R i) rho^(i, o) di to the *local* direction o.  In coefficients
     one direction B_lm     = Lambda_l rho_l L_lm                         (T 2.62)
 
 **B_lmpq has one meaning here**: the coefficient of B in the *orthonormal* functions C_lmpq =
-Lambda_l^-1 D^l_mq Y_pq (T 2.54), hence with Lambda_l.  T 5.23 and the SHRM paper's appendix write
+Lambda_l^-1 D^l_mq Y_pq (T 2.54), hence with Lambda_l.  T 5.23 and P appendix A write
 the same symbol for L_lm rho_lpq without it (ERRATA 37): divide by Lambda_l to get theirs.
 
 The reciprocal form (T 2.58, 2.59) is the same functions with rho~ = rho cos t_i cos t_o; what they

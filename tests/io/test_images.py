@@ -2,11 +2,13 @@
 
 Pinned down: a round trip through every format to that format's own precision; alpha apart and
 colours not multiplied by it; channels by name; metadata; and for each kind of damage the file, the
-place, the value and the remedy in the message.  The oracle for files of other programs is
-OpenImageIO itself, told to write what this project never writes.
+place, the value and the remedy in the message; a script ends in silence.  The oracle for files of
+other programs is OpenImageIO itself, told to write what this project never writes.
 """
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -301,3 +303,16 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path, name, pixels, message):
     with pytest.raises(InputError, match=message):
         write_image(tmp_path / name, pixels)
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_of_the_library_outlives_a_script_with_a_class_of_its_own():
+    script = """
+import equinox
+from jaxrender.io import read_image
+
+class Mine(equinox.Module):  # JAX keeps the class, and with it all that its module names
+    def method(self):
+        return read_image
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")

@@ -258,6 +258,16 @@ def test_no_cube(path):
         read_shrm(path)
 
 
+def test_no_opposite_columns(path):
+    def narrower(arrays):
+        cut = {"maps": lambda v: v[:, :-1], "azimuth": lambda v: v[:-1]}
+        return {n: (d, cut.get(n, lambda v: v)(values)) for n, (d, values) in arrays.items()}
+
+    rewritten(path, narrower)
+    with pytest.raises(InputError, match="19 columns cannot be looked up over the poles"):
+        read_shrm(path)
+
+
 def test_either_byte_order(path):
     rewritten(path, lambda a: a | {"maps": (a["maps"][0], a["maps"][1].astype(">f8"))})
     found, _ = read_shrm(path)

@@ -17,6 +17,7 @@ from jaxrender.harmonics import (
 )
 from jaxrender.reflection import (
     AzimuthalTexture,
+    GlobalShrm,
     IcosahedralMaps,
     LightFieldTable,
     LocalShrm,
@@ -363,6 +364,24 @@ def test_photographs_of_a_sphere_give_its_map():
         shrm_from_photographs(cameras[:1], photographs[:1], sphere, grid, ViewerGoal(1))
     with pytest.raises(ValueError, match="12 cameras and 11 photographs"):
         shrm_from_photographs(cameras, photographs[1:], sphere, grid, ViewerGoal(1))
+
+
+def test_an_odd_number_of_columns_is_refused_before_anything_is_computed(made):
+    light, spectrum, local = made
+    odd, refusal = LatLongGrid(24, 47), "24 x 47 texels: .* an even number of columns"
+    pose = look_at(np.array([4.0, 0, 0]), np.zeros(3), np.array([0.0, 0, 1]))
+    camera, sphere = Orthographic(8, 8, pose, scale=0.3), Sphere(np.zeros(3), 1.0)
+    for refused in (
+        lambda: LocalShrm(local.maps[:, :47], odd, _F),
+        lambda: GlobalShrm(local.maps[:, :47], odd, _F),
+        lambda: local_shrm(light, spectrum, odd),
+        lambda: shrm_from_photographs([camera], [np.zeros((8, 8, 3))], sphere, odd, ViewerGoal(1)),
+    ):
+        with pytest.raises(ValueError, match=refusal):
+            refused()
+    # A face of a cube may have any side.
+    side = CubeGrid(5)
+    assert GlobalShrm(np.zeros((*side.shape, 1, 3)), side, 0).order == 0
 
 
 def test_what_cannot_be_is_refused(made):

@@ -43,7 +43,8 @@ class Shrm(eqx.Module):
     """Reflection maps B_pq, ``outgoing`` the flat index p(p+1)+q, on the texels of ``grid``.
 
     ``band_limit`` is F, the light's highest degree in them.
-    Raises ``ValueError`` where the maps are not the grid's or the last but one axis is no (P+1)^2.
+    Raises ``ValueError`` where the maps are not the grid's, where the last but one axis is no
+    (P+1)^2, and for a latitude-longitude grid with an odd number of columns.
     """
 
     maps: Maps
@@ -58,6 +59,7 @@ class Shrm(eqx.Module):
                 f"maps of {self.maps.shape[0]} x {self.maps.shape[1]} texels on a grid of "
                 f"{self.grid.shape[0]} x {self.grid.shape[1]}; make the grid from their shape"
             )
+        check_columns(self.grid)
 
     @property
     def order(self) -> int:
@@ -144,6 +146,18 @@ def exit_cosine(
     """cos t_o = cos(t'_o / 2) from the reflected and the outgoing direction, not below .1."""
     squared = (1 + dot(centres, outgoing)) / 2
     return jnp.sqrt(jnp.maximum(squared, LEAST_COSINE**2))
+
+
+def check_columns(grid: Grid):
+    """Raise ``ValueError`` for a latitude-longitude grid with an odd number of columns.
+
+    Beyond a pole lies the column half a turn away, which such a grid does not have.
+    """
+    if isinstance(grid, LatLongGrid) and grid.width % 2:
+        raise ValueError(
+            f"a reflection map of {grid.height} x {grid.width} texels: its columns must have "
+            "opposite ones to be looked up over the poles; give an even number of columns"
+        )
 
 
 def least_rows(band_limit: int, order: int) -> int:

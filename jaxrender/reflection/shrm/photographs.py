@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxrender.geometry import Camera, Orthographic, Pinhole, Sphere, observe
 from jaxrender.harmonics import LatLongGrid, degrees, real_basis
-from jaxrender.reflection.shrm.maps import GlobalShrm
+from jaxrender.reflection.shrm.maps import GlobalShrm, check_columns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, ImageArray, Int
 
 # From a camera at a finite distance the normal that shows R depends on where the point is, and
@@ -49,8 +49,10 @@ def shrm_from_photographs(
     """Fit the maps B_pq of a sphere seen by each camera, at every texel of ``grid``.
 
     Texels that no photograph shows are an error: ``ValueError`` says how many; also for no
-    photograph at all, and where cameras and photographs do not belong together.
+    photograph at all, where cameras and photographs do not belong together, and for a grid with an
+    odd number of columns.
     """
+    check_columns(grid)
     if not cameras or len(cameras) != len(photographs):
         raise ValueError(
             f"{len(cameras)} cameras and {len(photographs)} photographs: give one camera each, "

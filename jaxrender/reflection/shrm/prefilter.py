@@ -31,7 +31,7 @@ from jaxrender.harmonics import (
     rotate,
     rotation_matrices,
 )
-from jaxrender.reflection.shrm.maps import GlobalShrm, LocalShrm, least_rows
+from jaxrender.reflection.shrm.maps import GlobalShrm, LocalShrm, check_columns, least_rows
 from jaxrender.shapes import AnyArray, Array, Coefficients, Float
 from jaxrender.spectra import CentralSpectrum
 
@@ -42,10 +42,12 @@ def local_shrm(light: Coefficients, spectrum: CentralSpectrum, grid: LatLongGrid
     """Prefilter light given by its coefficients; light and spectrum to the same degree F.
 
     Differentiable in the light and in the spectrum.
-    Raises ``ValueError`` for different degrees, and for a grid whose rows would alias.
+    Raises ``ValueError`` for different degrees, for a grid whose rows would alias, and for one with
+    an odd number of columns.
     """
     limits = _check(light, spectrum)
     check_rows(grid, limits)
+    check_columns(grid)
     maps = _prefilter(grid, limits, jnp.asarray(light), jnp.asarray(spectrum.coefficients))
     return LocalShrm(maps, grid, limits[0], spectrum.weighted)
 
