@@ -3,13 +3,21 @@
 Pixels are worked off in batches of one size, so that a single compiled program serves every
 photograph whatever the object covers of it.  A ``ShadowedModel`` traces each batch's shadows before
 it is reflected; the other models are those of convex shapes and cast none.
+
+On the host the images are NumPy arrays, filled batch by batch.  Under ``jit``, ``vmap`` and
+``grad`` they are traced arrays, differentiable in the material, the light and the normals; what is
+seen, and where shadows fall, is fixed beforehand.
 """
 
 import abc
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import (
@@ -31,6 +39,8 @@ _PIXELS_AT_ONCE = 4096
 _LEAST_AT_ONCE = 256
 # Pixels times nodes whose visibility is held at once, a byte each.
 _MOST_PAIRS = 2**26
+
+Material = TypeVar("Material", bound=BRDF)
 
 
 class ForwardModel(eqx.Module):
@@ -143,15 +153,66 @@ def render_samples(
     samples: SurfaceSamples,
     model: ForwardModel | ShadowedModel,
     places: SurfacePlaces | None = None,
-) -> Float[np.ndarray, "sample channel"]:
+) -> Float[AnyArray, "sample channel"]:
     """Compute the radiance that every sample sends to the camera.
 
     A model with shadows must know the samples' places (ValueError without).
     """
-    found = np.zeros((samples.normals.shape[0], brdf.amplitudes.shape[1]))
+    return in_batches(_reflect, (brdf, samples, model), brdf.amplitudes.shape[1:], places)
+
+
+def in_batches(
+    function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
+    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    shape: tuple[int, ...],
+    places: SurfacePlaces | None = None,
+) -> Float[AnyArray, "sample *rest"]:
+    """Call a compiled function for one batch of samples after the other.
+
+    ``shape`` is that of its values for one sample.  Raises ``ValueError`` as ``batches`` does.
+    """
+    brdf, samples, model = arguments
+    if is_traced(arguments):
+        return _traced_in_batches(function, arguments, shape, places)
+    found = np.zeros((samples.normals.shape[0], *shape))
     for rows, batch, lit in batches(samples, model, places):
-        found[rows] = np.asarray(_reflect(brdf, batch, lit))[: rows.stop - rows.start]
+        found[rows] = np.asarray(function(brdf, batch, lit))[: rows.stop - rows.start]
     return found
+
+
+def is_traced(*arguments) -> bool:
+    """Whether some of the numbers are not known yet."""
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
+
+
+def _traced_in_batches(
+    function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
+    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    shape: tuple[int, ...],
+    places: SurfacePlaces | None,
+) -> Float[Array, "sample *rest"]:
+    """Map over the batches within the program that is being compiled."""
+    brdf, samples, model = arguments
+    count = samples.normals.shape[0]
+    if count == 0:
+        return jnp.zeros((0, *shape), jnp.result_type(brdf.amplitudes))
+    some = [(batch, lit) for _, batch, lit in batches(samples, model, places)]
+    if len(some) == 1:
+        return function(brdf, *some[0])[:count]
+    # Most of a light is the same for all batches; what differs is mapped over.
+    leaves, structures = zip(*(jax.tree.flatten(pair) for pair in some))
+    columns = list(zip(*leaves))
+    shared = [all(leaf is column[0] for leaf in column) for column in columns]
+    own = [jnp.stack(column) for column, same in zip(columns, shared) if not same]
+
+    # What a batch needs for its derivative is computed again: memory for one batch suffices.
+    @jax.checkpoint
+    def one(own: list[Array]) -> Array:
+        rest = iter(own)
+        merged = [leaf if same else next(rest) for leaf, same in zip(leaves[0], shared)]
+        return function(brdf, *structures[0].unflatten(merged))
+
+    return jax.lax.map(one, own).reshape(-1, *shape)[:count]
 
 
 def batches(
@@ -161,18 +222,26 @@ def batches(
 ) -> Iterator[tuple[slice, SurfaceSamples, ForwardModel]]:
     """Cut samples into batches of one size, the last filled up, each with its model.
 
-    The slice says which samples a batch holds.  A model with shadows must know the samples' places
-    (ValueError without).
+    The slice says which samples a batch holds.  A model with shadows must know the samples' places,
+    and what its rays meet is found on the host: ValueError without places, and for normals that
+    are traced.
     """
-    if isinstance(model, ShadowedModel) and places is None:
-        raise ValueError("shadows need to know where the samples lie: give their places")
+    if isinstance(model, ShadowedModel):
+        if places is None:
+            raise ValueError("shadows need to know where the samples lie: give their places")
+        if is_traced(samples, places):
+            raise ValueError(
+                "rays of shadows are traced on the host: give normals and places as NumPy arrays, "
+                "or differentiate a model without shadows by them"
+            )
     count = samples.normals.shape[0]
     step = min(_batch_size(model), max(_LEAST_AT_ONCE, 2 ** (count - 1).bit_length()))
     for first in range(0, count, step):
         batch = SurfaceSamples(*(_batch(a, first, step) for a in samples))
         lit = model
         if isinstance(lit, ShadowedModel):
-            lit = lit.at(SurfacePlaces(*(_batch(a, first, step) for a in places or ())), batch)
+            where = (np.asarray(_batch(a, first, step)) for a in places or ())
+            lit = lit.at(SurfacePlaces(*where), batch)
         yield slice(first, min(first + step, count)), batch, lit
 
 
@@ -182,38 +251,60 @@ def _batch_size(model: ForwardModel | ShadowedModel) -> int:
     return max(1, min(_PIXELS_AT_ONCE, _MOST_PAIRS // max(1, model.rays)))
 
 
-def _batch(rows: Float[AnyArray, "sample 3"], first: int, step: int) -> Float[np.ndarray, "step 3"]:
+def _batch(rows: Float[AnyArray, "sample 3"], first: int, step: int) -> Float[AnyArray, "step 3"]:
     """Take ``step`` rows, the last one repeated where there are fewer."""
+    if isinstance(rows, Tracer):
+        return rows[np.minimum(np.arange(first, first + step), rows.shape[0] - 1)]
     some = np.asarray(rows)[first : first + step]
     return np.pad(some, ((0, step - len(some)), (0, 0)), mode="edge")
 
 
 def render_view(
     brdf: BRDF, view: SurfaceView, model: ForwardModel | ShadowedModel
-) -> Float[np.ndarray, "row column channel"]:
-    """Compute the image of a surface that is already traced; zero where the ray missed."""
+) -> Float[AnyArray, "row column channel"]:
+    """Compute the image of a surface that is already traced; zero where the ray missed.
+
+    A view whose ``normals`` or ``outgoing`` are traced arrays is differentiable by them.
+    """
     return render_views(brdf, [view], model)[0]
 
 
 def render_views(
     brdf: BRDF, views: Sequence[SurfaceView], model: ForwardModel | ShadowedModel
-) -> list[Float[np.ndarray, "row column channel"]]:
+) -> list[Float[AnyArray, "row column channel"]]:
     """Compute the images of several views under one light, their pixels in common batches."""
-    normals = np.concatenate([view.normals[view.hit] for view in views])
-    outgoing = np.concatenate([view.outgoing[view.hit] for view in views])
-    samples, places = SurfaceSamples(normals, outgoing), SurfacePlaces.of_views(views)
-    found = render_samples(brdf, samples, model, places)
+    places = SurfacePlaces.of_views(views)
+    found = render_samples(brdf, samples_of_views(views), model, places)
     last = np.cumsum([np.count_nonzero(view.hit) for view in views])
-    images = []
-    for view, values in zip(views, np.split(found, last[:-1])):
-        images.append(np.zeros((*view.hit.shape, found.shape[1])))
-        images[-1][view.hit] = values
-    return images
+    numbers = np if isinstance(found, np.ndarray) else jnp
+    parts = numbers.split(found, last[:-1])
+    return [_image(view.hit, values) for view, values in zip(views, parts)]
+
+
+def samples_of_views(views: Sequence[SurfaceView]) -> SurfaceSamples:
+    """Gather the pixels that hit the surface, view after view, row by row."""
+    numbers = jnp if is_traced(*views) else np
+    return SurfaceSamples(
+        numbers.concatenate([view.normals[view.hit] for view in views]),
+        numbers.concatenate([view.outgoing[view.hit] for view in views]),
+    )
+
+
+def _image(
+    hit: Bool[np.ndarray, "row column"], values: Float[AnyArray, "pixel channel"]
+) -> Float[AnyArray, "row column channel"]:
+    """Put the values of the pixels that are hit where they belong."""
+    shape = (*hit.shape, values.shape[1])
+    if not isinstance(values, np.ndarray):
+        return jnp.zeros(shape, values.dtype).at[np.nonzero(hit)].set(values)
+    image = np.zeros(shape)
+    image[hit] = values
+    return image
 
 
 def render(
     brdf: BRDF, camera: Camera, shape: Shape, model: ForwardModel | ShadowedModel
-) -> Float[np.ndarray, "row column channel"]:
+) -> Float[AnyArray, "row column channel"]:
     """Trace a shape from a camera and render it; zero where the ray missed."""
     return render_view(brdf, observe(camera, shape), model)
 

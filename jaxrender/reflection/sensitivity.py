@@ -11,39 +11,41 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.reflection.render import ForwardModel, ShadowedModel, batches
-from jaxrender.shapes import Array, Float
+from jaxrender.reflection.render import (
+    ForwardModel,
+    ShadowedModel,
+    in_batches,
+    samples_of_views,
+)
+from jaxrender.shapes import AnyArray, Array, Float
 
 
 def sensitivities(
     brdf: Parametric, view: SurfaceView, model: ForwardModel | ShadowedModel
-) -> Float[np.ndarray, "pixel 4 channel"]:
+) -> Float[AnyArray, "pixel 4 channel"]:
     """Differentiate the radiance of the pixels that are hit by K_d, K_s, sigma and mu.
 
     K_d and K_s of the same channel; a metal's mu has no effect.
     """
-    samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
     places = SurfacePlaces.of_views([view])
-    found = np.zeros((len(samples.normals), 4, np.shape(brdf.kd)[0]))
-    for rows, batch, lit in batches(samples, model, places):
-        found[rows] = np.asarray(_differentiate(brdf, batch, lit))[: rows.stop - rows.start]
-    return found
+    shape = (4, np.shape(brdf.kd)[0])
+    return in_batches(_differentiate, (brdf, samples_of_views([view]), model), shape, places)
 
 
 @eqx.filter_jit
 def _differentiate(
     brdf: Parametric, samples: SurfaceSamples, model: ForwardModel
 ) -> Float[Array, "pixel 4 channel"]:
-    sigma = jnp.asarray(brdf.sigma, float)
+    ks = jnp.asarray(brdf.ks)[None, :]
+    sigma = jnp.asarray(brdf.sigma, ks.dtype)
     one = jnp.ones_like(sigma)
 
     def columns(sigma: Float[Array, ""], mu: Float[Array, ""] | None):
         return model.columns(brdf.with_roughness(sigma, mu), samples)
 
-    mu = None if brdf.mu is None else jnp.asarray(brdf.mu, float)
+    mu = None if brdf.mu is None else jnp.asarray(brdf.mu, ks.dtype)
     value, by_sigma = jax.jvp(lambda s: columns(s, mu), (sigma,), (one,))
     by_mu = jnp.zeros_like(value)
     if mu is not None:
         _, by_mu = jax.jvp(lambda m: columns(sigma, m), (mu,), (one,))
-    ks = jnp.asarray(brdf.ks)[None, :]
     return jnp.stack([value[:, 0], value[:, 1], ks * by_sigma[:, 1], ks * by_mu[:, 1]], axis=1)

@@ -226,6 +226,10 @@ def test_images_with_shadows(small_batches):
     np.testing.assert_array_equal(image[~VIEW.hit], 0)
     camera = Orthographic(8, 8, POSE, scale=0.3)
     np.testing.assert_array_equal(render(BRDF, camera, STATUE, model), image)
+    compiled = eqx.filter_jit(lambda brdf: render_view(brdf, VIEW, model))(BRDF)
+    np.testing.assert_allclose(compiled, image, rtol=1e-9)
+    with pytest.raises(ValueError, match="traced on the host"):
+        jax.jit(lambda n: render_view(BRDF, VIEW._replace(normals=n), model))(VIEW.normals)
     bright = render_view(BRDF, VIEW, ExactForward(NODES))
     assert np.all(image <= bright + ROUNDING)
     assert image.sum() < 0.97 * bright.sum()

@@ -1,5 +1,11 @@
-"""A sigma for each sample, rendered by any model: what one sample after the other gives."""
+"""A sigma for each sample, rendered by any model: what one sample after the other gives.
 
+Traced widths too, with derivatives; a traced light with widths that are known is interpolated as on
+the host.
+"""
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -44,3 +50,34 @@ def test_no_samples_and_no_width(scene):
     assert render_widths(lobe, np.zeros(0), none, model).shape == (0, 3)
     with pytest.raises(ValueError, match="not a positive number"):
         render_widths(lobe, np.full(40, np.nan), samples, model)
+
+
+def test_traced_widths_are_rendered_one_by_one(scene):
+    samples, model, lobe = scene
+    few = SurfaceSamples(samples.normals[:3], samples.outgoing[:3])
+    widths, move = np.array([0.1, 0.2, 0.3]), np.array([1.0, -0.5, 2.0])
+    compiled = jax.jit(lambda widths: render_widths(lobe, widths, few, model))
+
+    def alone(widths):
+        for k, width in enumerate(widths):
+            own = SurfaceSamples(few.normals[k : k + 1], few.outgoing[k : k + 1])
+            yield render_samples(lobe.with_roughness(width, lobe.mu), own, model)
+
+    np.testing.assert_allclose(compiled(widths), np.concatenate([*alone(widths)]), rtol=1e-9)
+    slope = jax.jvp(compiled, (jnp.asarray(widths),), (jnp.asarray(move),))[1]
+    step = 1e-5
+    change = compiled(widths + step * move) - compiled(widths - step * move)
+    np.testing.assert_allclose(slope, change / (2 * step), rtol=1e-6, atol=1e-8)
+
+
+def test_known_widths_under_a_traced_light(scene):
+    samples, model, lobe = scene
+    widths = np.linspace(0.2, 0.22, 40)
+
+    @jax.jit
+    def compiled(slow):
+        light = DualLight(slow, model.light.sources)
+        return render_widths(lobe, widths, samples, DualForward(light))
+
+    expected = render_widths(lobe, widths, samples, model)
+    np.testing.assert_allclose(compiled(model.light.slow), expected, rtol=1e-9, atol=1e-12)
