@@ -49,9 +49,9 @@ def off_pole(directions: Directions, rows: int) -> Float[Array, "*batch 3"]:
     pole = x * x + y * y < (_NEAR_POLE * row * z) ** 2
     return jnp.stack(
         [
-            jnp.where(pole, np.sin(_OFF_POLE * row) * jnp.abs(z), x),
+            jnp.where(pole, float(np.sin(_OFF_POLE * row)) * jnp.abs(z), x),
             jnp.where(pole, 0, y),
-            jnp.where(pole, np.cos(_OFF_POLE * row) * z, z),
+            jnp.where(pole, float(np.cos(_OFF_POLE * row)) * z, z),
         ],
         axis=-1,
     )

@@ -1,0 +1,14 @@
+"""The page of gradients: every public function by every array argument, at random and at the edges.
+
+``page`` says what a row is and checks it; one list of rows stands here for each package.
+``experiments/gradients.py`` prints what is found, the tests demand it.
+"""
+
+from . import harmonics
+from .page import DOUBLE, SINGLE, Chapter, Found, Row, check, unlisted
+
+CHAPTERS = {
+    "harmonics": Chapter(harmonics.ROWS, harmonics.EXCEPTIONS),
+}
+
+__all__ = ["CHAPTERS", "DOUBLE", "SINGLE", "Chapter", "Found", "Row", "check", "unlisted"]
