@@ -54,7 +54,7 @@ FAULTS = {
     "an infinity": (lambda x: jnp.cbrt(x), np.zeros(2), ("double", "single")),
     "lost precision": (lambda x: jnp.float32(1) * x.astype(jnp.float32), np.ones(2), ("double",)),
     "gained precision": (lambda x: x.astype(jnp.float64), np.ones(2), ("single",)),
-    "cancellation": (lambda x: 1e7 * x - (1e7 * x - x**2), np.ones(2), ("single",)),
+    "cancellation": (lambda x: 1e7 * x - (1e7 * x - x**2), np.full(2, 1.3), ("single",)),
 }
 
 
