@@ -1,7 +1,7 @@
 """T figure 5.1: an object in several materials under light probes, from reflection maps alone.
 
     python experiments/figure_5_1.py [PROBE.hdr ...] [--convention cross] [--paint FILE.brdf]
-        [--mesh FILE --up y] [--out F.png]
+        [--mesh FILE --up y] [--window minimal] [--out F.png]
 
 The simplified microfacet of T 5.34, a measured paint where its file is given (Cornell's text
 format), a velvet (Lafortune lobes without a vertical part, bright at grazing), and Kajiya and Kay's
@@ -13,6 +13,11 @@ Prints the orders (F, P), what they miss, the milliseconds that all maps take, t
 map for a new viewer and looking it up at every pixel, in float32 on the processor) and the
 relative rms against the integral over the probe at some of the pixels.  The thesis: about 30 frames
 a second for each picture.
+
+Cut at so few degrees lobes ring, and bright lamps are ringed by black specks.  The window that
+bends least (``--window none``: as in the thesis) takes most of them off: under Grace Cathedral
+pixels of the microfacet below zero fall from 1.0 to .08 %, for 6.9 instead of 5.4 % of rms; Lanczos
+leaves none, for 11.4 %.  The lowest values of lobes and pictures are printed.
 """
 
 import argparse
@@ -38,7 +43,7 @@ from jaxrender.geometry import (
     observe,
     sculpture,
 )
-from jaxrender.harmonics import LatLongGrid, looked_up, over_poles
+from jaxrender.harmonics import WINDOWS, LatLongGrid, looked_up, over_poles
 from jaxrender.imaging.colour import rgb_of_reflectance
 from jaxrender.io import read_cornell, read_environment, read_mesh
 from jaxrender.lighting import Environment, LightNodes
@@ -52,9 +57,11 @@ from jaxrender.spectra import (
     central_spectrum,
     central_spectrum_of,
     light_coefficients,
+    lobe_ringing,
     missing_energy,
     required_orders,
     tabulated_spectrum,
+    windowed_spectrum,
 )
 
 BAND_LIMIT, ORDER = 30, 5
@@ -155,6 +162,16 @@ def chosen(name: str, spectrum: CentralSpectrum) -> CentralSpectrum:
     print(f"{name:11s}(F, P) = {kept.band_limits} miss {100 * missed:.1f} %: ", end="")
     print(f"{verdict} {100 * tolerance:.0f} %")
     return kept
+
+
+def windowed(name: str, material: Material, window: str) -> Material:
+    """Take the ringing off a lobe, or say how far it falls below zero."""
+    before = material.spectrum
+    after = before if window == "none" else windowed_spectrum(before, window)
+    rings = [100 * lobe_ringing(spectrum) for spectrum in (before, after)]
+    print(f"{name:11s}lowest value of the lobe {rings[0]:.1f} % of its peak, ", end="")
+    print(f"window {window}: {rings[1]:.1f} %")
+    return material._replace(spectrum=after)
 
 
 def mesh_from(path: Path | None, up: str) -> Mesh:
@@ -275,7 +292,23 @@ def picture(image: jax.Array, frames: Frames, behind: np.ndarray) -> np.ndarray:
     return found
 
 
-def render(material: Material, light: Environment, mesh, nodes: LightNodes) -> tuple:
+class Drawn(NamedTuple):
+    """One picture: seconds for maps and for a frame, and what is wrong with it.
+
+    ``below`` is the part of the pixels below zero in any channel, ``lowest`` the lowest value
+    relative to the highest.
+    """
+
+    frames: Frames
+    image: jax.Array
+    prefilter: float
+    frame: float
+    error: float
+    below: float
+    lowest: float
+
+
+def render(material: Material, light: Environment, mesh, nodes: LightNodes) -> Drawn:
     """Draw one picture, time it, and hold it against the integral."""
     frames = seen(mesh, VIEW, material.about_tangent)
     outgoing = jnp.asarray(towards(VIEW), jnp.float32)
@@ -288,18 +321,20 @@ def render(material: Material, light: Environment, mesh, nodes: LightNodes) -> t
     image, spent = frame(), seconds_of(frame, 9)
     every, compared = some_of(frames, COMPARED)
     error = relative_rms(image[every], integrated(material, compared, nodes))
-    return frames, image, (prefilter, spent, error)
+    raw = np.asarray(looked_up(over_poles(shrm.dynamic_map(outgoing)), frames.centres))
+    below, lowest = float(np.mean(raw.min(axis=1) < 0)), float(raw.min() / raw.max())
+    return Drawn(frames, image, prefilter, spent, error, below, lowest)
 
 
-def all_materials(measured: Path | None) -> dict[str, Material]:
-    """Each to the orders that its tolerance asks for."""
+def all_materials(measured: Path | None, window: str = "none") -> dict[str, Material]:
+    """Each to the orders that its tolerance asks for, and through a window."""
     limits = BAND_LIMIT, ORDER
     found = {"microfacet": microfacet(limits)}
     if measured:
         found["paint"] = paint(measured, limits)
     found |= {"velvet": velvet(limits), "fibres": fibres((BAND_LIMIT, FIBRES_ORDER))}
     return {
-        name: material._replace(spectrum=chosen(name, material.spectrum))
+        name: windowed(name, material._replace(spectrum=chosen(name, material.spectrum)), window)
         for name, material in found.items()
     }
 
@@ -311,24 +346,27 @@ def main():
     parser.add_argument("--paint", type=Path)
     parser.add_argument("--mesh", type=Path)
     parser.add_argument("--up", choices=tuple(UP), default="z", help="what is up in the mesh")
+    parser.add_argument("--window", choices=("none", *WINDOWS), default="minimal")
     parser.add_argument("--out", type=Path, default=Path("experiments/out/figure_5_1.png"))
     arguments = parser.parse_args()
     mesh = mesh_from(arguments.mesh, arguments.up)
-    materials = all_materials(arguments.paint)
+    materials = all_materials(arguments.paint, arguments.window)
     shape = len(arguments.probes), len(materials)
     size = 3 * shape[1], 3.1 * shape[0] + 0.2
     figure, axes = plt.subplots(*shape, squeeze=False, figsize=size, layout="constrained")
     print(f"\n{'light':16s}{'material':11s}{'map, ms':>9s}{'frame, ms':>11s}", end="")
-    print(f"{'frames/s':>10s}{'published':>11s}{'rms, %':>8s}")
+    print(f"{'frames/s':>10s}{'published':>11s}{'rms, %':>8s}{'lowest, %':>11s}{'below 0, %':>12s}")
     for row, path in zip(axes, arguments.probes):
         light = light_from(path, arguments.convention)
         nodes = LightNodes(*(jnp.asarray(a, jnp.float32) for a in light.nodes()))
         behind, title = background(light, VIEW), path.stem if path else "random interior"
         for place, (name, material) in zip(row, materials.items()):
-            frames, image, (prefilter, spent, error) = render(material, light, mesh, nodes)
-            print(f"{title:16s}{name:11s}{1e3 * prefilter:9.0f}{1e3 * spent:11.1f}", end="")
-            print(f"{1 / spent:10.0f}{PUBLISHED_RATE:11d}{100 * error:8.1f}", flush=True)
-            place.imshow(picture(image, frames, behind))
+            drawn = render(material, light, mesh, nodes)
+            print(f"{title:16s}{name:11s}{1e3 * drawn.prefilter:9.0f}", end="")
+            print(f"{1e3 * drawn.frame:11.1f}{1 / drawn.frame:10.0f}{PUBLISHED_RATE:11d}", end="")
+            print(f"{100 * drawn.error:8.1f}{100 * drawn.lowest:11.2f}", end="")
+            print(f"{100 * drawn.below:12.2f}", flush=True)
+            place.imshow(picture(drawn.image, drawn.frames, behind))
             place.set_title(f"{name}, (F, P) = {material.spectrum.band_limits}", fontsize=9)
             place.set_axis_off()
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -27,6 +27,7 @@ def prefilter(
     tolerance: float | None = None,
     view_degree: int | None = None,
     degree: int | None = None,
+    window: str = "none",
     force: bool = False,
 ) -> int:
     """Filter a light probe for rendering: irradiance coefficients, and a map for each lobe.
@@ -55,6 +56,9 @@ def prefilter(
     degree
         Degree F of the light's direction, in place of the chosen one; at most 128, and what the
         probe carries.
+    window
+        Takes off the dark rings that a lobe cut at a degree draws around small bright lamps: hann,
+        lanczos, or minimal, which is no stronger than a lobe needs; none keeps lobes as they are.
     force
         Replace an earlier result of another probe.
     """
@@ -78,6 +82,7 @@ def prefilter(
         force=force,
         progress=choose(sys.stderr),
         shrm=goal if shrm else None,
+        window=window,
     )
     for name, row in zip(_HARMONICS, done.coefficients.tolist()):
         process.say(f"L{name:4s}" + "".join(f"{value:12.5g}" for value in row))

@@ -8,7 +8,7 @@ coefficients, in any direction; ``complex_basis`` is the form the thesis writes 
 coefficients and back (``azimuth`` is its half along the rows), ``resampling`` to another grid,
 ``lookup`` to any direction;
 ``zonal`` filters a function degree by degree, which is what a rotationally symmetric BRDF does to
-light.
+light; ``windows`` take the ringing off such a filter that is cut at a band limit.
 
 ``circle`` is the same theory in flatland (T 2.2.2).  ``wigner`` holds the matrices by which
 harmonics turn, ``rotation`` turns coefficients with them, and ``so3`` takes functions of a rotation
@@ -56,6 +56,17 @@ from jaxrender.harmonics.so3 import (
 )
 from jaxrender.harmonics.transform import analyse, analyse_dense, synthesise, synthesise_dense
 from jaxrender.harmonics.wigner import quarter_turn, representation, small_d
+from jaxrender.harmonics.windows import (
+    TOLERABLE_RINGING,
+    WINDOWS,
+    halving_strength,
+    hann,
+    lanczos,
+    minimal,
+    minimal_strength,
+    ringing,
+    window_named,
+)
 from jaxrender.harmonics.zonal import apply_transfer, transfer_of
 
 __all__ = [
@@ -66,6 +77,8 @@ __all__ = [
     "LatLongGrid",
     "RotationGrid",
     "SeparableGrid",
+    "TOLERABLE_RINGING",
+    "WINDOWS",
     "analyse",
     "analyse_circle",
     "analyse_dense",
@@ -86,10 +99,15 @@ __all__ = [
     "evaluate",
     "explicit_basis",
     "flat_index",
+    "halving_strength",
+    "hann",
     "interpolated",
+    "lanczos",
     "legendre",
     "looked_up",
     "looked_up_on_cube",
+    "minimal",
+    "minimal_strength",
     "off_pole",
     "orders",
     "over_poles",
@@ -99,6 +117,7 @@ __all__ = [
     "reflect_circle",
     "representation",
     "resample",
+    "ringing",
     "rotate",
     "rotate_by_angles",
     "rotate_circle",
@@ -109,4 +128,5 @@ __all__ = [
     "synthesise_dense",
     "synthesise_rotations",
     "transfer_of",
+    "window_named",
 ]

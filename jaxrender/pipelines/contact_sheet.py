@@ -24,7 +24,9 @@ def write_contact_sheet(
     for place, (name, picture) in enumerate(pictures.items()):
         axes = figure.add_subplot(rows, _COLUMNS, place + 1)
         # Few texels filter the light well and look coarse; smoothed, they look like what they are.
-        shown = tone_mapped(shrunk(np.maximum(picture, 0), _LONGEST), tone_key(picture))
+        # Where a sharp lobe rings they are below zero, of which there is no logarithm.
+        lit = np.maximum(picture, 0)
+        shown = tone_mapped(shrunk(lit, _LONGEST), tone_key(lit))
         axes.imshow(shown, interpolation="bicubic", aspect="equal")
         axes.set_title(name, fontsize=10)
         axes.set_axis_off()

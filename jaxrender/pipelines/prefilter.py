@@ -13,7 +13,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, degrees, evaluate, orders
+from jaxrender.harmonics import (
+    WINDOWS,
+    LatLongGrid,
+    analyse,
+    apply_transfer,
+    degrees,
+    evaluate,
+    orders,
+    ringing,
+    window_named,
+)
 from jaxrender.io import read_environment, write_image
 from jaxrender.lighting import Environment
 from jaxrender.lighting.layouts import Cross, panorama_named
@@ -36,6 +46,7 @@ DEFAULT_LOBES = (
     "lambertian",
     *(f"microfacet:sigma={sigma}" for sigma in (0.05, 0.1, 0.2, 0.4)),
 )
+NO_WINDOW = "none"
 _QUADRATIC = 2
 # Texels of a map and of a cube's face per degree of the lobe, and the least of either.
 _ROWS_PER_DEGREE = 4
@@ -61,19 +72,26 @@ def prefilter(
     force: bool = False,
     progress: Progress | None = None,
     shrm: OrdersGoal | None = None,
+    window: str = NO_WINDOW,
 ) -> Prefiltered:
     """Write ``irradiance.json``, a map for each lobe (lat-long and cube) and a contact sheet.
 
-    ``shrm`` asks for a spherical harmonic reflection map of each lobe and says of which degrees.
-    Raises ``InputError`` for a probe that cannot be used and for lobes that nobody knows.
+    ``shrm`` asks for a spherical harmonic reflection map of each lobe and says of which degrees;
+    ``window`` is what takes the ringing off lobes that are cut.
+    Raises ``InputError`` for a probe that cannot be used, and for lobes and windows that nobody
+    knows.
     """
     progress = progress or SilentProgress()
+    if window not in (NO_WINDOW, *WINDOWS):
+        raise InputError(f"--window {window}: choose one of {', '.join((NO_WINDOW, *WINDOWS))}")
     lobes = [lobe_of(specification) for specification in dict.fromkeys(brdfs)]
     asked = [] if shrm is None else [shrm]
     if shrm is not None:
         shrm.check()
         check_lobes(lobes)
-    settings = json.dumps([convention, axes, [lobe.specification for lobe in lobes], *asked])
+    settings = json.dumps(
+        [convention, axes, [lobe.specification for lobe in lobes], window, *asked]
+    )
     try:
         digest = fingerprint_of("prefilter", settings, [probe])
         if prepare(out, digest, force) is FolderState.FINISHED:
@@ -95,10 +113,11 @@ def prefilter(
                 f"{grid.band_limit}, and irradiance needs degree 2; give a probe of 6 or more rows"
             )
         coefficients = np.asarray(analyse(grid, radiance, _QUADRATIC))
-        maps = [_maps_of(light, lobe) for lobe in lobes]
+        transfers = [_transfer_of(light, lobe, window, progress) for lobe in lobes]
+        maps = [_maps_of(light, transfer) for transfer in transfers]
         about = ShrmAbout(probe.name, "", axes=axes, convention=convention)
         try:
-            reflection = [] if shrm is None else _reflection(light, lobes, shrm, about)
+            reflection = [] if shrm is None else _reflection(light, lobes, shrm, about, window)
         except InputError:
             raise
         except ValueError as error:
@@ -138,16 +157,31 @@ def irradiance_document(
     }
 
 
-def _maps_of(light: Environment, lobe: Lobe) -> tuple[np.ndarray, np.ndarray]:
+def _transfer_of(
+    light: Environment, lobe: Lobe, window: str, progress: Progress
+) -> Float[np.ndarray, "degree"]:
+    """Cut a lobe where nothing more passes, or where the probe ends, through the window."""
+    most = light.grid.band_limit
+    transfer = lobe.transfer(most)
+    # Where more would pass the lobe is sharper than the probe: all that it carries comes through.
+    transfer = transfer[: min(max(significant_degree(transfer), 1), most) + 1]
+    if window == NO_WINDOW:
+        return transfer
+    after = transfer * window_named(window, transfer)
+    before, now = (100 * ringing(values) for values in (transfer, after))
+    progress.note(
+        f"{lobe.specification}: degree {len(transfer) - 1}, lowest value {before:.2g} % of the "
+        f"peak; through the window {window} {now:.2g} %"
+    )
+    return after
+
+
+def _maps_of(
+    light: Environment, transfer: Float[np.ndarray, "degree"]
+) -> tuple[np.ndarray, np.ndarray]:
     """Filter the light by one lobe: as a latitude-longitude image and as the cross of a cube."""
     grid, radiance = light.grid, np.asarray(light.radiance)
-    transfer = lobe.transfer(grid.band_limit)
-    if significant_degree(transfer) >= grid.band_limit:
-        # Sharper than the probe: all that it carries comes through.
-        band_limit = grid.band_limit
-    else:
-        band_limit = max(significant_degree(transfer), 1)
-    transfer = transfer[: band_limit + 1]
+    band_limit = len(transfer) - 1
     rows = min(grid.height, max(_LEAST_ROWS, _ROWS_PER_DEGREE * band_limit))
     latlong = reflection_maps(radiance, transfer[None], LatLongGrid(rows, 2 * rows))[0]
     filtered = apply_transfer(analyse(grid, radiance, band_limit), jnp.asarray(transfer))
@@ -165,10 +199,10 @@ def _maps_of(light: Environment, lobe: Lobe) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _reflection(
-    light: Environment, lobes: Sequence[Lobe], goal: OrdersGoal, about: ShrmAbout
+    light: Environment, lobes: Sequence[Lobe], goal: OrdersGoal, about: ShrmAbout, window: str
 ) -> list[ReflectionMap]:
-    spectrum = LightSpectrum.of(light)
-    return [reflection_map(spectrum, lobe, goal, about) for lobe in lobes]
+    spectrum, named = LightSpectrum.of(light), None if window == NO_WINDOW else window
+    return [reflection_map(spectrum, lobe, goal, about, named) for lobe in lobes]
 
 
 def _write_reflection(folder: Path, lobe: Lobe, found: ReflectionMap) -> None:

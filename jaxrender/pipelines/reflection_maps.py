@@ -18,7 +18,13 @@ from jaxrender.pipelines.lobes import Lobe
 from jaxrender.pipelines.shrm_files import ShrmAbout
 from jaxrender.reflection.shrm import GlobalShrm, global_shrm, least_rows, local_shrm
 from jaxrender.shapes import Float
-from jaxrender.spectra import missing_light, residual_bound
+from jaxrender.spectra import (
+    CentralSpectrum,
+    lobe_ringing,
+    missing_light,
+    residual_bound,
+    windowed_spectrum,
+)
 
 # The fewest rows of a map, as of the maps of one direction.
 _LEAST_ROWS = 32
@@ -77,17 +83,23 @@ def check_lobes(lobes: tuple[Lobe, ...] | list[Lobe]) -> None:
 
 
 def reflection_map(
-    light: LightSpectrum, lobe: Lobe, goal: OrdersGoal, made_from: ShrmAbout
+    light: LightSpectrum,
+    lobe: Lobe,
+    goal: OrdersGoal,
+    made_from: ShrmAbout,
+    window: str | None = None,
 ) -> ReflectionMap:
     """Prefilter a light for a lobe, to the degrees that the goal asks for.
 
-    ``made_from`` brings source, convention and axes.  Raises ``InputError`` for degrees of which
-    the map would not fit.
+    ``made_from`` brings source, convention and axes; a window weighs the degrees that are kept.
+    Raises ``InputError`` for degrees of which the map would not fit, ``ValueError`` for a window
+    that nobody knows.
     """
     chosen = lobe_orders(lobe, goal, light.band_limit)
     limits = chosen.orders.light, chosen.orders.viewer
     grid = _grid(limits, light.coefficients.shape[1], lobe)
-    maps = global_shrm(local_shrm(jnp.asarray(light.to(limits[0])), chosen.kept, grid))
+    kept = chosen.kept if window is None else windowed_spectrum(chosen.kept, window)
+    maps = global_shrm(local_shrm(jnp.asarray(light.to(limits[0])), kept, grid))
     # A renderer's own precision, and half the file.
     single = jnp.asarray(maps.maps, jnp.float32)
     about = made_from._replace(
@@ -96,7 +108,7 @@ def reflection_map(
         units=_units(lobe),
         light_missing=float(light.missing()[limits[0]]),
         brdf_missing=max(chosen.orders.missing, 0.0),
-        comment=_comment(light, chosen, goal, grid),
+        comment="; ".join([_comment(light, chosen, goal, grid), *_ringing(chosen, kept, window)]),
     )
     return ReflectionMap(GlobalShrm(single, grid, maps.band_limit, maps.weighted), about)
 
@@ -146,6 +158,16 @@ def _comment(light: LightSpectrum, chosen: LobeOrders, goal: OrdersGoal, grid: L
             "between texels"
         )
     return "; ".join(parts)
+
+
+def _ringing(chosen: LobeOrders, kept: CentralSpectrum, window: str | None) -> list[str]:
+    if window is None:
+        return []
+    before, after = (100 * lobe_ringing(spectrum) for spectrum in (chosen.kept, kept))
+    return [
+        f"lowest value of the lobe {after:.2g} % of its peak through the window {window}, "
+        f"{before:.2g} % without"
+    ]
 
 
 def percent(part: float) -> str:

@@ -16,9 +16,9 @@
     rho_lpq, rho_{ln,pq} and rho_lq(t_o) of any BRDF by quadrature
 ``spectrum``
     the spectrum of any BRDF about its lobes' central direction
-``central`` ``orders``
+``central`` ``orders`` ``ringing``
     the same with its dependence on the viewer, rho_lpq about the reflected direction; which
-    degrees of light and viewer suffice
+    degrees of light and viewer suffice; windows for those that are cut
 """
 
 from jaxrender.spectra.central import (
@@ -86,6 +86,7 @@ from jaxrender.spectra.phong import (
     phong_transfer_by_gamma,
     power_transfer,
 )
+from jaxrender.spectra.ringing import lobe_ringing, windowed_spectrum
 from jaxrender.spectra.spectrum import spectrum_of
 
 __all__ = [
@@ -117,6 +118,7 @@ __all__ = [
     "isotropic_coefficients",
     "lambertian_transfer",
     "light_coefficients",
+    "lobe_ringing",
     "matched_gaussian_transfer",
     "matched_phong_transfer",
     "mean_transfer",
@@ -139,5 +141,6 @@ __all__ = [
     "head_on_transfer",
     "transfer_of_samples",
     "uniform_coefficients",
+    "windowed_spectrum",
     "zonal_coefficients",
 ]

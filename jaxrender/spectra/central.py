@@ -65,6 +65,27 @@ class CentralSpectrum(eqx.Module):
         kept = self.coefficients[: first + 1, : second + 1, : min(band_limits) + 1]
         return CentralSpectrum(kept, self.energy, self.weighted)
 
+    def windowed(
+        self,
+        by_light: Float[AnyArray, "degree"],
+        by_viewer: Float[AnyArray, "outgoing_degree"],
+    ) -> "CentralSpectrum":
+        """Multiply each degree l and each degree p by a weight; the energy stays the BRDF's.
+
+        ``windowed_spectrum`` knows windows by name.  Raises ``ValueError`` for weights of other
+        degrees.
+        """
+        have, given = self.band_limits, (len(by_light) - 1, len(by_viewer) - 1)
+        if have != given:
+            raise ValueError(
+                f"windows to degrees (F, P) = {given} of a spectrum to {have}: give a weight for "
+                "each degree"
+            )
+        rho = jnp.asarray(self.coefficients)
+        first, second = jnp.asarray(by_light), jnp.asarray(by_viewer)
+        weights = first[:, None, None, None] * second[None, :, None, None]
+        return CentralSpectrum(rho * weights.astype(rho.dtype), self.energy, self.weighted)
+
     def transfer_at(
         self, exit_cosines: Float[AnyArray, "sample"]
     ) -> Float[Array, "sample degree order channel"]:
@@ -214,7 +235,7 @@ def tabulated_spectrum(
     if columns == 1:
         waves = waves * (order == 0)
     incoming, outgoing = (
-        _meridian_on_host(CentralTable.polar_angles(count), (limit + 1, most + 1))
+        meridian_table(CentralTable.polar_angles(count), (limit + 1, most + 1))
         * np.polynomial.legendre.leggauss(count)[1][::-1, None, None]
         for count, limit in ((rows, first), (exits, second))
     )
@@ -242,9 +263,10 @@ def _meridian(
     return jnp.where(exists, real_basis(on_circle, shape[0] - 1)[..., index], 0)
 
 
-def _meridian_on_host(
+def meridian_table(
     angles: Float[np.ndarray, "node"], shape: tuple[int, int]
 ) -> Float[np.ndarray, "node degree order"]:
+    """Tabulate Y_pq at polar angles on azimuth 0, as many degrees and orders; zero where q > p."""
     table = associated(np.cos(angles), np.sin(angles), shape[0] - 1)[:, : shape[1]]
     missing = shape[1] - table.shape[1]
     return np.moveaxis(np.pad(table, ((0, 0), (0, missing), (0, 0))), -1, 0)

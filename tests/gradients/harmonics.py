@@ -236,6 +236,11 @@ EXCEPTIONS = {
     **dict.fromkeys(("flat_index", "circle_angles", "quarter_turn"), _ON_HOST),
     "associated": "NumPy on the host: the tables of the transforms; legendre is the traced one",
     "over_poles.signs": "plus and minus one",
+    **dict.fromkeys(("hann", "lanczos", "minimal", "halving_strength"), _ON_HOST),
+    **dict.fromkeys(
+        ("ringing", "minimal_strength", "window_named"),
+        "a search on the host for the lowest value of a lobe, and for a window by it",
+    ),
     "transfer_of": "a quadrature on the host of a profile that is given as a NumPy function",
     **dict.fromkeys(
         (

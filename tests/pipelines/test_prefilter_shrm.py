@@ -14,7 +14,7 @@ import pytest
 from jaxrender.cli import main
 from jaxrender.errors import InputError
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import LatLongGrid, apply_transfer, evaluate
+from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, evaluate
 from jaxrender.io import write_image
 from jaxrender.pipelines.lobe_orders import OrdersGoal, lobe_orders, spectrum_of_lobe
 from jaxrender.pipelines.lobes import lobe_of
@@ -155,6 +155,21 @@ def test_given_degrees_and_reuse(probe, capsys):
     assert prefilter(probe, *arguments[:-1], "2")[0] == 2
     assert "--force" in capsys.readouterr().err
     assert read_about(path) == about
+
+
+def test_a_window_is_named_with_what_it_does(probe, capsys):
+    arguments = ("--brdf", "phong:exponent=40,clipped=false", "--shrm", "--degree", "4")
+    code, folder = prefilter(probe, *arguments, "--window", "lanczos")
+    assert code == 0
+    (path,) = folder.glob("*_shrm.nc")
+    shrm, about = read_shrm(path)
+    assert "of its peak through the window lanczos, -13 % without" in about.comment
+    # Degree 0 is what it was, the mean over the sphere.
+    assert prefilter(probe, *arguments, out="plain")[0] == 0
+    plain, _ = read_shrm(folder.parent / "plain" / path.name)
+    mean, unchanged = (np.asarray(analyse(m.grid, m.maps[:, :, 0], 0)) for m in (shrm, plain))
+    np.testing.assert_allclose(mean, unchanged, rtol=1e-5)
+    assert np.ptp(shrm.maps) < 0.95 * np.ptp(plain.maps)
 
 
 def test_sharper_than_the_probe(probe, capsys):
