@@ -74,6 +74,7 @@ from jaxrender.reflection.irradiance import (
     irradiance_error,
     irradiance_matrix,
     matrix_irradiance,
+    quadratic_constants,
     quadratic_irradiance,
 )
 from jaxrender.reflection.prefilter import reflection_map_by_sum, reflection_maps
@@ -178,6 +179,7 @@ __all__ = [
     "irradiance_matrix",
     "matrix_irradiance",
     "principal_components",
+    "quadratic_constants",
     "quadratic_irradiance",
     "relit",
     "FACETS",

@@ -18,8 +18,6 @@ from jaxrender.harmonics import apply_transfer, band_limit_of, evaluate
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra.lambertian import lambertian_transfer
 
-# The clamped cosine's coefficients fall as l^(-5/2): beyond this degree they are under 3e-4 of A_0.
-_DIFFUSE_BAND_LIMIT = 32
 _QUADRATIC = 9
 # Gauss-Legendre nodes on each hemisphere, for the mean of an absolute value with a few kinks.
 _ERROR_NODES = 2000
@@ -28,14 +26,15 @@ _ERROR_NODES = 2000
 def irradiance(
     coefficients: Float[AnyArray, "coefficient channel"], normals: Float[AnyArray, "sample 3"]
 ) -> Float[Array, "sample channel"]:
-    """Compute E(n) = sum_lm A_l L_lm Y_lm(n), exactly for light known by its coefficients.
+    """Compute E(n) = sum_lm A_l L_lm Y_lm(n) (T 4.10) of all degrees that are given.
 
-    Degrees above 32 are left out: the clamped cosine passes less than 1e-3 of them.
+    Exact for light of no more degrees than its coefficients, to rounding (T 4.11 as corrected by
+    ERRATA 19); ``irradiance_error`` bounds what the missing degrees of other light are worth.
     """
-    band_limit = min(band_limit_of(coefficients.shape[0]), _DIFFUSE_BAND_LIMIT)
-    kept = jnp.asarray(coefficients)[: (band_limit + 1) ** 2]
-    transfer = jnp.asarray(lambertian_transfer(band_limit), kept.dtype)
-    return evaluate(apply_transfer(kept, transfer), jnp.asarray(normals))
+    light = jnp.asarray(coefficients)
+    transfer = lambertian_transfer(band_limit_of(light.shape[0]))
+    filtered = apply_transfer(light, jnp.asarray(transfer, light.dtype))
+    return evaluate(filtered, jnp.asarray(normals))
 
 
 def irradiance_matrix(

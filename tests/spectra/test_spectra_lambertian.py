@@ -1,12 +1,14 @@
 """The Lambertian transfer.
 
 Pinned down: the digits of T 4.12; every degree to 64 against 2 pi int x P_l(x) dx in exact
-fractions; that the printed T 3.32 and 4.11 (ERRATA 18, 19) are not what is implemented.
+fractions, and some to 500 against the Gamma functions of mpmath; that the printed T 3.32 and 4.11
+(ERRATA 18, 19) are not what is implemented.
 """
 
 import math
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -37,6 +39,17 @@ def test_every_degree_is_the_integral_of_the_clamped_cosine():
     transfer = lambertian_transfer(64)
     expected = [exact(degree) for degree in range(65)]
     np.testing.assert_allclose(transfer, expected, rtol=ROUNDING, atol=1e-16)
+
+
+def test_high_degrees_against_gamma_functions():
+    """int_0^1 x P_l dx = sqrt(pi) / 4 / (G((3 - l) / 2) G((l + 4) / 2)) (Gradshteyn 7.126)."""
+    transfer = lambertian_transfer(500)
+    assert transfer.shape == (501,)
+    for degree in (2, 33, 66, 98, 254, 498, 499, 500):
+        half = mpmath.mpf(degree) / 2
+        poles = mpmath.rgamma(1.5 - half) * mpmath.rgamma(half + 2)
+        expected = float(2 * mpmath.pi * mpmath.sqrt(mpmath.pi) / 4 * poles)
+        assert transfer[degree] == pytest.approx(expected, rel=1e-13, abs=0)
 
 
 @pytest.mark.parametrize("band_limit", [0, 1, 2, 7])
