@@ -12,6 +12,7 @@ Exits with 1 where a derivative is wrong or not finite, or a public function is 
 
 import argparse
 import importlib
+import math
 import sys
 from pathlib import Path
 
@@ -19,7 +20,7 @@ import jax
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.gradients import CHAPTERS, DOUBLE, SINGLE, check, unlisted
+from tests.gradients import CHAPTERS, DOUBLE, SINGLE, Found, Row, check, unlisted
 
 
 def page_of(name: str) -> tuple[int, int]:
@@ -27,7 +28,7 @@ def page_of(name: str) -> tuple[int, int]:
     lines, failing = 0, 0
     chapter = CHAPTERS[name]
     for row in chapter.rows:
-        for found in check(row):
+        for found in _checked(row):
             mark = " " if found.passes else "*"
             print(
                 f"{mark} {name}.{found.function:34s} {found.argument:18s} {found.place:28s}"
@@ -39,6 +40,15 @@ def page_of(name: str) -> tuple[int, int]:
         print(f"* {name}: {complaint}")
         failing += 1
     return lines, failing
+
+
+def _checked(row: Row) -> list[Found]:
+    """Check a row; one that cannot even be compiled is a fault like another."""
+    try:
+        return check(row)
+    except (TypeError, ValueError) as error:
+        why = f"{type(error).__name__}: {str(error).splitlines()[0]}"
+        return [Found(row.name, "", "", math.inf, math.inf, why)]
 
 
 def main():

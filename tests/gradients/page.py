@@ -366,8 +366,9 @@ def _unlisted_methods(
         method
         for method, value in vars(thing).items()
         if not method.startswith("_")
-        and inspect.isfunction(getattr(value, "__wrapped__", value))
-        and _array_parameters(value)
+        and not isinstance(value, (classmethod, staticmethod, property))
+        and inspect.isfunction(getattr(thing, method))
+        and _array_parameters(getattr(thing, method))
     ]
     found = [
         f"{name}.{method}: on neither list"
