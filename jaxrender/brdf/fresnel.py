@@ -20,7 +20,7 @@ def fresnel(
     mu: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
     """Evaluate the unpolarised Fresnel reflectance of a dielectric of index mu > 1."""
-    cosines = jnp.clip(jnp.asarray(cosines), 0, 1)
+    cosines = _clipped(cosines)
     g = jnp.sqrt(mu * mu - 1 + cosines**2)
     s_polarised = ((g - cosines) / (g + cosines)) ** 2
     ratio = (cosines * (g + cosines) - 1) / (cosines * (g - cosines) + 1)
@@ -47,7 +47,7 @@ def conductor_fresnel(
     R_s = |(c - a - i b) / (c + a + i b)|^2 and R_p = R_s |(a - s^2/c + i b) / (a + s^2/c + i b)|^2.
     For k = 0 it is the dielectric's, also for eta < 1 (total reflection).
     """
-    c = jnp.clip(jnp.asarray(cosines), 0, 1)
+    c = _clipped(cosines)
     c2, s2 = c * c, 1 - c * c
     real = eta * eta - k * k - s2
     # The floors keep both square roots' derivatives finite where a dielectric reflects totally.
@@ -63,10 +63,16 @@ def schlick_fresnel(
     head_on: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
     """Evaluate Schlick's approximation F_0 + (1 - F_0) (1 - cos t)^5."""
-    complement = 1 - jnp.clip(jnp.asarray(cosines), 0, 1)
+    complement = 1 - _clipped(cosines)
     return jnp.asarray(head_on + (1 - head_on) * complement**5)
 
 
 def head_on_reflectance(mu: Float[AnyArray, ""] | float) -> Float[AnyArray, ""] | float:
     """Evaluate F_0 = ((mu - 1) / (mu + 1))^2 of a dielectric."""
     return ((mu - 1) / (mu + 1)) ** 2
+
+
+def _clipped(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
+    """Clip to 0 ... 1, with the slope of what is inside at the ends, where ``clip`` has half."""
+    c = jnp.asarray(cosines)
+    return jnp.where(c < 0, 0, jnp.where(c > 1, 1, c))
