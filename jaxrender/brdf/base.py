@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxrender.geometry import Components
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 
 class BRDF(eqx.Module):
@@ -53,6 +53,7 @@ class BRDF(eqx.Module):
     ) -> tuple[Float[Array, "*batch"], ...]:
         """Evaluate each lobe times cos t_i, zero where either direction is below the horizon."""
 
+    @checked
     def evaluate(
         self, incoming: Directions, outgoing: Directions
     ) -> Float[Array, "*batch channel"]:

@@ -9,13 +9,14 @@ of a dielectric, ``conductor_fresnel`` of a complex index eta + i k, or Schlick'
 
 import jax.numpy as jnp
 
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # The angle that the Fresnel ratio is taken at: the exit angle is what makes T 6.6 a product
 # (the thesis's choice), the angle to the half vector is what the physics says.
 FRESNEL_ANGLES = ("exit", "half")
 
 
+@checked
 def fresnel(
     mu: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
@@ -27,6 +28,7 @@ def fresnel(
     return s_polarised * (1 + ratio**2) / 2
 
 
+@checked
 def normalised_fresnel(
     mu: Float[AnyArray, ""] | float | None, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
@@ -36,6 +38,7 @@ def normalised_fresnel(
     return fresnel(mu, cosines) * ((mu + 1) / (mu - 1)) ** 2
 
 
+@checked
 def conductor_fresnel(
     eta: Float[AnyArray, ""] | float,
     k: Float[AnyArray, ""] | float,
@@ -59,6 +62,7 @@ def conductor_fresnel(
     return s_polarised * (1 + (even - odd) / (even + odd)) / 2
 
 
+@checked
 def schlick_fresnel(
     head_on: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
@@ -67,6 +71,7 @@ def schlick_fresnel(
     return jnp.asarray(head_on + (1 - head_on) * complement**5)
 
 
+@checked
 def head_on_reflectance(mu: Float[AnyArray, ""] | float) -> Float[AnyArray, ""] | float:
     """Evaluate F_0 = ((mu - 1) / (mu + 1))^2 of a dielectric."""
     return ((mu - 1) / (mu + 1)) ** 2

@@ -45,7 +45,7 @@ from jaxrender.brdf.parameters import (
 )
 from jaxrender.brdf.parametric import ShapeParameter
 from jaxrender.geometry import Components
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Up to this g the series is summed to 6 standard deviations above its mean, from there on it is
 # expanded in so many moments; the error is below 1e-7 of the sum's largest value over all
@@ -118,6 +118,7 @@ class HeTorrance(BRDF):
             lobes.append(jnp.where(visible, lobe, 0))
         return jnp.where(visible, incoming.z, 0), *lobes
 
+    @checked
     def specular_reflectance(
         self, cosines: Float[AnyArray, "*batch"]
     ) -> Float[Array, "*batch channel"]:

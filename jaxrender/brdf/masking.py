@@ -11,7 +11,7 @@ from jax.scipy.special import erf
 from jaxrender.brdf.distributions import Distribution
 from jaxrender.brdf.half_vector import half_vector
 from jaxrender.geometry import Components
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Below this a cosine counts as grazing: the lobe is masked out there whatever the value.
 _GRAZING_COSINE = 1e-4
@@ -28,6 +28,7 @@ def no_masking(
     )
 
 
+@checked
 def smith_masking(
     sigma: Float[AnyArray, ""] | float,
     cos_incoming: Float[AnyArray, "*#batch"],

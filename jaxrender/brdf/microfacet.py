@@ -36,7 +36,7 @@ from jaxrender.brdf.parameters import (
 )
 from jaxrender.brdf.parametric import ShapeParameter
 from jaxrender.geometry import Components, squared_angle_of_versine
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Keeps 1 / cos t_o finite; samples this close to grazing are never used.
 _SMALLEST_COSINE = 1e-6
@@ -150,6 +150,7 @@ class Microfacet(Glossy):
             cos_o = jnp.asarray(outgoing.z)
         return self.attenuated(lobe, (incoming, outgoing), (cos_half, cos_o))
 
+    @checked
     def attenuated(
         self,
         lobe: Float[Array, "*batch"],
@@ -197,6 +198,7 @@ class Microfacet(Glossy):
         return lobe, half_length / 2, cos_o
 
 
+@checked
 def microfacet_distribution(
     squared_half_angle: Float[AnyArray, "*batch"], sigma: Scalar
 ) -> Float[Array, "*batch"]:

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.parameters import Scalar
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Float, checked
 
 Same = TypeVar("Same", bound="Parametric")
 
@@ -118,6 +118,7 @@ class Parametric(BRDF):
         """The base's and the lobe's: kd and ks."""
         return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
 
+    @checked
     def with_roughness(self: Same, sigma: Scalar, mu: Scalar | None = None) -> Same:
         """Replace the lobe's width, and the index where the model has one; keep the rest."""
         changed: dict = {self.shape.name: self.shape.of_width(sigma)}
@@ -125,6 +126,7 @@ class Parametric(BRDF):
             changed[self.index.name] = None if mu is None else self.index.of_index(mu)
         return dataclasses.replace(self, **changed)
 
+    @checked
     def with_amplitudes(
         self: Same, kd: Float[AnyArray, "channel"], ks: Float[AnyArray, "channel"]
     ) -> Same:

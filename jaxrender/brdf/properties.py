@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.parameters import refuse_unlisted
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 # Which direction stays put while the other runs over the hemisphere.
 FIXED_DIRECTIONS = ("incoming", "outgoing")
@@ -39,6 +39,7 @@ def reciprocity_error(
     return float(np.max(np.abs(there - back) / np.where(larger > 0, larger, 1)))
 
 
+@checked
 def directional_albedo(
     brdf: BRDF,
     cosines: Sequence[float] | Float[np.ndarray, "cosine"],

@@ -10,7 +10,7 @@ import abc
 
 import numpy as np
 
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 
 class DirectionSampler(abc.ABC):
@@ -35,6 +35,7 @@ class DirectionSampler(abc.ABC):
 class CosineSampler(DirectionSampler):
     """Uniform on the Nusselt disc whatever the BRDF: density cos t / pi."""
 
+    @checked
     def draw(
         self, outgoing: Float[np.ndarray, "ray 3"], uniforms: Float[np.ndarray, "ray 2"]
     ) -> Float[np.ndarray, "ray 3"]:
@@ -43,6 +44,7 @@ class CosineSampler(DirectionSampler):
         height = np.sqrt(1 - uniforms[:, 0])
         return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
 
+    @checked
     def density(
         self, outgoing: Float[np.ndarray, "ray 3"], incoming: Float[np.ndarray, "ray 3"]
     ) -> Float[np.ndarray, "ray"]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxrender.brdf.wavelet import WaveletBRDF
 from jaxrender.geometry import NUSSELT
-from jaxrender.shapes import AnyArray, Array, Directions, Float, Int
+from jaxrender.shapes import AnyArray, Array, Directions, Float, Int, checked
 from jaxrender.wavelets import (
     CellForest,
     CoefficientTree,
@@ -77,6 +77,7 @@ class ScatteringTrees(eqx.Module):
                 trees.append(CoefficientTree.of_coefficients(chosen, kept))
         return cls(tuple(trees))
 
+    @checked
     def evaluate(
         self, incoming: Directions, outgoing: Directions
     ) -> Float[Array, "*batch channel"]:

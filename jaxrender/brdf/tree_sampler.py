@@ -24,7 +24,7 @@ import numpy as np
 
 from jaxrender.brdf.samplers import DirectionSampler
 from jaxrender.geometry import NUSSELT
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 from jaxrender.wavelets.sampling import CellDensities, TabulatedDensities
 from jaxrender.wavelets.tree import CoefficientTree
 
@@ -53,6 +53,7 @@ class TreeSampler(eqx.Module, DirectionSampler):
             )
 
     @classmethod
+    @checked
     def of(
         cls,
         tree: CoefficientTree,
@@ -72,6 +73,7 @@ class TreeSampler(eqx.Module, DirectionSampler):
         covered = np.asarray(NUSSELT.covers(NUSSELT.centres((size, size))))
         return cls(kind.of(tree, _OUTGOING_AXES, levels, weights, covered), share)
 
+    @checked
     def draw(
         self, outgoing: Directions, uniforms: Float[AnyArray, "*batch 2"]
     ) -> Float[Array, "*batch 3"]:
@@ -79,6 +81,7 @@ class TreeSampler(eqx.Module, DirectionSampler):
         rows, batch = _rows(outgoing, uniforms)
         return _draw(self, *rows)[: int(np.prod(batch))].reshape(*batch, 3)
 
+    @checked
     def density(self, outgoing: Directions, incoming: Directions) -> Float[Array, "*batch"]:
         """Evaluate the density per steradian; zero at and below the horizon."""
         rows, batch = _rows(outgoing, incoming)

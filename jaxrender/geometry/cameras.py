@@ -14,7 +14,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # Poses in files are often written with six digits; a scale or a shear is far beyond this.
 POSE_TOLERANCE = 1e-4
@@ -88,6 +88,7 @@ class Pinhole(Camera):
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(np.broadcast_to(self.position, directions.shape), directions)
 
+    @checked
     def project(self, points: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 2"]:
         """Perspective division by the depth -Z."""
         local = _to_camera(self.world_from_camera, points)
@@ -133,6 +134,7 @@ class Orthographic(Camera):
         origins = self.position + local @ rotation.T
         return Rays(origins, np.broadcast_to(-backwards, origins.shape))
 
+    @checked
     def project(self, points: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 2"]:
         """Drop the depth."""
         local = _to_camera(self.world_from_camera, points)
@@ -142,6 +144,7 @@ class Orthographic(Camera):
         return np.stack([x * seen, y * seen], axis=-1)
 
 
+@checked
 def look_at(
     position: Float[AnyArray, "3"], target: Float[AnyArray, "3"], up: Float[AnyArray, "3"]
 ) -> Float[np.ndarray, "4 4"]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 
 class Components(NamedTuple):
@@ -19,11 +19,13 @@ class Components(NamedTuple):
     z: Float[AnyArray, "*batch"]
 
     @classmethod
+    @checked
     def of(cls, directions: Directions) -> "Components":
         """Take an array of directions apart."""
         directions = jnp.asarray(directions)
         return cls(directions[..., 0], directions[..., 1], directions[..., 2])
 
+    @checked
     def in_frame(self, world_from_local: Float[AnyArray, "3 3"]) -> "Components":
         """Turn world directions into the frame whose axes are the columns of the matrix."""
         frame = jnp.asarray(world_from_local)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxrender.shapes import AnyArray, Directions
+from jaxrender.shapes import AnyArray, Directions, checked
 
 # Directions that are combined with others of the same rank: lengths 1 are stretched.
 Broadcast = Float[AnyArray, "*#batch 3"]
@@ -30,6 +30,7 @@ _as_one = partial(jax.jit, inline=True)
 
 
 @_as_one
+@checked
 def dot(
     a: Float[AnyArray, "*#batch axis"], b: Float[AnyArray, "*#batch axis"]
 ) -> Float[Array, "*batch"]:
@@ -39,12 +40,14 @@ def dot(
 
 
 @_as_one
+@checked
 def normalise(vectors: Directions) -> Float[Array, "*batch 3"]:
     """Vectors scaled to unit length; a zero vector gives NaN, so refuse it before."""
     vectors = jnp.asarray(vectors)
     return vectors / jnp.sqrt(dot(vectors, vectors))[..., None]
 
 
+@checked
 def direction_from_angles(polar: Angle, azimuth: Angle) -> Float[Array, "*batch 3"]:
     """(sin t cos p, sin t sin p, cos t) for polar angle t and azimuth p in radians."""
     polar, azimuth = jnp.broadcast_arrays(polar, azimuth)
@@ -52,6 +55,7 @@ def direction_from_angles(polar: Angle, azimuth: Angle) -> Float[Array, "*batch 
     return jnp.stack([sine * jnp.cos(azimuth), sine * jnp.sin(azimuth), jnp.cos(polar)], axis=-1)
 
 
+@checked
 def angles_from_direction(
     directions: Directions,
 ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
@@ -70,17 +74,20 @@ def angles_from_direction(
 
 
 @_as_one
+@checked
 def reflect(outgoing: Broadcast, normals: Broadcast) -> Float[Array, "*batch 3"]:
     """Mirror direction R = 2 (N.V) N - V of a unit direction about a unit normal."""
     outgoing, normals = jnp.asarray(outgoing), jnp.asarray(normals)
     return 2 * dot(normals, outgoing)[..., None] * normals - outgoing
 
 
+@checked
 def half_vectors(incoming: Broadcast, outgoing: Broadcast) -> Float[Array, "*batch 3"]:
     """Unit vector half way between two directions; NaN where they are exactly opposite."""
     return normalise(jnp.asarray(incoming) + jnp.asarray(outgoing))
 
 
+@checked
 def squared_angle(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
     """arccos(c)^2 as a function that is analytic at c = 1, where arccos itself is not.
 
@@ -99,11 +106,13 @@ def squared_angle(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
     return jnp.where(beyond, supplement * supplement, folded)
 
 
+@checked
 def squared_acute_angle(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
     """arccos(c)^2 for 0 <= c <= 1 only: :func:`squared_angle` without its branch, twice as fast."""
     return squared_angle_of_versine(1 - jnp.asarray(cosines))
 
 
+@checked
 def squared_angle_of_versine(versines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
     """t^2 from the versine 1 - cos t of an acute angle t.
 

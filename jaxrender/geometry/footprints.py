@@ -18,7 +18,7 @@ from jaxrender.geometry.hits import Shape
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.sphere import Sphere
 from jaxrender.geometry.surface import SurfaceView
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 # The azimuth has no derivative at a sphere's poles; so close to them (squared) it is large.
 _AT_POLE = 1e-12
@@ -46,6 +46,7 @@ def pixel_steps(camera: Camera, view: SurfaceView) -> Float[np.ndarray, "row col
     return np.where(view.hit[..., None, None], steps, 0)
 
 
+@checked
 def texture_steps(
     shape: Shape, view: SurfaceView, steps: Float[np.ndarray, "row column 2 3"]
 ) -> Float[np.ndarray, "row column 2 2"]:
@@ -74,6 +75,7 @@ def axis_lengths(steps: Float[np.ndarray, "*batch 2 _"]) -> Float[np.ndarray, "*
     return np.linalg.svd(steps, compute_uv=False)
 
 
+@checked
 def size_in_texels(
     steps: Float[np.ndarray, "*batch 2 2"], image: tuple[int, int]
 ) -> Float[np.ndarray, "*batch"]:

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxrender.geometry.directions import Angle, Broadcast
-from jaxrender.shapes import AnyArray, Directions
+from jaxrender.shapes import AnyArray, Directions, checked
 
 Frames = Float[AnyArray, "*#batch 3 3"]
 
 
+@checked
 def rotation(alpha: Angle, beta: Angle, gamma: Angle) -> Float[Array, "*batch 3 3"]:
     """R = Rz(beta) Ry(alpha) Rz(gamma) (T 2.10), angles in radians, taking local to world."""
     alpha, beta, gamma = jnp.broadcast_arrays(alpha, beta, gamma)
@@ -30,6 +31,7 @@ def rotation(alpha: Angle, beta: Angle, gamma: Angle) -> Float[Array, "*batch 3 
     )
 
 
+@checked
 def world_from_local(normals: Directions) -> Float[Array, "*batch 3 3"]:
     """A right-handed frame whose third column is the unit normal (x, y, z).
 
@@ -51,6 +53,7 @@ def world_from_local(normals: Directions) -> Float[Array, "*batch 3 3"]:
     )
 
 
+@checked
 def meridian_frames(normals: Directions) -> Float[Array, "*batch 3 3"]:
     """Rz(beta) Ry(alpha) of normals (alpha, beta): the first column runs along the meridian, south.
 
@@ -73,11 +76,13 @@ def meridian_frames(normals: Directions) -> Float[Array, "*batch 3 3"]:
     return _matrix([[z * cb, -sb, x], [z * sb, cb, y], [-sine, across, z]])
 
 
+@checked
 def to_world(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:
     """Directions given in local frames, expressed in the world: R d."""
     return jnp.einsum("...ij,...j->...i", world_from_local, directions, precision="highest")
 
 
+@checked
 def to_local(world_from_local: Frames, directions: Broadcast) -> Float[Array, "*batch 3"]:
     """Directions given in the world, expressed in local frames: R^T d."""
     return jnp.einsum("...ij,...i->...j", world_from_local, directions, precision="highest")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.geometry.mesh import Mesh
-from jaxrender.shapes import AnyArray, Float, Int
+from jaxrender.shapes import AnyArray, Float, Int, checked
 
 UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 1.0]])
 
@@ -34,6 +34,7 @@ class Patch(NamedTuple):
     """Height of the mean plane."""
 
     @classmethod
+    @checked
     def of(
         cls,
         mesh: Mesh,
@@ -78,6 +79,7 @@ class Patch(NamedTuple):
         return self.rectangle[1] - self.rectangle[0]
 
 
+@checked
 def height_field(
     heights: Float[AnyArray, "row column"], size: tuple[float, float] = (1.0, 1.0)
 ) -> Patch:

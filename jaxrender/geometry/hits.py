@@ -11,6 +11,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxrender.shapes import checked
+
 
 class Hits(NamedTuple):
     """First intersections of rays: rows without one are zero, their distance infinite."""
@@ -43,6 +45,7 @@ class Shape(eqx.Module):
     ) -> Bool[np.ndarray, "ray"]:
         """Whether rays meet the surface at all; rays as in ``first_hits``, but cheaper."""
 
+    @checked
     def occluded_pairs(
         self,
         origins: Float[np.ndarray, "place 3"],

@@ -13,7 +13,7 @@ from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
 from jaxrender.geometry.tessellation import icosphere
 from jaxrender.geometry.tracing import EmbreeTracer
 from jaxrender.geometry.triangles import FaceHits, brute_force_first_faces, brute_force_occluded
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # Twice a face's area, as part of its longest edge squared, below which it has no normal.
 _FLAT = 1e-14
@@ -67,6 +67,7 @@ class Mesh(Shape):
         self._tracer = EmbreeTracer(self.vertices, self.faces)
 
     @classmethod
+    @checked
     def icosphere(
         cls, subdivisions: int, radius: float = 1.0, center: Float[AnyArray, "3"] | None = None
     ) -> "Mesh":
@@ -74,6 +75,7 @@ class Mesh(Shape):
         return cls.ellipsoid(np.full(3, float(radius)), subdivisions, center)
 
     @classmethod
+    @checked
     def ellipsoid(
         cls,
         semi_axes: Float[AnyArray, "3"],
@@ -88,6 +90,7 @@ class Mesh(Shape):
         center = np.zeros(3) if center is None else np.asarray(center, np.float64)
         return cls(center + directions * semi_axes, faces, directions / semi_axes)
 
+    @checked
     def first_hits(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Hits:
@@ -95,6 +98,7 @@ class Mesh(Shape):
         origins, directions = unit_rays(origins, directions)
         return self._hits(origins, directions, self._tracer.first_faces(origins, directions))
 
+    @checked
     def first_hits_brute_force(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Hits:
@@ -104,12 +108,14 @@ class Mesh(Shape):
         found = brute_force_first_faces(origins, directions, triangles)
         return self._hits(origins, directions, found)
 
+    @checked
     def occluded(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Bool[np.ndarray, "ray"]:
         """By Embree's any-hit query, two-sided, on all processors."""
         return self._tracer.occluded(*unit_rays(origins, directions))
 
+    @checked
     def occluded_pairs(
         self,
         origins: Float[np.ndarray, "place 3"],
@@ -119,6 +125,7 @@ class Mesh(Shape):
         """By Embree, the rays put together in single precision."""
         return self._tracer.occluded_pairs(origins, directions, asked)
 
+    @checked
     def occluded_brute_force(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Bool[np.ndarray, "ray"]:

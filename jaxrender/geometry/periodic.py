@@ -14,7 +14,7 @@ import numpy as np
 from jaxrender.geometry.height_fields import Patch
 from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
 from jaxrender.geometry.mesh import Mesh
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Bool, Float, checked
 
 # A ray goes on this part of a period before where it left, lest it slip through at the seam.
 _OVERLAP = 1e-4
@@ -50,6 +50,7 @@ class PeriodicSurface(Shape):
         over = np.maximum(np.max([corners[0] - lower[:2], upper[:2] - corners[1]], axis=0), 0)
         self._box = np.stack([corners[0] - size + over, corners[1] + size - over])
 
+    @checked
     def first_hits(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Hits:
@@ -78,6 +79,7 @@ class PeriodicSurface(Shape):
             start, ray = self._advanced(start[on], towards[on], ends[on]), ray[on]
         return found
 
+    @checked
     def occluded(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Bool[np.ndarray, "ray"]:

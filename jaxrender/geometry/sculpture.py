@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.tessellation import icosphere
 from jaxrender.geometry.visibility import fibonacci_sphere, random_rotations
+from jaxrender.shapes import checked
 
 # Dents and bumps take turns over the centres.
 _FEATURES = 16
@@ -57,6 +58,7 @@ class Features(NamedTuple):
         return self.heights * np.exp((directions @ self.centers.T - 1) / self.widths**2)
 
 
+@checked
 def sculpture(
     subdivisions: int = 5,
     seed: int = 0,

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # Hits nearer than this fraction of the radius are the surface that the ray starts on.
 _NEAREST = 1e-10
@@ -26,6 +26,7 @@ class Sphere(Shape):
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"the sphere's radius is {radius}: give a positive, finite length")
 
+    @checked
     def first_hits(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Hits:
@@ -59,6 +60,7 @@ class Sphere(Shape):
         hits.points[hit] = self.center + self.radius * normals
         return hits
 
+    @checked
     def occluded(
         self, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
     ) -> Bool[np.ndarray, "ray"]:

@@ -16,7 +16,7 @@ from jaxrender.geometry.hits import Shape
 from jaxrender.geometry.mesh import Mesh, angle_weighted_normals
 from jaxrender.geometry.surface import SurfaceView
 from jaxrender.geometry.tracing import in_threads
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # Distance of a ray's origin from the surface, as part of the diagonal of the shape's bounding box.
 _OFFSET = 1e-4
@@ -45,6 +45,7 @@ class SurfacePlaces(NamedTuple):
         return cls(mesh.vertices, angle_weighted_normals(mesh.vertices, mesh.faces))
 
     @classmethod
+    @checked
     def on_faces(
         cls, mesh: Mesh, face: Int[np.ndarray, "place"], barycentric: Float[np.ndarray, "place 3"]
     ) -> "SurfacePlaces":
@@ -54,6 +55,7 @@ class SurfacePlaces(NamedTuple):
         return cls(points, mesh.face_normals()[face])
 
 
+@checked
 def visible(
     shape: Shape,
     places: SurfacePlaces,
@@ -80,6 +82,7 @@ def visible(
     return seen
 
 
+@checked
 def visible_along(
     shape: Shape, places: SurfacePlaces, directions: Float[AnyArray, "place 3"]
 ) -> Bool[np.ndarray, "place"]:

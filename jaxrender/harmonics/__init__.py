@@ -46,7 +46,7 @@ from jaxrender.harmonics.lookup import (
 )
 from jaxrender.harmonics.panoramic_grids import AngularMapGrid, CubeGrid
 from jaxrender.harmonics.resampling import change_grid, resample
-from jaxrender.harmonics.rotation import rotate, rotate_by_angles, rotation_matrices
+from jaxrender.harmonics.rotation import reflect, rotate, rotate_by_angles, rotation_matrices
 from jaxrender.harmonics.so3 import (
     RotationGrid,
     analyse_rotations,
@@ -114,6 +114,7 @@ __all__ = [
     "quarter_turn",
     "real_basis",
     "real_from_complex",
+    "reflect",
     "reflect_circle",
     "representation",
     "resample",

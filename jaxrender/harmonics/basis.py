@@ -22,13 +22,14 @@ import numpy as np
 
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees, orders
 from jaxrender.harmonics.legendre import recurrence, sectoral
-from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, checked
 
 # Measured: two states of (2 F + 1) x 256 float64 fit the second-level cache up to about degree 60.
 _POINTS_PER_CHUNK = 256
 
 
 @partial(jax.jit, static_argnums=1)
+@checked
 def real_basis(directions: Directions, band_limit: int) -> Float[Array, "*batch coefficient"]:
     """Return Y_lm of every direction, flat index l(l+1)+m, for degrees 0 to F.
 
@@ -44,6 +45,7 @@ def real_basis(directions: Directions, band_limit: int) -> Float[Array, "*batch 
     return _in_chunks(flat_basis, unit.reshape(-1, 3)).reshape(*unit.shape[:-1], count)
 
 
+@checked
 def explicit_basis(directions: Directions) -> Float[Array, "*batch 9"]:
     """Return the nine harmonics of degree 0 to 2 as written out in T 4.5, the readable twin."""
     x, y, z = jnp.moveaxis(jnp.asarray(directions), -1, 0)
@@ -64,31 +66,33 @@ def explicit_basis(directions: Directions) -> Float[Array, "*batch 9"]:
 
 
 @jax.jit
-def evaluate(
-    coefficients: Coefficients, directions: Float[AnyArray, "point 3"]
-) -> Float[Array, "point channel"]:
+@checked
+def evaluate(coefficients: Coefficients, directions: Directions) -> Float[Array, "*batch channel"]:
     """Return f(w) = sum_lm f_lm Y_lm(w).
 
     Raises ValueError if the number of coefficients is not a square.
     """
-    rows = _rows(jnp.asarray(coefficients))
-    return _in_chunks(
-        lambda columns: jnp.sum(_by_degree(rows, columns), axis=0).T, jnp.asarray(directions)
+    rows, unit = _rows(jnp.asarray(coefficients)), jnp.asarray(directions)
+    values = _in_chunks(
+        lambda columns: jnp.sum(_by_degree(rows, columns), axis=0).T, unit.reshape(-1, 3)
     )
+    return values.reshape(*unit.shape[:-1], *values.shape[1:])
 
 
 @jax.jit
+@checked
 def degree_table(
-    coefficients: Coefficients, directions: Float[AnyArray, "point 3"]
-) -> Float[Array, "point degree channel"]:
+    coefficients: Coefficients, directions: Directions
+) -> Float[Array, "*batch degree channel"]:
     """Return s_l(w) = sum_m f_lm Y_lm(w): the part of each degree, which a filter only scales.
 
     Raises ValueError if the number of coefficients is not a square.
     """
-    rows = _rows(jnp.asarray(coefficients))
-    return _in_chunks(
-        lambda columns: jnp.transpose(_by_degree(rows, columns), (2, 0, 1)), jnp.asarray(directions)
+    rows, unit = _rows(jnp.asarray(coefficients)), jnp.asarray(directions)
+    values = _in_chunks(
+        lambda columns: jnp.transpose(_by_degree(rows, columns), (2, 0, 1)), unit.reshape(-1, 3)
     )
+    return values.reshape(*unit.shape[:-1], *values.shape[1:])
 
 
 def _ascend(

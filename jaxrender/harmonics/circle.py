@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Inexact
 
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 CircleCoefficients = Complex[AnyArray, "order channel"]
 
@@ -26,6 +26,7 @@ def circle_angles(count: int) -> Float[np.ndarray, " sample"]:
     return (np.arange(count) + 0.5) * (2.0 * np.pi / count)
 
 
+@checked
 def circle_basis(
     angles: Float[AnyArray, "*batch"], band_limit: int
 ) -> Complex[Array, "*batch order"]:
@@ -43,6 +44,7 @@ def phases(angles: Float[AnyArray, "*batch"], band_limit: int) -> Complex[Array,
     return jax.lax.complex(jnp.cos(turns), jnp.sin(turns))
 
 
+@checked
 def analyse_circle(
     samples: Inexact[AnyArray, "sample channel"], band_limit: int
 ) -> Complex[Array, "order channel"]:
@@ -61,6 +63,7 @@ def analyse_circle(
     return (2.0 * np.pi / count) * jnp.conj(basis).T @ values.astype(basis.dtype)
 
 
+@checked
 def synthesise_circle(
     coefficients: CircleCoefficients, count: int
 ) -> Complex[Array, "sample channel"]:
@@ -73,6 +76,7 @@ def synthesise_circle(
     return circle_basis(angles, _band_limit(values)) @ values
 
 
+@checked
 def rotate_circle(
     coefficients: CircleCoefficients, angle: Float[AnyArray, "*batch"]
 ) -> Complex[Array, "*batch order channel"]:
@@ -85,6 +89,7 @@ def rotate_circle(
     return jnp.einsum("...k,kc->...kc", phases(angle, _band_limit(values)), values)
 
 
+@checked
 def reflect_circle(
     light: Complex[AnyArray, "order #channel"], transfer: Complex[AnyArray, "transfer #channel"]
 ) -> Complex[Array, "order channel"]:

@@ -19,11 +19,12 @@ from jaxtyping import Complex
 
 from jaxrender.harmonics.basis import real_basis
 from jaxrender.harmonics.indexing import band_limit_of, orders
-from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, Int
+from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, Int, checked
 
 ComplexCoefficients = Complex[AnyArray, "coefficient channel"]
 
 
+@checked
 def complex_basis(directions: Directions, band_limit: int) -> Complex[Array, "*batch coefficient"]:
     """Return Y_lm of every direction, flat index l(l+1)+m, for degrees 0 to F (T 2.26).
 
@@ -36,6 +37,7 @@ def complex_basis(directions: Directions, band_limit: int) -> Complex[Array, "*b
     return jax.lax.complex(_along(scale[0], cosine), _along(scale[1], sine))
 
 
+@checked
 def complex_from_real(coefficients: Coefficients) -> Complex[Array, "coefficient channel"]:
     """Return the coefficients in Y_lm of a function given in R_lm.
 
@@ -49,6 +51,7 @@ def complex_from_real(coefficients: Coefficients) -> Complex[Array, "coefficient
     return jax.lax.complex(scale[0][:, None] * cosine, -scale[1][:, None] * sine)
 
 
+@checked
 def real_from_complex(coefficients: ComplexCoefficients) -> Float[Array, "coefficient channel"]:
     """Return the coefficients in R_lm of the real part of a function given in Y_lm.
 

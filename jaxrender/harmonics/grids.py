@@ -15,7 +15,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxrender.harmonics.legendre import gauss_legendre
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import Float, Int, checked
 
 
 class Neighbours(NamedTuple):
@@ -97,6 +97,7 @@ class SeparableGrid(Grid):
         """Solid angle of every texel; sums to 4 pi."""
         return np.repeat(self.row_weights()[:, None], self.width, axis=1)
 
+    @checked
     def neighbours(self, directions: Float[np.ndarray, "point 3"]) -> Neighbours:
         """Bilinear in polar angle and azimuth, across the seam and over the poles."""
         x, y, z = np.asarray(directions, np.float64).T

@@ -28,12 +28,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics.indexing import coefficient_count
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # From the start below they converge to rounding in three or four, whatever the number of nodes.
 _NEWTON_STEPS = 5
 
 
+@checked
 def legendre(cosines: Float[AnyArray, "*batch"], band_limit: int) -> Float[Array, "*batch degree"]:
     """Return P_0 ... P_F: (l+1) P_{l+1} = (2l+1) x P_l - l P_{l-1}, P_l(1) = 1.
 
@@ -104,6 +105,7 @@ def sectoral(band_limit: int) -> Float[np.ndarray, " order"]:
     return _frozen(np.concatenate([[np.sqrt(0.25 / np.pi)], factors]))
 
 
+@checked
 def associated(
     cosines: Float[np.ndarray, " row"], sines: Float[np.ndarray, " row"], band_limit: int
 ) -> Float[np.ndarray, "degree order row"]:

@@ -17,13 +17,14 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from jaxrender.harmonics.panoramic_grids import CUBE_FACES, CubeGrid
-from jaxrender.shapes import AnyArray, Array, Directions, Float, ImageArray, Int
+from jaxrender.shapes import AnyArray, Array, Directions, Float, ImageArray, Int, checked
 
 # Nearer to a pole than this part of a row, derivatives are taken half a row from it: further in
 # they would grow without bound.  A little less than half, so as not to lie on a row.
 _NEAR_POLE, _OFF_POLE = 1e-3, 0.499
 
 
+@checked
 def over_poles(
     image: Float[AnyArray, "row column *rest"], signs: Float[np.ndarray, "*rest"] | None = None
 ) -> Float[Array, "padded_row column *rest"]:
@@ -42,6 +43,7 @@ def over_poles(
     return jnp.concatenate([beyond[:1], texels, beyond[1:]])
 
 
+@checked
 def off_pole(directions: Directions, rows: int) -> Float[Array, "*batch 3"]:
     """Move directions at a pole of an image of so many rows to where it can be differentiated."""
     x, y, z = jnp.moveaxis(jnp.asarray(directions), -1, 0)
@@ -58,6 +60,7 @@ def off_pole(directions: Directions, rows: int) -> Float[Array, "*batch 3"]:
 
 
 @jax.custom_jvp
+@checked
 def looked_up(
     padded: Float[AnyArray, "padded_row column channel"], directions: Directions
 ) -> Float[Array, "*batch channel"]:
@@ -80,6 +83,7 @@ def _looked_up_jvp(primals, tangents):
 looked_up.defjvp(_looked_up_jvp, symbolic_zeros=True)
 
 
+@checked
 def interpolated(
     padded: Float[AnyArray, "padded_row column channel"], directions: Directions
 ) -> Float[Array, "*batch channel"]:
@@ -100,6 +104,7 @@ def interpolated(
     return (1 - down) * upper + down * lower
 
 
+@checked
 def looked_up_on_cube(
     grid: CubeGrid, image: ImageArray, directions: Directions
 ) -> Float[Array, "*batch channel"]:

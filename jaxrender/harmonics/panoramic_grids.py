@@ -12,7 +12,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxrender.harmonics.grids import Grid, Neighbours
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Bool, Float, checked
 
 # Columns: where a face looks, and to where its image's columns and its rows (upwards) increase.
 CUBE_FACES = np.array(
@@ -69,6 +69,7 @@ class CubeGrid(Grid):
         corner = np.arctan2(x * y, np.sqrt(1.0 + x * x + y * y))
         return np.tile(np.diff(np.diff(corner, axis=0), axis=1), (6, 1))
 
+    @checked
     def neighbours(self, directions: Float[np.ndarray, "point 3"]) -> Neighbours:
         """Bilinear on the face; beyond its edge the texel that lies there on the next face."""
         face, row, column = self._places(np.asarray(directions, np.float64))
@@ -140,6 +141,7 @@ class AngularMapGrid(Grid):
         solid_angle = (2.0 * np.pi / self.side) ** 2 * np.sinc(np.hypot(*self._plane()))
         return np.where(self.inside(), solid_angle, 0.0)
 
+    @checked
     def neighbours(self, directions: Float[np.ndarray, "point 3"]) -> Neighbours:
         """Bilinear among those of the four texels that are inside the disc."""
         x, y, z = np.asarray(directions, np.float64).T

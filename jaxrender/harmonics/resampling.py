@@ -9,9 +9,10 @@ import jax.numpy as jnp
 
 from jaxrender.harmonics.grids import Grid
 from jaxrender.harmonics.transform import analyse, check_image, synthesise
-from jaxrender.shapes import Array, Float, ImageArray
+from jaxrender.shapes import Array, Float, ImageArray, checked
 
 
+@checked
 def change_grid(
     source: Grid, image: ImageArray, target: Grid, band_limit: int
 ) -> Float[Array, "target_row target_column channel"]:
@@ -22,6 +23,7 @@ def change_grid(
     return synthesise(target, analyse(source, image, band_limit))
 
 
+@checked
 def resample(
     source: Grid, image: ImageArray, target: Grid
 ) -> Float[Array, "target_row target_column channel"]:

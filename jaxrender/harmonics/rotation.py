@@ -19,17 +19,22 @@ from functools import lru_cache, partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees, orders
 from jaxrender.harmonics.wigner import quarter_turn
-from jaxrender.shapes import AnyArray, Array, Coefficients, Float
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float, checked
 
 Rotations = Float[AnyArray, "*batch 3 3"]
 Angles = Float[AnyArray, "*batch"]
 
+# How far from orthogonal a matrix may be: poses are often written with four digits.
+_ORTHOGONAL = 1e-3
+
 _einsum = partial(jnp.einsum, precision=jax.lax.Precision.HIGHEST)
 
 
+@checked
 def rotate(
     coefficients: Coefficients, world_from_local: Rotations
 ) -> Float[Array, "*batch coefficient channel"]:
@@ -37,15 +42,32 @@ def rotate(
 
     Differentiable in R at every rotation, where Euler angles lock too; of the derivative only the
     part tangent to the rotations has a meaning.
-    Raises ValueError if the number of coefficients is not a square.
+    Raises ValueError if the number of coefficients is not a square, and for matrices that are no
+    rotations where their values are known: a traced matrix passes unseen.
     """
     values = jnp.asarray(coefficients)
     band_limit = band_limit_of(values.shape[0])
-    matrices = jnp.asarray(world_from_local)
+    matrices = _orthogonal(world_from_local, 1)
     turned = _rotate(_exchange(band_limit), _spread(values), matrices.reshape(-1, 3, 3))
     return _gather(turned, band_limit).reshape(*matrices.shape[:-2], *values.shape)
 
 
+@checked
+def reflect(
+    coefficients: Coefficients, world_from_local: Rotations
+) -> Float[Array, "*batch coefficient channel"]:
+    """Return the coefficients of g(w) = f(Q^T w) for every improper rotation Q, determinant -1.
+
+    Mirrors, such as diag(1, 1, -1), and mirrors followed by rotations.  Q = -R with a rotation R,
+    and f(-w) has the coefficients (-1)^l f_lm.  Differentiable, and raises, as ``rotate``.
+    """
+    values = jnp.asarray(coefficients)
+    parity = (-1.0) ** degrees(band_limit_of(values.shape[0]))
+    matrices = _orthogonal(world_from_local, -1)
+    return rotate(values * jnp.asarray(parity, values.dtype)[:, None], -matrices)
+
+
+@checked
 def rotate_by_angles(
     coefficients: Coefficients, alpha: Angles, beta: Angles, gamma: Angles
 ) -> Float[Array, "*batch coefficient channel"]:
@@ -57,20 +79,43 @@ def rotate_by_angles(
     return _gather(turned, band_limit).reshape(*jnp.shape(alpha), *values.shape)
 
 
+@checked
 def rotation_matrices(
     world_from_local: Rotations, band_limit: int
 ) -> Float[Array, "*batch degree order order"]:
     """Return M^l(R), l = 0 ... F, orders -F ... F, zero where an order exceeds the degree.
 
-    Raises ValueError if the band limit is negative.
+    Raises ValueError if the band limit is negative, and for matrices as ``rotate``.
     """
     coefficient_count(band_limit)
-    matrices = jnp.asarray(world_from_local)
+    matrices = _orthogonal(world_from_local, 1)
     order = np.arange(-band_limit, band_limit + 1)
     inside = np.abs(order)[None, :] <= np.arange(band_limit + 1)[:, None]
     units = jnp.asarray(inside[:, :, None] * np.eye(len(order))[None], matrices.dtype)
     turned = _rotate(_exchange(band_limit), units[:, :, None], matrices.reshape(-1, 3, 3))
     return jnp.moveaxis(turned, 2, 0).reshape(*matrices.shape[:-2], *units.shape)
+
+
+def _orthogonal(matrices: Rotations, determinant: int) -> Float[Array, "*batch 3 3"]:
+    """Raise ``ValueError`` unless all are orthogonal with this determinant, as far as is known."""
+    if isinstance(matrices, Tracer):
+        return matrices
+    values = np.asarray(matrices, float)
+    found = np.linalg.det(values)
+    gram = values @ np.swapaxes(values, -1, -2)
+    right = np.abs(gram - np.eye(3)).max(axis=(-1, -2), initial=0) < _ORTHOGONAL
+    wrong = np.argwhere(~(right & (found * determinant > 0)))
+    if not len(wrong):
+        return jnp.asarray(matrices)
+    place = tuple(wrong[0].tolist())
+    which = f"world_from_local{list(place) if place else ''} has determinant {found[place]:.6g}"
+    if right[place]:
+        other = "reflect takes improper rotations" if determinant > 0 else "rotate takes rotations"
+        raise ValueError(f"{which}, wanted {determinant}: {other}")
+    raise ValueError(
+        f"{which} and is not orthogonal, wanted determinant {determinant} and columns of length 1 "
+        "at right angles: take scale and shear off"
+    )
 
 
 @jax.jit

@@ -20,7 +20,7 @@ from jaxrender.harmonics.circle import phases
 from jaxrender.harmonics.indexing import coefficient_count
 from jaxrender.harmonics.legendre import gauss_legendre
 from jaxrender.harmonics.wigner import small_d
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 GroupSamples = Inexact[AnyArray, "alpha beta gamma"]
 GroupCoefficients = Complex[AnyArray, "degree order order"]
@@ -59,6 +59,7 @@ class RotationGrid(eqx.Module):
         return nodes * (2.0 * np.pi / (2 * self.band_limit + 1)) ** 2
 
 
+@checked
 def analyse_rotations(
     grid: RotationGrid, samples: GroupSamples, band_limit: int
 ) -> Complex[Array, "degree order order"]:
@@ -79,6 +80,7 @@ def analyse_rotations(
     return _analyse(grid, band_limit, jnp.asarray(samples))
 
 
+@checked
 def synthesise_rotations(
     grid: RotationGrid, coefficients: GroupCoefficients
 ) -> Complex[Array, "alpha beta gamma"]:
@@ -86,6 +88,7 @@ def synthesise_rotations(
     return _synthesise(grid, jnp.asarray(coefficients))
 
 
+@checked
 def correlate_rotations(
     first: GroupCoefficients, second: GroupCoefficients
 ) -> Complex[Array, "degree order order"]:
@@ -96,6 +99,7 @@ def correlate_rotations(
     return _einsum("lmk,lnk->lmn", jnp.asarray(first), jnp.conj(jnp.asarray(second)))
 
 
+@checked
 def convolve_rotations(
     first: GroupCoefficients, second: GroupCoefficients
 ) -> Complex[Array, "degree order order"]:

@@ -23,7 +23,7 @@ from jaxrender.harmonics.basis import evaluate, real_basis
 from jaxrender.harmonics.grids import Grid, SeparableGrid
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees, orders
 from jaxrender.harmonics.legendre import associated
-from jaxrender.shapes import Array, Coefficients, Float, ImageArray, Int
+from jaxrender.shapes import Array, Coefficients, Float, ImageArray, Int, checked
 
 _ORDERS_PER_BLOCK = 32
 # Up to here there are so few functions that what counts is to read the image once.
@@ -43,6 +43,7 @@ class _Block(NamedTuple):
     """p_lm of l = m + 1, m + 3, ...; zero beyond the band limit."""
 
 
+@checked
 def analyse(grid: Grid, image: ImageArray, band_limit: int) -> Float[Array, "coefficient channel"]:
     """Return the coefficients f_lm of an image, degrees 0 to F.
 
@@ -56,6 +57,7 @@ def analyse(grid: Grid, image: ImageArray, band_limit: int) -> Float[Array, "coe
     return _analyse(grid, band_limit, values)
 
 
+@checked
 def synthesise(grid: Grid, coefficients: Coefficients) -> Float[Array, "row column channel"]:
     """Return the image of a function given by its coefficients, at any band limit.
 
@@ -67,6 +69,7 @@ def synthesise(grid: Grid, coefficients: Coefficients) -> Float[Array, "row colu
     return _synthesise(grid, band_limit, jnp.asarray(coefficients))
 
 
+@checked
 def analyse_dense(
     grid: Grid, image: ImageArray, band_limit: int
 ) -> Float[Array, "coefficient channel"]:
@@ -78,6 +81,7 @@ def analyse_dense(
     return _einsum("hw,hwk,hwc->kc", weights, basis, values)
 
 
+@checked
 def synthesise_dense(grid: Grid, coefficients: Coefficients) -> Float[Array, "row column channel"]:
     """Return the same as ``synthesise`` by the plain sum over all coefficients; raises the same."""
     values = jnp.asarray(coefficients)

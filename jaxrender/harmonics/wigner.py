@@ -24,13 +24,14 @@ from jaxtyping import Complex
 
 from jaxrender.harmonics.circle import phases
 from jaxrender.harmonics.indexing import coefficient_count
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 Angles = Float[AnyArray, "*batch"]
 
 _einsum = partial(jnp.einsum, precision=jax.lax.Precision.HIGHEST)
 
 
+@checked
 def small_d(angles: Angles, band_limit: int) -> Float[Array, "*batch degree order order"]:
     """Return d^l(alpha) of every angle, radians, l = 0 ... F (T 2.32, the values of 2.34).
 
@@ -40,6 +41,7 @@ def small_d(angles: Angles, band_limit: int) -> Float[Array, "*batch degree orde
     return _small_d(jnp.asarray(quarter_turn(band_limit), alpha.dtype), alpha)
 
 
+@checked
 def representation(
     alpha: Angles, beta: Angles, gamma: Angles, band_limit: int
 ) -> Complex[Array, "*batch degree order order"]:

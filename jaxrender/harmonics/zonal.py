@@ -14,13 +14,14 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import roots_legendre
 
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees
-from jaxrender.shapes import AnyArray, Array, Coefficients, Float
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float, checked
 
 # Beyond the nodes that the Legendre polynomials themselves need: resolves profiles down to a width
 # of about .02 radian in one panel.
 _PROFILE_NODES = 256
 
 
+@checked
 def apply_transfer(
     coefficients: Coefficients,
     transfer: Float[AnyArray, " degree"] | Float[AnyArray, "degree channel"],

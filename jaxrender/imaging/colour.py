@@ -13,7 +13,7 @@ Wavelengths in nanometres.  Host side, float64.
 
 import numpy as np
 
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 # (a, m in nm, inverse widths in 1/nm below and above m) of each lobe.
 _OBSERVER = (
@@ -43,6 +43,7 @@ _PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
 _WHITE = (0.3127, 0.3290)
 
 
+@checked
 def colour_matching(
     wavelengths: Float[np.ndarray, "wavelength"],
 ) -> Float[np.ndarray, "wavelength 3"]:
@@ -58,6 +59,7 @@ def colour_matching(
     return np.stack(functions, axis=-1)
 
 
+@checked
 def rgb_weights(
     wavelengths: Float[np.ndarray, "wavelength"], illuminant: str = "d65"
 ) -> Float[np.ndarray, "wavelength 3"]:
@@ -85,6 +87,7 @@ def rgb_weights(
     return weights / weights.sum(axis=0)
 
 
+@checked
 def rgb_of_reflectance(
     wavelengths: Float[np.ndarray, "wavelength"],
     reflectance: Float[np.ndarray, "*batch wavelength"],

@@ -9,7 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from jaxrender.shapes import checked
 
+
+@checked
 def to_radiance(
     values: Float[np.ndarray, "row column channel"], exposure: float
 ) -> Float[np.ndarray, "row column channel"]:

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
+from jaxrender.shapes import checked
+
 Mask = Bool[np.ndarray, "row column"]
 
 # Neighbours of a pixel -> the order of connectivity that scipy.ndimage calls it.
@@ -25,6 +27,7 @@ class Selection(NamedTuple):
     removed: dict[str, int]
 
 
+@checked
 def erode(mask: Mask, pixels: int, neighbours: int = 8) -> Mask:
     """The pixels whose 4- or 8-neighbourhoods of the given radius lie wholly inside the mask.
 
@@ -38,6 +41,7 @@ def erode(mask: Mask, pixels: int, neighbours: int = 8) -> Mask:
     return ndimage.binary_erosion(mask, _structure(neighbours), iterations=pixels)
 
 
+@checked
 def dilate(mask: Mask, pixels: int, neighbours: int = 8) -> Mask:
     """The pixels within the given radius of the mask; the inverse errors of ``erode``."""
     if pixels < 0:
@@ -47,6 +51,7 @@ def dilate(mask: Mask, pixels: int, neighbours: int = 8) -> Mask:
     return ndimage.binary_dilation(mask, _structure(neighbours), iterations=pixels)
 
 
+@checked
 def saturated(values: Float[np.ndarray, "row column channel"], level: float, grow: int = 0) -> Mask:
     """Pixels with any channel at or above the level, grown by ``grow`` pixels.
 
@@ -55,11 +60,13 @@ def saturated(values: Float[np.ndarray, "row column channel"], level: float, gro
     return dilate(np.any(values >= level, axis=-1), grow)
 
 
+@checked
 def below_black(values: Float[np.ndarray, "row column channel"], level: float) -> Mask:
     """Pixels with any channel below the level, which the sensor's black clips."""
     return np.any(values < level, axis=-1)
 
 
+@checked
 def usable_pixels(covered: Mask, rejected: Mapping[str, Bool[np.ndarray, "_ _"]]) -> Selection:
     """The covered pixels that no rule rejects; each pixel is counted by the first that does.
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import ndtr
 
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # Residuals beyond this many standard deviations are outliers.  At 3.5 a Gaussian sample loses
 # 0.05 % of its values, which _KEPT_VARIANCE makes up for.
@@ -41,10 +41,12 @@ class NoiseModel(eqx.Module):
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"noise {name} is {value}: give a finite number, 0 or more")
 
+    @checked
     def standard_deviation(self, radiance: Float[AnyArray, "*batch"]) -> Float[AnyArray, "*batch"]:
         """Of each radiance, in its units; works on NumPy and JAX arrays alike."""
         return ((self.relative * radiance) ** 2 + self.floor**2) ** 0.5
 
+    @checked
     def add(
         self, radiance: Float[np.ndarray, "*batch"], rng: np.random.Generator
     ) -> Float[np.ndarray, "*batch"]:
@@ -59,6 +61,7 @@ class _Variances(NamedTuple):
     floor: float
 
 
+@checked
 def estimate_noise(
     residuals: Float[np.ndarray, "*batch"] | Float[Array, "*batch"],
     predictions: Float[np.ndarray, "*batch"] | Float[Array, "*batch"],

@@ -10,7 +10,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxrender.shapes import AnyArray
+from jaxrender.shapes import AnyArray, checked
 
 # IEC 61966-2-1: slope, offset, exponent, and the breakpoint on either side.
 _SLOPE, _OFFSET, _GAMMA = 12.92, 0.055, 2.4
@@ -32,10 +32,12 @@ class Response(eqx.Module):
 class Linear(Response):
     """Values are proportional to radiance: EXR, HDR, PFM, and some 8-bit laboratory cameras."""
 
+    @checked
     def linearise(self, values: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """The values themselves."""
         return np.asarray(values, np.float64)
 
+    @checked
     def encode(self, radiance: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """The radiance itself."""
         return np.asarray(radiance, np.float64)
@@ -48,12 +50,14 @@ class SRGB(Response):
     a round trip.  The standard's rounded breakpoints leave a step of 3e-8 in value.
     """
 
+    @checked
     def linearise(self, values: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """v / 12.92 up to v = .04045, ((v + .055) / 1.055)^2.4 above."""
         values = np.asarray(values, np.float64)
         power = ((np.maximum(values, 0) + _OFFSET) / (1 + _OFFSET)) ** _GAMMA
         return np.where(values <= _BREAK_VALUE, values / _SLOPE, power)
 
+    @checked
     def encode(self, radiance: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """12.92 L up to L = .0031308, 1.055 L^(1/2.4) - .055 above."""
         radiance = np.asarray(radiance, np.float64)
@@ -77,6 +81,7 @@ class Curve(Response):
                 "give one radiance for each value"
             )
 
+    @checked
     def linearise(self, values: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """Interpolated; raises ValueError for values that the table does not cover."""
         values = np.asarray(values, np.float64)
@@ -89,6 +94,7 @@ class Curve(Response):
             )
         return np.interp(values, self.values, self.radiance)
 
+    @checked
     def encode(self, radiance: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """Interpolated; radiance beyond the table saturates, as on a sensor."""
         return np.interp(np.asarray(radiance, np.float64), self.radiance, self.values)

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import least_squares
 
+from jaxrender.shapes import checked
+
 # A point of the outline this close to a circle, in pixels, speaks for it.
 _NEAR = 1.5
 _TRIALS = 500
@@ -35,6 +37,7 @@ class Circle(NamedTuple):
     support: float
 
 
+@checked
 def circle_of(mask: Bool[np.ndarray, "row column"] | Float[np.ndarray, "row column"]) -> Circle:
     """Find the circle that outlines a ball, by a mask or by its coverage from 0 to 1.
 

@@ -28,7 +28,7 @@ from jaxrender.reflection import (
     dual_light,
     sources_needed,
 )
-from jaxrender.shapes import Int
+from jaxrender.shapes import Int, checked
 
 # exp(-(sigma l)^2) is below 4e-5 at this multiple of 1 / sigma: no higher degree passes the lobe.
 _BAND_LIMIT_TIMES_SIGMA = 3.2
@@ -73,6 +73,7 @@ class KnownLight(eqx.Module):
         )
         return KnownLight(self.environment, sources)
 
+    @checked
     def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
         """Stack the sources of all photographs, with dark ones where a photograph has fewer."""
         if self.per_frame is None:

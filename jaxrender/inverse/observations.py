@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
-from jaxrender.shapes import AnyArray, Float, Int
+from jaxrender.shapes import AnyArray, Float, Int, checked
 
 _EXIT_COSINE_STRATA = 10
 _BRIGHTNESS_STRATA = 4
@@ -26,6 +26,7 @@ class Observations(NamedTuple):
     transfer: Float[AnyArray, "sample coefficient"] | None = None
     stands_for: Float[AnyArray, "sample"] | None = None
 
+    @checked
     def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
         """Keep the samples of the given indices."""
         samples = SurfaceSamples(*(np.asarray(a)[index] for a in self.samples))

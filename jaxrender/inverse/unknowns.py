@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Parametric
-from jaxrender.shapes import Array, Bool, Float
+from jaxrender.shapes import Array, Bool, Float, checked
 
 # The search space where the user names no bounds: from nearly mirror to nearly diffuse, and from
 # nearly no interface to well above diamond.
@@ -99,6 +99,7 @@ class MicrofacetUnknowns(eqx.Module):
         return (*names, *(f"gain {frame}" for frame in range(1, self.free_gains)))
 
     @eqx.filter_jit
+    @checked
     def unpack(self, point: Float[Array, "unknown"]) -> Physical:
         """Turn a search vector into parameters in their own units."""
         values = dict(zip(self.names, point))
@@ -127,6 +128,7 @@ class MicrofacetUnknowns(eqx.Module):
                 points[1:, column] = _search_variable(0.15 + 0.7 * spread[1:, column])
         return points
 
+    @checked
     def at_bound(self, point: Float[Array, "unknown"]) -> Bool[np.ndarray, "unknown"]:
         """Say which searched parameters ended at a bound."""
         fraction = np.asarray(_fraction(point))

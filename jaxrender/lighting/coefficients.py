@@ -11,7 +11,7 @@ import numpy as np
 from jaxrender.harmonics import LatLongGrid, band_limit_of, evaluate, synthesise
 from jaxrender.lighting.base import Light, LightNodes
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import AnyArray, Array, Coefficients, Float
+from jaxrender.shapes import Array, Coefficients, Directions, Float, checked
 
 
 def _height(value: int | None) -> int | None:
@@ -51,7 +51,8 @@ class HarmonicLight(Light):
         rows = 4 * (self.band_limit + 1) if self.height is None else self.height
         return LatLongGrid(rows, 2 * rows)
 
-    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+    @checked
+    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the radiance from world directions."""
         return evaluate(self.coefficients, directions)
 

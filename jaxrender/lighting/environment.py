@@ -12,7 +12,7 @@ from jax.core import Tracer
 
 from jaxrender.harmonics.grids import LatLongGrid
 from jaxrender.lighting.base import Light, LightNodes
-from jaxrender.shapes import AnyArray, Array, Float, ImageArray, as_jax
+from jaxrender.shapes import AnyArray, Array, Float, ImageArray, as_jax, checked
 
 
 class Environment(Light):
@@ -42,6 +42,7 @@ class Environment(Light):
         directions = self.grid.directions().astype(dtype)
         return LightNodes(directions.reshape(-1, 3), irradiance.reshape(-1, channels))
 
+    @checked
     def scaled(self, factor: float | int | Float[AnyArray, ""]) -> "Environment":
         """The same light, ``factor`` times as bright."""
         return Environment(self.radiance * jnp.asarray(factor, self.radiance.dtype))

@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxrender.geometry.directions import normalise
 from jaxrender.harmonics.grids import LatLongGrid
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 
 class SmoothLobes(eqx.Module):
@@ -32,12 +32,14 @@ class SmoothLobes(eqx.Module):
         if not (np.all(np.asarray(self.widths) > 0) and np.all(np.asarray(self.widths) <= np.pi)):
             raise ValueError(f"widths {self.widths}: give angles above 0 and up to pi radians")
 
-    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+    @checked
+    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the radiance from world directions."""
         middles = normalise(self.directions)
         towards = jnp.asarray(directions, middles.dtype) @ middles.T
         sharpness = 1 / (1 - jnp.cos(jnp.asarray(self.widths)))
-        return jnp.exp((towards - 1) * sharpness[None, :]) @ jnp.asarray(self.middle)
+        fallen = jnp.einsum("...k,k->...k", towards - 1, sharpness)
+        return jnp.exp(fallen) @ jnp.asarray(self.middle)
 
     def to_environment(self, height: int) -> Environment:
         """Sample the lobes at the texels of an environment image."""

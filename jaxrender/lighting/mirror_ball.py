@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from jaxrender.imaging.silhouette import Circle
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import AnyArray, ImageArray
+from jaxrender.shapes import AnyArray, ImageArray, checked
 
 # Samples along each side of a texel.
 _SAMPLES = 3
@@ -34,6 +34,7 @@ class BallLight(NamedTuple):
     confidence: Float[np.ndarray, "row column"]
 
 
+@checked
 def light_of_ball(
     photograph: ImageArray,
     ball: Circle,

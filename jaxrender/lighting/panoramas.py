@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxrender.lighting.layouts import PANORAMAS, Panorama, panorama_named
-from jaxrender.shapes import ImageArray
+from jaxrender.shapes import ImageArray, checked
 
 # Samples along each side of a texel, of the result and of the panorama: the weights that a
 # texel of the panorama gets over all samples then add up to its solid angle.
@@ -25,6 +25,7 @@ _SAMPLES_PER_SOURCE = 3
 _CHUNK = 1 << 18
 
 
+@checked
 def to_latlong(
     image: ImageArray, convention: str, height: int | None = None
 ) -> Float[np.ndarray, "latlong_row latlong_column channel"]:
@@ -37,6 +38,7 @@ def to_latlong(
     return _resample(source, source.panorama.world_from_own.T, height)
 
 
+@checked
 def to_own_latlong(
     image: ImageArray, convention: str, height: int | None = None
 ) -> Float[np.ndarray, "latlong_row latlong_column channel"]:

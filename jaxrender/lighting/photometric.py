@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 _TURN = 2 * np.pi
 # How many roundings beyond the last vertical angle still count as on it.
@@ -57,6 +57,7 @@ class AngularIntensity(eqx.Module):
                 "are finite and not negative"
             )
 
+    @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Interpolate along unit directions away from the lamp."""
         directions = jnp.asarray(directions)

@@ -19,7 +19,7 @@ import numpy as np
 from jax.core import Tracer
 
 from jaxrender.geometry import to_local
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 
 @runtime_checkable
@@ -36,6 +36,7 @@ class IsotropicIntensity(eqx.Module):
 
     value: Float[AnyArray, "channel"]
 
+    @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Repeat the value."""
         directions = jnp.asarray(directions)
@@ -56,6 +57,7 @@ class SpotIntensity(eqx.Module):
         if not isinstance(self.exponent, Tracer) and not self.exponent >= 0:
             raise ValueError(f"a spot of exponent {self.exponent}; give 0 or more")
 
+    @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the power of the cosine."""
         cosine = jnp.asarray(directions)[..., 2:]
@@ -80,6 +82,7 @@ class ConeIntensity(eqx.Module):
         if not 0 < self.half_angle <= np.pi:
             raise ValueError(f"a cone of half angle {self.half_angle}; give radians in (0, pi]")
 
+    @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Cut by the cosine."""
         inside = jnp.asarray(directions)[..., 2:] >= float(np.cos(self.half_angle))
@@ -121,12 +124,14 @@ class PointLight(eqx.Module):
             if not np.allclose(gram, np.eye(3), atol=1e-4) or np.linalg.det(turn) < 0:
                 raise ValueError(f"world_from_local {turn.tolist()} is no rotation")
 
+    @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate W/sr towards unit world directions away from the light."""
         directions = jnp.asarray(directions)
         turn = jnp.asarray(self.world_from_local, directions.dtype)
         return self.distribution.intensity(to_local(turn, directions))
 
+    @checked
     def arriving(self, points: Float[AnyArray, "point 3"]) -> Arrival:
         """Find what reaches places if nothing stands between; at the light itself, nothing."""
         points = jnp.asarray(points)

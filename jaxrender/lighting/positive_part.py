@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis, synthesise
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 # Rows of the grid on which radiance is kept positive, for each degree of the light.
 _ROWS_PER_DEGREE, _FEWEST_ROWS = 5, 16
@@ -28,6 +28,7 @@ _TOLERANCE = 1e-9
 _SUFFICIENT = 1e-4
 
 
+@checked
 def positive_part_of(
     coefficients: Float[np.ndarray, "coefficient channel"],
     errors: Float[np.ndarray, "coefficient channel"] | None = None,
@@ -53,6 +54,7 @@ def positive_part_of(
     return found
 
 
+@checked
 def positive_environment(
     coefficients: Float[np.ndarray, "coefficient channel"],
     errors: Float[np.ndarray, "coefficient channel"] | None,

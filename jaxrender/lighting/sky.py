@@ -24,7 +24,7 @@ from jaxrender.geometry.directions import normalise, squared_angle
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.lighting.base import Light, LightNodes
 from jaxrender.lighting.environment import Environment
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 # Rows of a sky's own nodes between zenith and horizon.
 _ROWS = 32
@@ -75,7 +75,7 @@ class Sky(Light):
     """Light from the upper half of the sphere, as a function of direction."""
 
     @abc.abstractmethod
-    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the radiance from unit world directions; zero below the horizon."""
 
     def nodes(self) -> LightNodes:
@@ -106,11 +106,12 @@ class OvercastSky(Sky):
 
     zenith: Float[AnyArray, "channel"]
 
-    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+    @checked
+    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the radiance from unit world directions; zero below the horizon."""
         zenith = jnp.asarray(self.zenith)
-        cosine = jnp.asarray(directions, zenith.dtype)[:, 2]
-        return jnp.where(cosine > 0, (1 + 2 * cosine) / 3, 0)[:, None] * zenith[None, :]
+        cosine = jnp.asarray(directions, zenith.dtype)[..., 2]
+        return jnp.einsum("...,c->...c", jnp.where(cosine > 0, (1 + 2 * cosine) / 3, 0), zenith)
 
 
 class ClearSky(Sky):
@@ -130,12 +131,14 @@ class ClearSky(Sky):
         if not (np.all(np.isfinite(sun)) and sun[2] >= 0 and np.any(sun)):
             raise ValueError(f"sun={sun}: give a direction at or above the horizon, z >= 0")
 
-    def radiance(self, directions: Float[AnyArray, "node 3"]) -> Float[Array, "node channel"]:
+    @checked
+    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate the radiance from unit world directions; zero below the horizon."""
         zenith = jnp.asarray(self.zenith)
         towards = jnp.asarray(directions, zenith.dtype)
-        return self.relative(towards)[:, None] * zenith[None, :]
+        return jnp.einsum("...,c->...c", self.relative(towards), zenith)
 
+    @checked
     def relative(self, directions: Float[AnyArray, "*batch 3"]) -> Float[Array, "*batch"]:
         """Evaluate L / L_z."""
         towards = jnp.asarray(directions)

@@ -14,7 +14,8 @@ the same symbol for L_lm rho_lpq without it (ERRATA 37): divide by Lambda_l to g
 
 The reciprocal form (T 2.58, 2.59) is the same functions with rho~ = rho cos t_i cos t_o; what they
 return is then B~ = B cos t_o.  Lights are in complex harmonics (``harmonics.complex_from_real``),
-except for the last form, which scales real and complex ones alike.
+except for the last form, which scales real and complex ones alike.  A ``Light`` instead of its
+coefficients is expanded to the transfer's degree.
 """
 
 from typing import NamedTuple
@@ -28,12 +29,15 @@ from jaxrender.harmonics import (
     apply_transfer,
     band_limit_of,
     complex_basis,
+    complex_from_real,
     degrees,
     orders,
     representation,
     rotate,
 )
-from jaxrender.shapes import AnyArray, Array, Coefficients, Float, Int
+from jaxrender.lighting import Light
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float, Int, checked
+from jaxrender.spectra.light import coefficients_of, light_coefficients
 
 ComplexLight = Complex[AnyArray, "coefficient #channel"]
 # Orders run from -F to F of the highest degree; entries of orders beyond their degree are zero.
@@ -60,8 +64,9 @@ class SurfacePoints(NamedTuple):
 
 
 @jax.jit
+@checked
 def convolve_isotropic(
-    light: ComplexLight,
+    light: ComplexLight | Light,
     transfer: Inexact[AnyArray, "degree outgoing_degree absolute_order #channel"],
 ) -> IsotropicField:
     """Compute B_lmpq = Lambda_l L_lm rho_lpq (T 2.55, and 2.59 of rho~).
@@ -69,7 +74,7 @@ def convolve_isotropic(
     ``transfer`` holds q = 0 ... Q and serves -q too (T 2.47).
     Raises ``ValueError`` unless light and transfer have the same degrees.
     """
-    spread = _spread(light)
+    spread = _spread(_complex(light, np.shape(transfer)[0]))
     filter_ = jnp.asarray(transfer).astype(spread.dtype)
     _check_degrees(spread, filter_.shape[0])
     most = filter_.shape[2] - 1
@@ -79,6 +84,7 @@ def convolve_isotropic(
 
 
 @jax.jit
+@checked
 def evaluate_isotropic(
     field: IsotropicField, points: SurfacePoints
 ) -> Complex[Array, "point channel"]:
@@ -97,15 +103,16 @@ def evaluate_isotropic(
 
 
 @jax.jit
+@checked
 def convolve_at_exit(
-    light: ComplexLight, transfer: Inexact[AnyArray, "exit degree absolute_order #channel"]
+    light: ComplexLight | Light, transfer: Inexact[AnyArray, "exit degree absolute_order #channel"]
 ) -> ExitField:
     """Compute B_lmq(t_o) = Lambda_l L_lm rho_lq(t_o) for each exit angle (T 2.57).
 
     ``transfer`` holds q = 0 ... Q; rho_l,-q = (-1)^q rho_lq.
     Raises ``ValueError`` unless light and transfer have the same degrees.
     """
-    spread = _spread(light)
+    spread = _spread(_complex(light, np.shape(transfer)[1]))
     filter_ = jnp.asarray(transfer).astype(spread.dtype)
     _check_degrees(spread, filter_.shape[1])
     most = filter_.shape[2] - 1
@@ -117,6 +124,7 @@ def convolve_at_exit(
 
 
 @jax.jit
+@checked
 def evaluate_at_exit(
     field: ExitField, exits: Int[AnyArray, "point"], points: SurfacePoints
 ) -> Complex[Array, "point channel"]:
@@ -139,8 +147,9 @@ def evaluate_at_exit(
 
 
 @jax.jit
+@checked
 def convolve_anisotropic(
-    light: ComplexLight,
+    light: ComplexLight | Light,
     transfer: Complex[AnyArray, "incoming_coefficient outgoing_coefficient #channel"],
 ) -> AnisotropicField:
     """Compute B_lmnpq = sqrt(8 pi^2 / (2l + 1)) L_lm rho_{ln,pq} (T 2.43).
@@ -148,8 +157,8 @@ def convolve_anisotropic(
     The sum behind it runs over n = -l' ... l' (T 2.39; to l as printed: ERRATA 6).
     Raises ``ValueError`` unless light and transfer have the same degrees.
     """
-    spread = _spread(light)
     rho = jnp.asarray(transfer)
+    spread = _spread(_complex(light, band_limit_of(rho.shape[0]) + 1))
     _check_degrees(spread, band_limit_of(rho.shape[0]) + 1)
     outgoing_count, channels = rho.shape[1:]
     by_incoming = _spread(rho.reshape(rho.shape[0], -1))
@@ -162,6 +171,7 @@ def convolve_anisotropic(
 
 
 @jax.jit
+@checked
 def evaluate_anisotropic(
     field: AnisotropicField, points: SurfacePoints
 ) -> Complex[Array, "point channel"]:
@@ -174,20 +184,22 @@ def evaluate_anisotropic(
     return jnp.einsum("xlmn,lmnpqc,xpq->xc", turned, field / scale, around, precision="highest")
 
 
+@checked
 def convolve_radial(
-    light: Coefficients, transfer: Float[AnyArray, "degree"]
+    light: Coefficients | Light, transfer: Float[AnyArray, "degree"]
 ) -> Float[Array, "coefficient channel"]:
     """Compute B_lm = Lambda_l rho_l L_lm of a lobe u(C.L), ``transfer`` = Lambda_l rho_l (T 2.62).
 
     The result is a function of the central direction C alone (T 2.61): the normal for a Lambertian
     lobe, the reflected direction for Phong's.  Raises as ``harmonics.apply_transfer``.
     """
-    return apply_transfer(light, transfer)
+    return apply_transfer(coefficients_of(light, len(transfer) - 1), transfer)
 
 
 @jax.jit
+@checked
 def reflect_about_mirror(
-    light: Coefficients,
+    light: Coefficients | Light,
     terms: Float[AnyArray, "point degree absolute_order"],
     world_from_mirror: Float[AnyArray, "point 3 3"],
 ) -> Float[Array, "point channel"]:
@@ -197,7 +209,7 @@ def reflect_about_mirror(
     in the half plane of the first; ``terms`` are ``spectra.facet_azimuthal_transfer``'s, one row
     for each point's exit cosine.
     """
-    values = jnp.asarray(light)
+    values = jnp.asarray(coefficients_of(light, jnp.shape(terms)[1] - 1))
     band_limit = band_limit_of(values.shape[0])
     if jnp.shape(terms)[1] != band_limit + 1:
         raise ValueError(
@@ -214,11 +226,18 @@ def reflect_about_mirror(
     return jnp.einsum("xlq,xlqc->xc", weighted, local[:, index], precision="highest")
 
 
+def _complex(light: ComplexLight | Light, degree_count: int) -> ComplexLight:
+    if isinstance(light, Light):
+        return complex_from_real(light_coefficients(light, degree_count - 1))
+    return light
+
+
 def _check_degrees(spread: Array, count: int) -> None:
     if spread.shape[0] != count:
         raise ValueError(
-            f"light of {spread.shape[0]} degrees and a transfer of {count}: "
-            "cut or extend one of them to the other's band limit"
+            f"light to degree {spread.shape[0] - 1} and a transfer to degree {count - 1}: cut or "
+            "extend one of them to the other's band limit.  Coefficients with a lobe axis are "
+            "weighed by spectra.sum_lobes first"
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Complex, Inexact
 
 from jaxrender.harmonics import circle_basis, reflect_circle
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Gauss-Legendre nodes over each half circle: exact to rounding for smooth transfers to degree 60.
 _NODES = 96
@@ -42,6 +42,7 @@ def flatland_coefficients(
     return jnp.einsum("io,il,op->lp", weighted, incoming, outgoing.conj(), precision="highest")
 
 
+@checked
 def convolve_flatland(
     light: Complex[AnyArray, "light_order"], transfer: Inexact[AnyArray, "order outgoing"]
 ) -> Complex[Array, "order outgoing"]:
@@ -53,6 +54,7 @@ def convolve_flatland(
     return reflect_circle(own[:, None], jnp.asarray(transfer).astype(own.dtype))
 
 
+@checked
 def evaluate_flatland(
     field: Complex[AnyArray, "order outgoing_order"],
     alpha: Float[AnyArray, "point"],

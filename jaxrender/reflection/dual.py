@@ -49,7 +49,7 @@ from jaxrender.reflection.shrm import (
     reflect_mirror_light,
 )
 from jaxrender.reflection.transfer import shadowed_irradiance
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, checked
 from jaxrender.spectra import light_coefficients, transfer_of_samples
 
 # Not a transfer, which has only degrees, but the slow part's integral over the lobe's facets.
@@ -93,6 +93,7 @@ class DualLight(eqx.Module):
         """The highest degree of the slow part."""
         return band_limit_of(self.slow.shape[0])
 
+    @checked
     def for_frames(self, frame_of_sample: Int[AnyArray, "sample"]) -> "DualLight":
         """Make the same light ready for other samples, of the given photographs."""
         frames = self.frames
@@ -134,6 +135,7 @@ class Shadows(NamedTuple):
     frame_sources: Bool[AnyArray, "sample node"] | None = None  # the same of DualLight.frames
 
 
+@checked
 def cast_shadows(
     shape: Shape,
     places: SurfacePlaces,
@@ -169,6 +171,7 @@ def filled_up(light: DualLight, shadows: Shadows | None = None) -> tuple[DualLig
 
 
 @eqx.filter_jit
+@checked
 def dual_columns(
     brdf: BRDF,
     samples: SurfaceSamples,
@@ -237,6 +240,7 @@ def slow_specular(
     return jnp.einsum("sl,slc->sc", passed, table, precision="highest")
 
 
+@checked
 def sources_needed(
     environment: Environment,
     candidates: DirectionalSources,

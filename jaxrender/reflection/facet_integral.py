@@ -23,7 +23,7 @@ from jaxrender.brdf import Glossy
 from jaxrender.geometry import Components, SurfaceSamples
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis, synthesise
 from jaxrender.reflection.integral import as_widths, by_chunks, incidence_frame, with_width
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Nodes along the polar angle of h and about the normal.
 _POLAR, _AZIMUTHS = 12, 20
@@ -42,6 +42,7 @@ class _Facets(NamedTuple):
 
 
 @eqx.filter_jit
+@checked
 def reflect_by_facets(
     brdf: Glossy,
     samples: SurfaceSamples,
@@ -70,6 +71,7 @@ def reflect_by_facets(
 
 
 @eqx.filter_jit
+@checked
 def facet_coefficients(
     brdf: Glossy, samples: SurfaceSamples, band_limit: int
 ) -> Float[Array, "sample coefficient"]:

@@ -37,7 +37,7 @@ from jaxrender.geometry import (
 )
 from jaxrender.harmonics import real_basis, rotate
 from jaxrender.lighting import LightNodes
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, checked
 
 # Directions times samples worked on at once: small enough for a processor's cache.
 _PAIRS_PER_CHUNK = 2**15
@@ -57,6 +57,7 @@ class FrameNodes(NamedTuple):
     frame_of_sample: Int[AnyArray, "sample"]
 
 
+@checked
 def integral_columns(
     brdf: BRDF,
     samples: SurfaceSamples,
@@ -79,6 +80,7 @@ def integral_columns(
     return by_chunks(one, indexed, _at_once(light.directions.shape[0]))
 
 
+@checked
 def integral_columns_by_frame(
     brdf: BRDF,
     samples: SurfaceSamples,
@@ -103,6 +105,7 @@ def integral_columns_by_frame(
     return by_chunks(one, indexed, _at_once(directions.shape[1]))
 
 
+@checked
 def visible_nodes(
     shape: Shape, places: SurfacePlaces, nodes: LightNodes | FrameNodes
 ) -> Bool[np.ndarray, "sample node"]:
@@ -118,6 +121,7 @@ def visible_nodes(
     return seen
 
 
+@checked
 def polar_columns(
     brdf: BRDF,
     samples: SurfaceSamples,
@@ -143,6 +147,7 @@ def polar_columns(
     return by_chunks(one, arrays, local.shape[0])
 
 
+@checked
 def polar_coefficients(
     brdf: BRDF, samples: SurfaceSamples, band_limit: int, polar_nodes: int = 48
 ) -> Float[Array, "sample lobe coefficient"]:
@@ -213,6 +218,7 @@ def _polar_rule(polar_nodes: int, dtype) -> tuple[Float[Array, "node 3"], Float[
     return jnp.asarray(local, dtype), jnp.asarray(solid_angle, dtype)
 
 
+@checked
 def radiance(
     brdf: BRDF, columns: Float[Array, "sample lobe channel"]
 ) -> Float[Array, "sample channel"]:

@@ -15,17 +15,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import apply_transfer, band_limit_of, evaluate
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.lighting import Light
+from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, checked
 from jaxrender.spectra.lambertian import lambertian_transfer
+from jaxrender.spectra.light import coefficients_of
 
 _QUADRATIC = 9
 # Gauss-Legendre nodes on each hemisphere, for the mean of an absolute value with a few kinks.
 _ERROR_NODES = 2000
 
 
+@checked
 def irradiance(
-    coefficients: Float[AnyArray, "coefficient channel"], normals: Float[AnyArray, "sample 3"]
-) -> Float[Array, "sample channel"]:
+    coefficients: Float[AnyArray, "coefficient channel"], normals: Directions
+) -> Float[Array, "*batch channel"]:
     """Compute E(n) = sum_lm A_l L_lm Y_lm(n) (T 4.10) of all degrees that are given.
 
     Exact for light of no more degrees than its coefficients, to rounding (T 4.11 as corrected by
@@ -37,8 +40,9 @@ def irradiance(
     return evaluate(filtered, jnp.asarray(normals))
 
 
+@checked
 def irradiance_matrix(
-    coefficients: Float[AnyArray, "coefficient channel"],
+    coefficients: Coefficients | Light,
 ) -> Float[Array, "channel 4 4"]:
     """Arrange the light's first nine coefficients as the matrices M of T 4.15, one a channel.
 
@@ -46,7 +50,7 @@ def irradiance_matrix(
     off in the last digit (ERRATA 29).  Light of fewer than nine coefficients has zeros for the
     rest; of more, only nine are used.
     """
-    light = _nine(coefficients)
+    light = _nine(coefficients_of(coefficients, 2))
     c1, c2, c3, c4, c5 = (jnp.asarray(c, light.dtype) for c in quadratic_constants())
     l00, l1m1, l10, l11, l2m2, l2m1, l20, l21, l22 = light
     rows = (
@@ -68,25 +72,27 @@ def quadratic_constants() -> tuple[float, float, float, float, float]:
     return float(c1), float(c2), float(3 * c5), float(c4), float(c5)
 
 
+@checked
 def matrix_irradiance(
-    matrix: Float[AnyArray, "channel 4 4"], normals: Float[AnyArray, "sample 3"]
-) -> Float[Array, "sample channel"]:
+    matrix: Float[AnyArray, "channel 4 4"], normals: Directions
+) -> Float[Array, "*batch channel"]:
     """Evaluate E(n) = N' M N of T 4.14 as it is written: the twin of ``quadratic_irradiance``."""
     normals = jnp.asarray(normals)
-    extended = jnp.concatenate([normals, jnp.ones_like(normals[:, :1])], axis=1)
-    return jnp.einsum("si,cij,sj->sc", extended, matrix, extended, precision="highest")
+    extended = jnp.concatenate([normals, jnp.ones_like(normals[..., :1])], axis=-1)
+    return jnp.einsum("...i,cij,...j->...c", extended, matrix, extended, precision="highest")
 
 
 @jax.custom_jvp
+@checked
 def quadratic_irradiance(
-    matrix: Float[Array, "channel 4 4"], normals: Float[Array, "sample 3"]
-) -> Float[Array, "sample channel"]:
+    matrix: Float[Array, "channel 4 4"], normals: Float[Array, "*batch 3"]
+) -> Float[Array, "*batch channel"]:
     """Evaluate the polynomial of T 4.16 for unit normals: the degrees up to 2 of ``irradiance``.
 
     Written in the normals' components, which one pass over a million normals takes; with its
     derivative 2 M N spelled out, a gradient is another such pass.
     """
-    x, y, z = normals[:, 0], normals[:, 1], normals[:, 2]
+    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
     channels = [
         x * (m[0, 0] * x + 2 * (m[0, 1] * y + m[0, 2] * z + m[0, 3]))
         + y * (m[1, 1] * y + 2 * (m[1, 2] * z + m[1, 3]))
@@ -100,11 +106,11 @@ def quadratic_irradiance(
 @quadratic_irradiance.defjvp
 def _quadratic_irradiance_jvp(primals, tangents):
     (matrix, normals), (matrix_moves, normals_move) = primals, tangents
-    x, y, z = normals[:, 0], normals[:, 1], normals[:, 2]
+    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
     moved = [
-        2 * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) * normals_move[:, 0]
-        + 2 * (m[0, 1] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) * normals_move[:, 1]
-        + 2 * (m[0, 2] * x + m[1, 2] * y + m[2, 2] * z + m[2, 3]) * normals_move[:, 2]
+        2 * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) * normals_move[..., 0]
+        + 2 * (m[0, 1] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) * normals_move[..., 1]
+        + 2 * (m[0, 2] * x + m[1, 2] * y + m[2, 2] * z + m[2, 3]) * normals_move[..., 2]
         for m in matrix
     ]
     # Linear in the matrix, so its own derivative there is the same expression.

@@ -14,12 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, synthesise
-from jaxrender.shapes import AnyArray, Array, Float, ImageArray
+from jaxrender.shapes import AnyArray, Array, Float, ImageArray, checked
 
 # Results of the twin worked out at once, to bound the memory.
 _ROWS_AT_ONCE = 4
 
 
+@checked
 def reflection_maps(
     image: ImageArray, transfers: Float[AnyArray, "lobe degree"], onto: LatLongGrid
 ) -> Float[Array, "lobe map_row map_column channel"]:
@@ -48,6 +49,7 @@ def _filter(grid: LatLongGrid, onto: LatLongGrid, image: Array, transfers: Array
     )
 
 
+@checked
 def reflection_map_by_sum(
     image: ImageArray, profile: Callable[[np.ndarray], np.ndarray], onto: LatLongGrid
 ) -> Float[np.ndarray, "map_row map_column channel"]:

@@ -32,7 +32,7 @@ from jaxrender.geometry import (
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection.dual import DualLight, Shadows, cast_shadows, dual_columns
 from jaxrender.reflection.integral import integral_columns, polar_columns, radiance
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, checked
 
 _PIXELS_AT_ONCE = 4096
 # Few pixels are filled up to a power of two, not below this one.
@@ -148,6 +148,7 @@ class ShadowedDual(ShadowedModel):
         return 1 + self.light.sources.directions.shape[0]
 
 
+@checked
 def render_samples(
     brdf: BRDF,
     samples: SurfaceSamples,
@@ -259,6 +260,7 @@ def _batch(rows: Float[AnyArray, "sample 3"], first: int, step: int) -> Float[An
     return np.pad(some, ((0, step - len(some)), (0, 0)), mode="edge")
 
 
+@checked
 def render_view(
     brdf: BRDF, view: SurfaceView, model: ForwardModel | ShadowedModel
 ) -> Float[AnyArray, "row column channel"]:

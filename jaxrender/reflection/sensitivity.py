@@ -17,9 +17,10 @@ from jaxrender.reflection.render import (
     in_batches,
     samples_of_views,
 )
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 
+@checked
 def sensitivities(
     brdf: Parametric, view: SurfaceView, model: ForwardModel | ShadowedModel
 ) -> Float[AnyArray, "pixel 4 channel"]:

@@ -17,11 +17,12 @@ from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of
 from jaxrender.reflection.convolution import reflect_about_mirror
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra import azimuthal_transfer_of_samples
 
 
 @eqx.filter_jit
+@checked
 def reflect_slow_light(
     brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
 ) -> Float[Array, "sample channel"]:

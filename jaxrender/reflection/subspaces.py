@@ -15,19 +15,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Directions, Float, checked
 from jaxrender.spectra.lambertian import lambertian_transfer
 
 # Lights that differ by less than this from mixtures of each other cannot be told apart.
 _LEAST_CONDITION = 1e-6
 
 
+@checked
 def basis_images(
-    normals: Float[AnyArray, "pixel 3"], band_limit: int = 2
-) -> Float[np.ndarray, "coefficient pixel"]:
+    normals: Directions, band_limit: int = 2
+) -> Float[np.ndarray, "coefficient *batch"]:
     """Compute A_l Y_lm(n): the irradiance that each harmonic of the light makes at each pixel."""
     basis = np.asarray(real_basis(jnp.asarray(np.asarray(normals, float)), band_limit))
-    return (basis * lambertian_transfer(band_limit)[degrees(band_limit)]).T
+    scaled = basis * lambertian_transfer(band_limit)[degrees(band_limit)]
+    return np.moveaxis(scaled, -1, 0)
 
 
 class RecoveredBasis(NamedTuple):
@@ -41,6 +43,7 @@ class RecoveredBasis(NamedTuple):
     condition: float
 
 
+@checked
 def basis_from_photographs(
     photographs: Float[AnyArray, "photograph pixel channel"],
     lights: Float[AnyArray, "light coefficient channel"],
@@ -77,6 +80,7 @@ def basis_from_photographs(
     return RecoveredBasis(images, condition)
 
 
+@checked
 def relit(
     images: Float[AnyArray, "coefficient pixel channel"],
     coefficients: Float[AnyArray, "coefficient channel"],
@@ -95,13 +99,17 @@ class PrincipalComponents(NamedTuple):
     fractions: Float[np.ndarray, "component"]
     mixtures: Float[np.ndarray, "coefficient component"]
 
-    def images(self, normals: Float[AnyArray, "pixel 3"]) -> Float[np.ndarray, "component pixel"]:
+    @checked
+    def images(self, normals: Directions) -> Float[np.ndarray, "component *batch"]:
         """Draw the components on the pixels with these normals."""
-        return self.mixtures.T @ basis_images(normals, band_limit_of(len(self.mixtures)))
+        return np.tensordot(
+            self.mixtures.T, basis_images(normals, band_limit_of(len(self.mixtures))), axes=1
+        )
 
 
+@checked
 def principal_components(
-    normals: Float[AnyArray, "pixel 3"], band_limit: int = 2, about_mean: bool = False
+    normals: Directions, band_limit: int = 2, about_mean: bool = False
 ) -> PrincipalComponents:
     """Compute the principal components of all pictures of a view (T 7.1, low dimensions).
 
@@ -111,7 +119,7 @@ def principal_components(
     orthogonal and are the components themselves; what is seen from one view mixes them.
     ``about_mean`` takes the mean picture (the degree 0 part, which all lights share) off first.
     """
-    images = basis_images(normals, band_limit)
+    images = basis_images(normals.reshape(-1, 3), band_limit)
     if about_mean:
         images[0] = 0
     inner = images @ images.T / images.shape[1]

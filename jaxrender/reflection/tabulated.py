@@ -28,7 +28,7 @@ from jaxrender.reflection.integral import (
 from jaxrender.reflection.irradiance import irradiance
 from jaxrender.reflection.shrm import ViewFilter, mirror_light, reflect_mirror_light
 from jaxrender.reflection.transfer import shadowed_irradiance
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, checked
 from jaxrender.spectra import transfer_of_samples
 
 # Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
@@ -92,6 +92,7 @@ class RoughnessTable(eqx.Module):
     log_sigma: KnotRange
     log_mu: KnotRange
 
+    @checked
     def specular(
         self, sigma: Float[Array, ""], mu: Float[Array, ""] | None
     ) -> Float[Array, "sample channel"]:
@@ -110,6 +111,7 @@ class RoughnessTable(eqx.Module):
         column = sum(both[k] * rows[k] for k in range(both.shape[0]))
         return column * normalised_fresnel(mu, self.exit_cosines)[:, None]
 
+    @checked
     def take(self, index: Int[np.ndarray, "kept"] | slice) -> "RoughnessTable":
         """Keep the samples of the given indices."""
         return RoughnessTable(
@@ -121,6 +123,7 @@ class RoughnessTable(eqx.Module):
         )
 
 
+@checked
 def roughness_table(
     brdf: Glossy,
     samples: SurfaceSamples,

@@ -23,7 +23,7 @@ from jaxrender.geometry import (
     visible,
 )
 from jaxrender.harmonics import apply_transfer, band_limit_of, coefficient_count, real_basis
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int, checked
 from jaxrender.spectra.lambertian import lambertian_transfer
 
 # Different rotations of the directions.  Places that share one err alike; the basis is evaluated
@@ -48,6 +48,7 @@ class TransferVectors(NamedTuple):
     errors: Float[np.ndarray, "place"]
 
 
+@checked
 def transfer_vectors(
     shape: Shape,
     places: SurfacePlaces,
@@ -80,6 +81,7 @@ def transfer_vectors(
     return TransferVectors(unshadowed + halves.mean(axis=0), errors)
 
 
+@checked
 def interpolated(
     at_vertices: Float[AnyArray, "vertex *quantity"],
     faces: Int[np.ndarray, "face 3"],
@@ -95,6 +97,7 @@ def interpolated(
     return np.einsum("pk,pk...->p...", barycentric, corners)
 
 
+@checked
 def shadowed_irradiance(
     coefficients: Float[AnyArray, "coefficient channel"],
     transfer: Float[AnyArray, "sample transfer_coefficient"],

@@ -13,7 +13,7 @@ from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.reflection.integral import radiance
 from jaxrender.reflection.render import ForwardModel, ShadowedModel, is_traced, render_samples
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Knots are at most so far apart in log sigma, which leaves 1e-3 of the column at most.
 _STEP = 0.05
@@ -21,6 +21,7 @@ _STEP = 0.05
 _SAMPLES_AT_ONCE = 64
 
 
+@checked
 def render_widths(
     brdf: Glossy,
     widths: Float[AnyArray, "sample"],

@@ -66,6 +66,7 @@ from jaxrender.spectra.numeric import (
     anisotropic_coefficients,
     isotropic_coefficients,
     outgoing_coefficients,
+    sum_lobes,
 )
 from jaxrender.spectra.orders import (
     TEXELS_PER_DEGREE,
@@ -137,6 +138,7 @@ __all__ = [
     "required_orders",
     "residual_bound",
     "spectrum_of",
+    "sum_lobes",
     "tabulated_spectrum",
     "head_on_transfer",
     "transfer_of_samples",

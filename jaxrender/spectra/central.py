@@ -26,7 +26,7 @@ import numpy as np
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
 from jaxrender.harmonics import associated, coefficient_count, real_basis
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra.mirror_frame import Lobe, azimuthal_transfer, exit_angles_of, mean_transfer
 
 # Exit angles that the dependence on the viewer is integrated over: fewer than these only where
@@ -86,6 +86,7 @@ class CentralSpectrum(eqx.Module):
         weights = first[:, None, None, None] * second[None, :, None, None]
         return CentralSpectrum(rho * weights.astype(rho.dtype), self.energy, self.weighted)
 
+    @checked
     def transfer_at(
         self, exit_cosines: Float[AnyArray, "sample"]
     ) -> Float[Array, "sample degree order channel"]:
@@ -115,6 +116,7 @@ class ExitRule(NamedTuple):
 
 
 @eqx.filter_jit
+@checked
 def central_spectrum(
     lobe: Lobe,
     band_limits: tuple[int, int],
@@ -209,6 +211,7 @@ class CentralTable(NamedTuple):
         return np.arange(count) * 2 * np.pi / count
 
 
+@checked
 def tabulated_spectrum(
     table: CentralTable, band_limits: tuple[int, int], weighted: bool = False
 ) -> CentralSpectrum:

@@ -24,7 +24,7 @@ from jaxrender.harmonics import (
     transfer_of,
 )
 from jaxrender.lighting.sky import ClearSky, OvercastSky
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra.phong import power_transfer
 
 # Gauss nodes of the clear sky on each side of the sun's elevation, and in azimuth away from it.
@@ -32,6 +32,7 @@ _SKY_POLAR_NODES = 48
 _SKY_AZIMUTH_NODES = 96
 
 
+@checked
 def directional_coefficients(
     direction: Float[AnyArray, "3"], irradiance: Float[AnyArray, "channel"], band_limit: int
 ) -> Float[Array, "coefficient channel"]:
@@ -41,6 +42,7 @@ def directional_coefficients(
     return zonal_coefficients(transfer, direction)
 
 
+@checked
 def zonal_coefficients(
     transfer: Float[AnyArray, "degree channel"], axis: Float[AnyArray, "3"]
 ) -> Float[Array, "coefficient channel"]:
@@ -51,6 +53,7 @@ def zonal_coefficients(
     return basis[:, None] * by_degree[degrees(band_limit)]
 
 
+@checked
 def axial_coefficients(
     profile: Callable[[np.ndarray], np.ndarray],
     axis: Float[AnyArray, "3"],
@@ -65,6 +68,7 @@ def axial_coefficients(
     return zonal_coefficients(transfer_of(profile, band_limit, breakpoints)[:, None], axis)
 
 
+@checked
 def uniform_coefficients(
     radiance: Float[AnyArray, "channel"], band_limit: int
 ) -> Float[Array, "coefficient channel"]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxrender.brdf import DISTRIBUTIONS, Microfacet
 from jaxrender.geometry import Components
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra.microfacet import Extent, extent_of
 from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
@@ -62,6 +62,7 @@ class FacetLobe(eqx.Module):
 
 
 @eqx.filter_jit
+@checked
 def facet_transfer(
     lobe: FacetLobe, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -70,6 +71,7 @@ def facet_transfer(
 
 
 @eqx.filter_jit
+@checked
 def facet_azimuthal_transfer(
     lobe: FacetLobe,
     exit_cosines: Float[AnyArray, "bin"],
@@ -84,6 +86,7 @@ def facet_azimuthal_transfer(
     return azimuthal_transfer(lobe, exit_cosines, limits, *lobe.extent)
 
 
+@checked
 def matched_gaussian_transfer(sigma: Scalar, band_limit: int) -> Float[Array, "degree"]:
     """Compute A_0 exp(-sigma^2 l(l+1)), with the lobe's own energy at normal exitance.
 

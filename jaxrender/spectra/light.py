@@ -12,7 +12,7 @@ from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.lighting.base import Light, LightNodes
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.sky import ClearSky, OvercastSky
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import Array, Coefficients, Float
 from jaxrender.spectra.distributions import clear_coefficients, overcast_coefficients
 
 
@@ -37,6 +37,11 @@ def light_coefficients(light: Light, band_limit: int) -> Float[Array, "coefficie
     if isinstance(light, DirectionalSources) and not isinstance(light.directions, Tracer):
         nodes = _filled_up(nodes)
     return _sum_of_basis(*nodes, band_limit)
+
+
+def coefficients_of(light: Light | Coefficients, band_limit: int) -> Coefficients:
+    """Expand a light; coefficients are returned as they are, to whatever degree they have."""
+    return light_coefficients(light, band_limit) if isinstance(light, Light) else light
 
 
 def _filled_up(nodes: LightNodes) -> LightNodes:

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 
 from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
 # The transfer is tabulated at this many exit cosines when it is wanted for many samples, at equal
@@ -51,6 +51,7 @@ def extent_of(brdf: Glossy, dtype: DTypeLike) -> Extent:
 
 
 @eqx.filter_jit
+@checked
 def exit_cosine_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -61,6 +62,7 @@ def exit_cosine_transfer(
 
 
 @eqx.filter_jit
+@checked
 def normal_exitance_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -81,6 +83,7 @@ def head_on_transfer(brdf: Parametric, band_limit: int) -> Float[Array, "degree"
     return mean_transfer(lambda i, o: brdf.transfer(i, o)[1], one, band_limit, extent)[0]
 
 
+@checked
 def gaussian_transfer(
     brdf: Glossy, exit_cosines: Float[AnyArray, "bin"], band_limit: int
 ) -> Float[Array, "bin degree"]:
@@ -102,6 +105,7 @@ TRANSFERS = {
 
 
 @eqx.filter_jit
+@checked
 def transfer_of_samples(
     brdf: Glossy,
     exit_cosines: Float[AnyArray, "sample"],
@@ -122,6 +126,7 @@ def transfer_of_samples(
 
 
 @eqx.filter_jit
+@checked
 def azimuthal_transfer_of_samples(
     brdf: Glossy,
     exit_cosines: Float[AnyArray, "sample"],

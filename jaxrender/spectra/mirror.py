@@ -9,7 +9,7 @@ reflected direction A_l = Lambda_l rho_l = 1 (T 3.27).
 import numpy as np
 
 from jaxrender.harmonics import associated, coefficient_count
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, checked
 
 
 def mirror_transfer(band_limit: int) -> Float[np.ndarray, "degree"]:
@@ -18,6 +18,7 @@ def mirror_transfer(band_limit: int) -> Float[np.ndarray, "degree"]:
     return np.ones(band_limit + 1)
 
 
+@checked
 def mirror_coefficients(
     band_limit: int, filter_by_degree: Float[np.ndarray, "degree"] | None = None
 ) -> Float[np.ndarray, "degree outgoing_degree order"]:

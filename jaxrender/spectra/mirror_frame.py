@@ -19,7 +19,7 @@ import numpy as np
 
 from jaxrender.geometry import Components
 from jaxrender.harmonics import coefficient_count, flat_index, legendre, real_basis
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 # Gauss-Legendre nodes in azimuth up to the horizon, to which one is added for each order q.
 # With these, and as many in the angle from R as ``_node_count`` says, the transfer is good to 1e-6
@@ -32,6 +32,7 @@ _HEAD_ON_ROUNDINGS = 4
 Lobe = Callable[[Components, Components], Array]
 
 
+@checked
 def mean_transfer(
     lobe: Lobe,
     exit_cosines: Float[AnyArray, "bin"],
@@ -53,6 +54,7 @@ def mean_transfer(
     return jnp.einsum("bt,btl->bl", kernel, polynomials, precision="highest")
 
 
+@checked
 def azimuthal_transfer(
     lobe: Lobe,
     exit_cosines: Float[AnyArray, "bin"],

@@ -18,11 +18,12 @@ few of their nodes (pi / 2 over ``polar``) needs a finer rule.  Differentiable i
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Inexact
 
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
 from jaxrender.harmonics import associated, coefficient_count, complex_basis
-from jaxrender.shapes import AnyArray, Array, Complex, Float
+from jaxrender.shapes import AnyArray, Array, Complex, Float, checked
 
 
 class HemisphereRule(eqx.Module):
@@ -89,6 +90,7 @@ def isotropic_coefficients(
     ) * (2 * np.pi)
 
 
+@checked
 def outgoing_coefficients(
     brdf: BRDF,
     exit_cosines: Float[AnyArray, "bin"],
@@ -141,6 +143,20 @@ def anisotropic_coefficients(
     return jnp.einsum(
         "kio,ia,ob->kab", values.astype(first.dtype), first, second.conj(), precision="highest"
     )
+
+
+@checked
+def sum_lobes(
+    coefficients: Inexact[AnyArray, "lobe *rest"], amplitudes: Float[AnyArray, "lobe channel"]
+) -> Inexact[Array, "*rest channel"]:
+    """Weigh the lobes' coefficients by ``brdf.amplitudes``: the whole BRDF's, a colour each.
+
+    Coefficients come with one lobe a row, as the functions above return them; the forms of
+    ``reflection.convolution`` want them summed.
+    """
+    values = jnp.asarray(coefficients)
+    weights = jnp.asarray(amplitudes).astype(values.dtype)
+    return jnp.einsum("k...,kc->...c", values, weights, precision="highest")
 
 
 def _check_isotropic(brdf: BRDF) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Float, checked
 from jaxrender.spectra.central import CentralSpectrum
 
 # Texels per degree of a map that is interpolated between its texels (T 5.5.2).
@@ -66,6 +66,7 @@ def required_orders(spectrum: CentralSpectrum, tolerance: float) -> Orders:
     return Orders(light, viewer, float(missing[light, viewer]))
 
 
+@checked
 def missing_light(
     light: Float[AnyArray, "coefficient channel"], energy: float
 ) -> Float[np.ndarray, "degree"]:
@@ -84,6 +85,7 @@ def missing_light(
     return 1 - by_degree.cumsum() / energy
 
 
+@checked
 def residual_bound(
     light: Float[AnyArray, "coefficient channel"], energy: float, spectrum: CentralSpectrum
 ) -> Float[np.ndarray, "degree"]:

@@ -16,7 +16,7 @@ import numpy as np
 from jax.core import Tracer
 from jax.scipy.special import gammaln
 
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 Exponent = Float[AnyArray, ""] | float
 
@@ -24,6 +24,7 @@ Exponent = Float[AnyArray, ""] | float
 _STIRLING_FROM = 16.0
 
 
+@checked
 def phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute T 3.37 for real s > -1: A_0 = 1, A_1 = (s+1)/(s+2), A_l+2 = A_l (s-l) / (s+l+3).
 
@@ -43,6 +44,7 @@ def phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"
     return jax.lax.scan(step, start, degrees)[1]
 
 
+@checked
 def phong_transfer_by_gamma(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute the closed form, the readable twin (ERRATA 20; T 3.38 is its limit for large s).
 
@@ -78,6 +80,7 @@ def _stirling_rest(x: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     return inverse * (1 / 12 - squared * (1 / 360 - squared * (1 / 1260 - squared / 1680)))
 
 
+@checked
 def gaussian_phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute the thesis's exp(-l^2 / 2s) (T 3.40, 5.27)."""
     s = _checked(exponent, band_limit)
@@ -85,6 +88,7 @@ def gaussian_phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array,
     return jnp.exp(-(degrees**2) / (2 * s))
 
 
+@checked
 def matched_phong_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute exp(-l(l+1) / (2(s+1))), a diffusion on the sphere of the lobe's width."""
     s = _checked(exponent, band_limit)
@@ -100,6 +104,7 @@ PHONG_TRANSFERS = {
 }
 
 
+@checked
 def power_transfer(exponent: Exponent, band_limit: int) -> Float[Array, "degree"]:
     """Compute 2 pi int_0^1 u^s P_l(u) du, the lobe (R.L)^s unnormalised.
 

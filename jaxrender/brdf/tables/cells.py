@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt
 
 from jaxrender.brdf.parameters import refuse_unlisted
 from jaxrender.geometry import Embedding
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, checked
 
 Size = tuple[int, int, int, int]
 Table = Float[AnyArray, "kappa_i lambda_i kappa_r lambda_r channel"]
@@ -37,6 +37,7 @@ class Masked(NamedTuple):
     replaced: int
 
 
+@checked
 def masked(values: Table, fill: str = "nearest") -> Masked:
     """Replace negative and not finite values, by the ``nearest`` valid sample or by ``zero``.
 

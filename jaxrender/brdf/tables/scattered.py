@@ -32,7 +32,7 @@ from jaxrender.brdf.tables.isotropic import (
     raised,
 )
 from jaxrender.geometry import Components
-from jaxrender.shapes import Bool, Float, Int
+from jaxrender.shapes import Bool, Float, Int, checked
 
 SMOOTHINGS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
 
@@ -80,6 +80,7 @@ class _Points(NamedTuple):
     least_cosine: float
 
 
+@checked
 def fit_isotropic_table(
     incoming: Float[np.ndarray, "measurement 3"],
     outgoing: Float[np.ndarray, "measurement 3"],

@@ -36,7 +36,7 @@ from jaxrender.brdf.tables.cells import (
 )
 from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS, Taps, direction_taps, weighted_sum
 from jaxrender.geometry import NUSSELT, Components, Embedding
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 
 OUTSIDE = ("extended", "zero")
 
@@ -127,6 +127,7 @@ class TabulatedBRDF(ValuesPerChannel):
         found = np.einsum("ijklc,kl->ijc", np.asarray(self.values), weights, optimize=True)
         return np.where(covered(self.embedding, self.size[:2])[..., None], found, 0)
 
+    @checked
     def at_places(
         self, incoming: Float[AnyArray, "*#batch 2"], outgoing: Float[AnyArray, "*#batch 2"]
     ) -> Float[Array, "*batch channel"]:

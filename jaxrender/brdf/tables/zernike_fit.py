@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxrender.brdf.tables.zernike import ZernikeBRDF, zernike_functions, zernike_indices
 from jaxrender.geometry import Components
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import Float, Int, checked
 
 # Of measurements in units of their own root mean square; 0 is plain least squares.
 SMOOTHINGS = (0.0, *(10.0**k for k in range(-10, -1)))
@@ -53,6 +53,7 @@ class _ChannelFit(NamedTuple):
     smoothing: float
 
 
+@checked
 def fit_zernike(
     incoming: Float[np.ndarray, "measurement 3"],
     outgoing: Float[np.ndarray, "measurement 3"],

@@ -31,7 +31,7 @@ from jaxrender.inverse.lighting.positivity import (
     soft_positive,
 )
 from jaxrender.lighting import HarmonicLight
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Float, checked
 
 POSITIVITIES = ("none", "soft", "hard")
 
@@ -79,6 +79,7 @@ class RecoveredLight(NamedTuple):
         return np.asarray(synthesise(LatLongGrid(height, 2 * height), self.coefficients))
 
 
+@checked
 def recover_coefficients(
     operator: LightOperator,
     radiance: Float[AnyArray, "sample channel"],

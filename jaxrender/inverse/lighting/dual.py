@@ -34,7 +34,7 @@ from jaxrender.inverse.lighting.positivity import Misfit, hard_positive, soft_po
 from jaxrender.inverse.lighting.reflected_bins import bin_by_reflection
 from jaxrender.inverse.lighting.unseen_directions import UNSEEN
 from jaxrender.lighting import Environment
-from jaxrender.shapes import AnyArray, Bool, Float
+from jaxrender.shapes import AnyArray, Bool, Float, checked
 
 _NEWTON_STEPS = 50
 
@@ -76,6 +76,7 @@ class RecoveredDual(NamedTuple):
         return Environment(np.maximum(self.radiance, 0))
 
 
+@checked
 def recover_dual(
     operator: LightOperator,
     radiance: Float[AnyArray, "sample channel"],

@@ -20,7 +20,7 @@ import numpy as np
 from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, coefficient_count, degrees, real_basis
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra import TRANSFERS, lambertian_transfer, transfer_of_samples
 
 # Diffuse light beyond this degree is under .4 % of the whole; cut at 2, as the thesis does, 1 %.
@@ -101,6 +101,7 @@ class LightOperator(eqx.Module):
         return real_basis(jnp.asarray(rows.reflected), self.band_limit) * passed
 
     @eqx.filter_jit
+    @checked
     def apply(
         self, coefficients: Float[AnyArray, "coefficient channel"]
     ) -> Float[Array, "sample channel"]:

@@ -29,7 +29,7 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, rotate
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int, checked
 from jaxrender.spectra import (
     CentralSpectrum,
     azimuthal_transfer_of_samples,
@@ -60,6 +60,7 @@ class ViewFilter(NamedTuple):
 
 
 @eqx.filter_jit
+@checked
 def mirror_light(
     samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"], order_limit: int
 ) -> Float[Array, "sample degree order channel"]:
@@ -76,6 +77,7 @@ def mirror_light(
 
 
 @eqx.filter_jit
+@checked
 def reflect_mirror_light(
     brdf: Glossy,
     exit_cosines: Float[AnyArray, "sample"],

@@ -25,7 +25,7 @@ from jaxrender.harmonics import (
     real_basis,
 )
 from jaxrender.reflection.shrm.maps import GlobalShrm, LocalShrm, exit_cosine
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Directions, Float, Int, checked
 
 
 class IcosahedralMaps(eqx.Module):
@@ -40,14 +40,13 @@ class IcosahedralMaps(eqx.Module):
         viewers = icosahedron_vertices()
         return cls(jnp.stack([shrm.dynamic_map(viewer) for viewer in viewers]), shrm.weighted)
 
-    def at(
-        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
-    ) -> Float[Array, "point channel"]:
+    @checked
+    def at(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch channel"]:
         """Blend the maps of the three viewers around each outgoing direction."""
-        shares = blending_shares(jnp.asarray(outgoing))
+        shares = blending_shares(outgoing)
         values = jnp.stack([looked_up(over_poles(one), centres) for one in jnp.asarray(self.maps)])
-        found = jnp.einsum("xv,vxc->xc", shares, values, precision="highest")
-        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+        found = jnp.einsum("...v,v...c->...c", shares, values, precision="highest")
+        return found / exit_cosine(centres, outgoing)[..., None] if self.weighted else found
 
 
 def icosahedron_vertices() -> Float[np.ndarray, "12 3"]:
@@ -69,10 +68,10 @@ def _faces() -> tuple[Int[np.ndarray, "20 3"], Float[np.ndarray, "20 3 3"]]:
     return np.array(faces), np.linalg.inv(corners)
 
 
-def blending_shares(directions: Float[AnyArray, "point 3"]) -> Float[Array, "point 12"]:
+def blending_shares(directions: Directions) -> Float[Array, "*batch 12"]:
     """How much of each of the twelve viewers a direction is: barycentric on its face; sums to 1."""
     faces, shares_of = _faces()
-    unit = jnp.asarray(directions)
+    unit = jnp.asarray(directions).reshape(-1, 3)
     shares = jnp.einsum(
         "fij,xj->xfi", jnp.asarray(shares_of, unit.dtype), unit, precision="highest"
     )
@@ -81,7 +80,8 @@ def blending_shares(directions: Float[AnyArray, "point 3"]) -> Float[Array, "poi
     own = jnp.maximum(shares[each, face], 0)
     own = own / own.sum(axis=1, keepdims=True)
     found = jnp.zeros((unit.shape[0], 12), unit.dtype)
-    return found.at[each[:, None], jnp.asarray(faces)[face]].set(own, unique_indices=True)
+    found = found.at[each[:, None], jnp.asarray(faces)[face]].set(own, unique_indices=True)
+    return found.reshape(*directions.shape[:-1], 12)
 
 
 class AzimuthalTexture(eqx.Module):
@@ -103,24 +103,21 @@ class AzimuthalTexture(eqx.Module):
         found = jnp.einsum("rcpd,ep->ercd", maps, around, precision="highest")
         return cls(found, local.weighted)
 
-    def at(
-        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
-    ) -> Float[Array, "point channel"]:
+    @checked
+    def at(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch channel"]:
         """Interpolate linearly between the two nearest angles."""
         maps = jnp.asarray(self.maps)
         count = maps.shape[0]
         place = _angle_between(centres, outgoing) * ((count - 1) / np.pi)
         floor = jnp.clip(jnp.floor(place), 0, count - 2)
-        lower, share = floor.astype(int), (place - floor)[:, None]
+        lower, share = floor.astype(int)[None, ..., None], (place - floor)[..., None]
         layers = jnp.stack([looked_up(over_poles(one), centres) for one in maps])
-        each = np.arange(layers.shape[1])
-        found = (1 - share) * layers[lower, each] + share * layers[lower + 1, each]
-        return found / exit_cosine(centres, outgoing)[:, None] if self.weighted else found
+        near, far = (jnp.take_along_axis(layers, layer, axis=0)[0] for layer in (lower, lower + 1))
+        found = (1 - share) * near + share * far
+        return found / exit_cosine(centres, outgoing)[..., None] if self.weighted else found
 
 
-def _angle_between(
-    first: Float[AnyArray, "point 3"], second: Float[AnyArray, "point 3"]
-) -> Float[Array, "point"]:
+def _angle_between(first: Directions, second: Directions) -> Float[Array, "*batch"]:
     """The angle between unit directions; where it is 0 or pi, its kinks, its derivative is 0."""
     apart, along = (
         jnp.sum(jnp.square(a), axis=-1)

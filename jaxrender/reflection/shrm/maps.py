@@ -30,7 +30,7 @@ from jaxrender.harmonics import (
     over_poles,
     real_basis,
 )
-from jaxrender.shapes import AnyArray, Array, Directions, Float
+from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 # Below this cosine of the exit angle a weighted map is divided by it, not by less: what is cut off
 # at degree P does not vanish towards grazing exit as the cosine does, and would glare.
@@ -74,9 +74,8 @@ class Shrm(eqx.Module):
     def _signs(self) -> Float[np.ndarray, "outgoing"]:
         """What half a turn about the pole does to each map."""
 
-    def at(
-        self, centres: Float[AnyArray, "point 3"], outgoing: Float[AnyArray, "point 3"]
-    ) -> Float[Array, "point channel"]:
+    @checked
+    def at(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch channel"]:
         """Evaluate B for points with these central and outgoing directions, in the world.
 
         Bilinear between texels; both kinds of map are second order in their size, and at a pole
@@ -84,15 +83,18 @@ class Shrm(eqx.Module):
         Only these and the cube are looked up where the compiler sees it; what other grids have for
         neighbours is asked on the host.
         """
-        if not isinstance(self.grid, LatLongGrid | CubeGrid):
-            values = _between_texels(self, np.asarray(centres))
-            return _summed_at(self, values, jnp.asarray(centres), jnp.asarray(outgoing))
-        return _evaluated(self, jnp.asarray(centres), jnp.asarray(outgoing))
+        flat = [jnp.asarray(directions).reshape(-1, 3) for directions in (centres, outgoing)]
+        if isinstance(self.grid, LatLongGrid | CubeGrid):
+            found = _evaluated(self, *flat)
+        else:
+            found = _summed_at(self, _between_texels(self, np.asarray(flat[0])), *flat)
+        return found.reshape(*centres.shape[:-1], found.shape[-1])
 
 
 class LocalShrm(Shrm):
     """Maps over outgoing directions in each texel's own frame (T 5.10); poles are singular."""
 
+    @checked
     def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
         """Express outgoing directions along (theta, phi, R) of each central direction."""
         x, y, z = jnp.moveaxis(jnp.asarray(centres), -1, 0)
@@ -114,10 +116,12 @@ class LocalShrm(Shrm):
 class GlobalShrm(Shrm):
     """Maps over outgoing directions in the world (T 5.11): smooth in R, to degree F + P."""
 
+    @checked
     def viewer(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch 3"]:
         """Leave the directions in the world."""
         return jnp.asarray(outgoing)
 
+    @checked
     def dynamic_map(self, outgoing: Float[AnyArray, "3"]) -> Float[Array, "row column channel"]:
         """Sum the maps for one distant viewer: the plain reflection map of T 5.35.
 

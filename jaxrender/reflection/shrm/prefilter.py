@@ -31,20 +31,27 @@ from jaxrender.harmonics import (
     rotate,
     rotation_matrices,
 )
+from jaxrender.lighting import Light
 from jaxrender.reflection.shrm.maps import GlobalShrm, LocalShrm, check_columns, least_rows
-from jaxrender.shapes import AnyArray, Array, Coefficients, Float
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float, checked
 from jaxrender.spectra import CentralSpectrum
+from jaxrender.spectra.light import coefficients_of
 
 _einsum = partial(jnp.einsum, precision=jax.lax.Precision.HIGHEST)
 
 
-def local_shrm(light: Coefficients, spectrum: CentralSpectrum, grid: LatLongGrid) -> LocalShrm:
-    """Prefilter light given by its coefficients; light and spectrum to the same degree F.
+@checked
+def local_shrm(
+    light: Coefficients | Light, spectrum: CentralSpectrum, grid: LatLongGrid
+) -> LocalShrm:
+    """Prefilter light; of coefficients to the same degree F as the spectrum.
+
 
     Differentiable in the light and in the spectrum.
     Raises ``ValueError`` for different degrees, for a grid whose rows would alias, and for one with
     an odd number of columns.
     """
+    light = coefficients_of(light, spectrum.band_limits[0])
     limits = _check(light, spectrum)
     check_rows(grid, limits)
     check_columns(grid)
@@ -68,8 +75,9 @@ def local_from_global(shrm: GlobalShrm) -> LocalShrm:
     return LocalShrm(maps, shrm.grid, shrm.band_limit, shrm.weighted)
 
 
+@checked
 def central_coefficients(
-    light: Coefficients,
+    light: Coefficients | Light,
     spectrum: CentralSpectrum,
     world_from_central: Float[AnyArray, "point 3 3"],
 ) -> Float[Array, "point outgoing channel"]:
@@ -77,6 +85,7 @@ def central_coefficients(
 
     Raises ``ValueError`` for different degrees.
     """
+    light = coefficients_of(light, spectrum.band_limits[0])
     limits = _check(light, spectrum)
     local = rotate(jnp.asarray(light), jnp.swapaxes(jnp.asarray(world_from_central), -1, -2))
     rho = jnp.asarray(spectrum.coefficients)
