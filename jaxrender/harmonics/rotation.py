@@ -101,8 +101,9 @@ def _orthogonal(matrices: Rotations, determinant: int) -> Float[Array, "*batch 3
     if isinstance(matrices, Tracer):
         return matrices
     values = np.asarray(matrices, float)
-    found = np.linalg.det(values)
-    gram = values @ np.swapaxes(values, -1, -2)
+    with np.errstate(invalid="ignore"):
+        found = np.linalg.det(values)
+        gram = values @ np.swapaxes(values, -1, -2)
     right = np.abs(gram - np.eye(3)).max(axis=(-1, -2), initial=0) < _ORTHOGONAL
     wrong = np.argwhere(~(right & (found * determinant > 0)))
     if not len(wrong):

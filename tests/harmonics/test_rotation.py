@@ -2,8 +2,8 @@
 
 Pinned down: the rotated function is the function at rotated directions (T 2.29), at gimbal lock
 too; homomorphism, norm, batches, both precisions; angles and matrices agree; real and complex
-forms agree; derivatives in the rotation against finite differences along rotations, at lock too;
-compile time at degree 30.
+forms agree; mirrors; what is no rotation is refused; derivatives in the rotation against finite
+differences along rotations, at lock too; compile time at degree 30.
 """
 
 import time
@@ -20,6 +20,7 @@ from jaxrender.harmonics import (
     degrees,
     evaluate,
     orders,
+    reflect,
     representation,
     rotate,
     rotate_by_angles,
@@ -150,3 +151,41 @@ def test_misuse_is_refused():
         rotate(np.zeros((5, 1)), np.eye(3))
     with pytest.raises(ValueError, match="band_limit is -1"):
         rotation_matrices(np.eye(3), -1)
+
+
+MIRRORS = [np.diag([1.0, 1.0, -1.0]), -np.eye(3), *(-m for m in random_rotations(3))]
+
+
+@pytest.mark.parametrize("mirror", MIRRORS)
+def test_reflected_function_is_the_function_at_reflected_directions(mirror):
+    light, directions = random_coefficients(6), random_directions(12)
+    np.testing.assert_allclose(
+        evaluate(reflect(light, mirror), directions @ mirror.T),
+        evaluate(light, directions),
+        atol=FLOAT64,
+    )
+
+
+def test_derivative_of_a_reflection_by_its_matrix():
+    light, mirror = jnp.asarray(random_coefficients(4)), MIRRORS[-1]
+    step = Rotation.from_rotvec([0.0, 1e-5, 2e-5])
+    ahead, behind = (reflect(light, turn.as_matrix() @ mirror) for turn in (step, step.inv()))
+    move = np.asarray(step.as_matrix() - step.inv().as_matrix()) / 2 @ mirror
+    _, found = jax.jvp(lambda m: reflect(light, m), (jnp.asarray(mirror),), (jnp.asarray(move),))
+    np.testing.assert_allclose(found, (ahead - behind) / 2, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("function", "matrix", "message"),
+    [
+        (rotate, MIRRORS[0], r"world_from_local has determinant -1, wanted 1: reflect takes"),
+        (rotate, 2 * np.eye(3), "determinant 8 and is not orthogonal, .* scale and shear"),
+        (rotate, np.stack([np.eye(3), MIRRORS[0]]), r"world_from_local\[1\] has determinant -1"),
+        (rotate, np.full((3, 3), np.nan), "determinant nan"),
+        (reflect, np.eye(3), "has determinant 1, wanted -1: rotate takes rotations"),
+        (lambda _, m: rotation_matrices(m, 2), MIRRORS[0], "determinant -1"),
+    ],
+)
+def test_matrices_of_another_kind_are_refused(function, matrix, message):
+    with pytest.raises(ValueError, match=message):
+        function(random_coefficients(2), matrix)

@@ -299,9 +299,9 @@ def test_compiles_once_for_any_degree_quickly():
 
 def test_refusals():
     light = complex_from_real(LIGHT)
-    with pytest.raises(ValueError, match="light of 5 degrees and a transfer of 4"):
+    with pytest.raises(ValueError, match="light to degree 4 and a transfer to degree 3"):
         convolve_isotropic(light, random_isotropic()[:4])
-    with pytest.raises(ValueError, match="light of 5 degrees and a transfer of 4"):
+    with pytest.raises(ValueError, match="light to degree 4 and a transfer to degree 3"):
         convolve_anisotropic(light, random_anisotropic()[:16])
     with pytest.raises(ValueError, match="terms of 3 degrees for light of 5"):
         reflect_about_mirror(LIGHT, np.ones((1, 3, 2)), np.eye(3)[None])
