@@ -194,7 +194,8 @@ class _Visit(NamedTuple):
 
     def _taken(self, name: str, array: Any, axes: _Axes) -> AnyArray:
         self.admitted.append((name, array, axes))
-        if isinstance(array, axes.keepers):
+        # A named tuple holds what it was made of: the function asks for the tuple, not the field.
+        if isinstance(array, axes.keepers) or "." in name:
             return array
         if np.ndarray not in axes.keepers:
             return jnp.asarray(array)

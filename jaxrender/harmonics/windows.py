@@ -20,7 +20,7 @@ from numpy.polynomial.legendre import legval
 from scipy.optimize import root_scalar
 
 from jaxrender.harmonics.indexing import coefficient_count
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Float, checked
 
 # How far below zero a lobe may fall, in parts of its peak.  What Sloan's window makes of a point
 # rings to -.014 itself, however strong it is: above -.03 narrow lobes of few degrees lose all
@@ -63,6 +63,7 @@ def halving_strength(band_limit: int) -> float:
     return 0.0 if band_limit == 0 else float(1 / _bending(band_limit)[-1])
 
 
+@checked
 def minimal_strength(
     transfer: Float[AnyArray, " degree"], lowest: float = TOLERABLE_RINGING
 ) -> float:
@@ -99,6 +100,7 @@ def minimal_strength(
     raise AssertionError("a lobe of a positive mean alone is positive")
 
 
+@checked
 def ringing(transfer: Float[AnyArray, " degree"]) -> float:
     """Return the lowest value of a lobe of degrees 0 to F, relative to its peak.
 
@@ -124,6 +126,7 @@ WINDOWS: dict[str, Callable[[Float[AnyArray, " degree"]], Float[np.ndarray, " de
 }
 
 
+@checked
 def window_named(name: str, transfer: Float[AnyArray, " degree"]) -> Float[np.ndarray, " degree"]:
     """Return w_l of the window of that name for a lobe; ``minimal`` is no stronger than it needs.
 

@@ -90,9 +90,11 @@ class MaterialRecovery(Recovery):
             return ShadowedDual(finding.transfer.shape, dual, finding.transfer.at)
 
         if finding.light.per_frame is None:
-            images = render_views(material, views, light_of(0))
+            images = [np.asarray(image) for image in render_views(material, views, light_of(0))]
         else:
-            images = [render_view(material, view, light_of(k)) for k, view in enumerate(views)]
+            images = [
+                np.asarray(render_view(material, view, light_of(k))) for k, view in enumerate(views)
+            ]
         if finding.transfer is not None and isinstance(finding.transfer.shape, Mesh):
             mesh = finding.transfer.shape
             images = [

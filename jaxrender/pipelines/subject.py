@@ -56,14 +56,14 @@ class UniformSubject(Subject):
     ) -> Float[np.ndarray, "row column channel"]:
         """Render a view."""
         assert self.lobe is not None
-        return render_view(self.lobe, view, model)
+        return np.asarray(render_view(self.lobe, view, model))
 
     def slopes(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
     ) -> Float[np.ndarray, "pixel 4 channel"]:
         """Differentiate by kd, ks, sigma and mu."""
         assert self.lobe is not None
-        return sensitivities(self.lobe, view, model)
+        return np.asarray(sensitivities(self.lobe, view, model))
 
 
 class SpectrumSubject(Subject):

@@ -133,7 +133,7 @@ def _write_capture(
         name = _image_name(number)
         view = observe(camera, shape)
         if recipe.texture is None:
-            exact = render_view(material, view, light)
+            exact = np.asarray(render_view(material, view, light))
         else:
             exact = render_painted(recipe, material, view, (shape, light))
         write_image(folder / name, _photograph(view, exact, noise, rng))

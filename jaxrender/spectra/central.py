@@ -65,6 +65,7 @@ class CentralSpectrum(eqx.Module):
         kept = self.coefficients[: first + 1, : second + 1, : min(band_limits) + 1]
         return CentralSpectrum(kept, self.energy, self.weighted)
 
+    @checked
     def windowed(
         self,
         by_light: Float[AnyArray, "degree"],

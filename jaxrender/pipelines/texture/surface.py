@@ -90,10 +90,10 @@ def lobes_of(
     channels = np.asarray(lobe.kd).shape[0]
     none, full = np.zeros(channels), np.ones(channels)
     matt, gloss = lobe.with_amplitudes(full, none), lobe.with_amplitudes(none, full)
-    diffuse = render_samples(matt, samples, model, places)
+    diffuse = np.asarray(render_samples(matt, samples, model, places))
     if widths is None:
-        return Lobes(diffuse, render_samples(gloss, samples, model, places))
-    return Lobes(diffuse, render_widths(gloss, widths, samples, model, places))
+        return Lobes(diffuse, np.asarray(render_samples(gloss, samples, model, places)))
+    return Lobes(diffuse, np.asarray(render_widths(gloss, widths, samples, model, places)))
 
 
 def worst_outcome(outcomes: list[Outcome]) -> Outcome:
