@@ -45,8 +45,6 @@ from jaxrender.pipelines.scene import (
 from jaxrender.reflection import ExactForward, ShadowedForward, render_view
 from jaxrender.shapes import Float
 
-# Gauss nodes in the cosine for the smooth part: good to 1e-4 for lobes of roughness .08 and above.
-_POLAR_NODES = 48
 # Under shadows: directions at which lobes are sampled, less those that carry next to nothing ...
 _LOBE_NODES, _DARK = 2**15, 1e-5
 # ... and the largest image whose texels are all asked for; cells of this angle stand for others.
@@ -179,7 +177,7 @@ def _light_of(recipe: RecipeConfig, shape: Shape) -> ExactForward | ShadowedForw
     nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
     if concave:
         return ShadowedForward(shape, nodes)
-    return ExactForward(nodes, lobes, _POLAR_NODES)
+    return ExactForward(nodes, lobes)
 
 
 def _sampled(lobes: SmoothLobes) -> LightNodes:

@@ -1,7 +1,8 @@
 """The forward model: what a surface of a known BRDF sends to the camera under a known light.
 
-``integral``
+``integral`` ``polar_nodes``
     the reference: the reflection integral as a sum over the light's nodes, or by a polar quadrature
+    of as many nodes as the lobe asks for
 ``convolution``, ``convolution_flatland``
     the convolution theorem in each of its forms (T 2.24, 2.43, 2.55, 2.57, 2.62)
 ``irradiance``
@@ -77,6 +78,7 @@ from jaxrender.reflection.irradiance import (
     quadratic_constants,
     quadratic_irradiance,
 )
+from jaxrender.reflection.polar_nodes import polar_nodes_for
 from jaxrender.reflection.prefilter import reflection_map_by_sum, reflection_maps
 from jaxrender.reflection.render import (
     DualForward,
@@ -207,6 +209,7 @@ __all__ = [
     "irradiance",
     "polar_coefficients",
     "polar_columns",
+    "polar_nodes_for",
     "radiance",
     "render",
     "render_samples",

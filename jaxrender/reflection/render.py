@@ -32,6 +32,7 @@ from jaxrender.geometry import (
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection.dual import DualLight, Shadows, cast_shadows, dual_columns
 from jaxrender.reflection.integral import integral_columns, polar_columns, radiance
+from jaxrender.reflection.polar_nodes import polar_nodes_for
 from jaxrender.shapes import AnyArray, Array, Bool, Float, checked
 
 _PIXELS_AT_ONCE = 4096
@@ -49,6 +50,10 @@ class ForwardModel(eqx.Module):
     @abc.abstractmethod
     def columns(self, brdf: BRDF, samples: SurfaceSamples) -> Float[Array, "sample lobe channel"]:
         """Evaluate the radiance of each lobe at amplitude one."""
+
+    def settled(self, brdf: BRDF) -> "ForwardModel":
+        """Fix what depends on a BRDF whose numbers are known, before a program is compiled."""
+        return self
 
 
 class DualForward(ForwardModel):
@@ -74,11 +79,14 @@ class _DarkenedDual(ForwardModel):
 
 
 class ExactForward(ForwardModel):
-    """The integral: point masses summed, smooth lobes by a quadrature about each normal."""
+    """The integral: point masses summed, smooth lobes by a quadrature about each normal.
+
+    ``polar_nodes=None``: as many as the BRDF's width asks for, as ``polar_columns`` says.
+    """
 
     nodes: LightNodes
     lobes: SmoothLobes | None = None
-    polar_nodes: int = eqx.field(static=True, default=48)
+    polar_nodes: int | None = eqx.field(static=True, default=None)
 
     def columns(self, brdf: BRDF, samples: SurfaceSamples) -> Float[Array, "sample lobe channel"]:
         """Sum over the nodes and integrate the lobes."""
@@ -86,6 +94,12 @@ class ExactForward(ForwardModel):
         if self.lobes is None:
             return columns
         return columns + polar_columns(brdf, samples, self.lobes.radiance, self.polar_nodes)
+
+    def settled(self, brdf: BRDF) -> "ExactForward":
+        """Choose the nodes by the BRDF's width, unless they are given or nothing needs them."""
+        if self.lobes is None or self.polar_nodes is not None or is_traced(brdf):
+            return self
+        return ExactForward(self.nodes, self.lobes, polar_nodes_for(brdf))
 
 
 class _SeenForward(ForwardModel):
@@ -173,8 +187,10 @@ def in_batches(
     ``shape`` is that of its values for one sample.  Raises ``ValueError`` as ``batches`` does.
     """
     brdf, samples, model = arguments
+    if isinstance(model, ForwardModel):
+        model = model.settled(brdf)
     if is_traced(arguments):
-        return _traced_in_batches(function, arguments, shape, places)
+        return _traced_in_batches(function, (brdf, samples, model), shape, places)
     found = np.zeros((samples.normals.shape[0], *shape))
     for rows, batch, lit in batches(samples, model, places):
         found[rows] = np.asarray(function(brdf, batch, lit))[: rows.stop - rows.start]
