@@ -6,6 +6,7 @@ B(R, o) = int L(R i) rho^(i, o) di to the *local* direction o.  In coefficients
     isotropic     B_lmpq   = Lambda_l L_lm rho_lpq                       (T 2.55)
     fixed exit    B_lmq    = Lambda_l L_lm rho_lq(t_o)                   (T 2.57)
     anisotropic   B_lmnpq  = sqrt(8 pi^2 / (2l + 1)) L_lm rho_{ln,pq}    (T 2.43)
+    at an exit    B_lmn(o) = sqrt(8 pi^2 / (2l + 1)) L_lm rho_ln(o)      (T 2.44)
     one direction B_lm     = Lambda_l rho_l L_lm                         (T 2.62)
 
 **B_lmpq has one meaning here**: the coefficient of B in the *orthonormal* functions C_lmpq =
@@ -43,6 +44,7 @@ ComplexLight = Complex[AnyArray, "coefficient #channel"]
 # Orders run from -F to F of the highest degree; entries of orders beyond their degree are zero.
 IsotropicField = Complex[AnyArray, "degree order outgoing_degree outgoing_order channel"]
 ExitField = Complex[AnyArray, "exit degree order outgoing_order channel"]
+DirectionField = Complex[AnyArray, "exit degree order tangent_order channel"]
 AnisotropicField = Complex[
     AnyArray, "degree order tangent_order outgoing_degree outgoing_order channel"
 ]
@@ -182,6 +184,41 @@ def evaluate_anisotropic(
     around = _harmonics_by_order(points.outgoing, outgoing_limit, outgoing_limit)
     scale = (_ROOT_OF_TURN * _wavelengths(field)).reshape(-1, 1, 1, 1, 1, 1)
     return jnp.einsum("xlmn,lmnpqc,xpq->xc", turned, field / scale, around, precision="highest")
+
+
+@jax.jit
+@checked
+def convolve_at_direction(
+    light: ComplexLight | Light, transfer: Complex[AnyArray, "exit incoming_coefficient #channel"]
+) -> DirectionField:
+    """Compute B_lmn(o) = sqrt(8 pi^2 / (2l + 1)) L_lm rho_ln(o) at local exits o (T 2.44).
+
+    ``transfer`` is ``spectra.anisotropic_outgoing_coefficients``, its lobes summed.  A fixed local
+    exit is a slice of the light field, not an image, whose local exits differ.
+    Raises ``ValueError`` unless light and transfer have the same degrees.
+    """
+    rho = jnp.asarray(transfer)
+    spread = _spread(_complex(light, band_limit_of(rho.shape[1]) + 1))
+    _check_degrees(spread, band_limit_of(rho.shape[1]) + 1)
+    by_order = jax.vmap(_spread)(rho)
+    scale = (_ROOT_OF_TURN * _wavelengths(spread))[:, None, None]
+    return jnp.einsum("lmc,olnc->olmnc", *_same_channels(scale * spread, by_order))
+
+
+@jax.jit
+@checked
+def evaluate_at_direction(
+    field: DirectionField, exits: Int[AnyArray, "point"], points: SurfacePoints
+) -> Complex[Array, "point channel"]:
+    """Sum B = sum B_lmn(o) sqrt((2l + 1) / 8 pi^2) D^l_mn(alpha, beta, gamma) (T 2.40, 2.44).
+
+    ``exits`` is the index of each point's exit in the field; ``points.outgoing`` is unused.
+    """
+    field = jnp.asarray(field)
+    turned = _representation(points, field[0], with_gamma=True)
+    scale = (_ROOT_OF_TURN * _wavelengths(field[0])).reshape(1, -1, 1, 1, 1)
+    chosen = (field / scale)[jnp.asarray(exits)]
+    return jnp.einsum("xlmn,xlmnc->xc", turned, chosen, precision="highest")
 
 
 @checked

@@ -9,6 +9,8 @@
 ``microfacet``
     the transfer h_l(sigma, mu, exit cosine) of a microfacet lobe, with its Gaussian and
     normal-exitance twins
+``microfacet_series``
+    the thesis's own series of that transfer for small exit angles
 ``facets`` ``mirror_frame``
     the same for other facet distributions, with the azimuthal terms; the quadrature about the
     reflected direction behind them all
@@ -55,6 +57,7 @@ from jaxrender.spectra.microfacet import (
     normal_exitance_transfer,
     transfer_of_samples,
 )
+from jaxrender.spectra.microfacet_series import series_transfer, squared_half_angle
 from jaxrender.spectra.mirror import (
     clipped_mirror_coefficients,
     mirror_coefficients,
@@ -64,6 +67,7 @@ from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 from jaxrender.spectra.numeric import (
     HemisphereRule,
     anisotropic_coefficients,
+    anisotropic_outgoing_coefficients,
     isotropic_coefficients,
     outgoing_coefficients,
     sum_lobes,
@@ -101,6 +105,7 @@ __all__ = [
     "TEXELS_PER_DEGREE",
     "TRANSFERS",
     "anisotropic_coefficients",
+    "anisotropic_outgoing_coefficients",
     "axial_coefficients",
     "azimuthal_transfer",
     "azimuthal_transfer_of_samples",
@@ -137,7 +142,9 @@ __all__ = [
     "power_transfer",
     "required_orders",
     "residual_bound",
+    "series_transfer",
     "spectrum_of",
+    "squared_half_angle",
     "sum_lobes",
     "tabulated_spectrum",
     "head_on_transfer",

@@ -5,6 +5,7 @@ the Condon-Shortley sign (T 2.26), one array for each of the BRDF's lobes at amp
 
     rho^ = sum rho_{ln,pq} Y*_ln(i) Y_pq(o)     anisotropic, T 2.38
     rho^ = sum rho_lpq Y*_lq(i) Y_pq(o)         isotropic, T 2.53: real, and the same for -q
+    rho^ = sum rho_ln(o) Y*_ln(i)               at a fixed exit o, T 2.44, and T 2.56 isotropic
 
 ``reciprocal=True`` takes rho~ = rho cos t_i cos t_o instead (T 2.58), of which
 rho~_lpq = rho~_plq, and rho~_{ln,pq} = conj(rho~_{pq,ln}): without the conjugate, as printed, it is
@@ -143,6 +144,36 @@ def anisotropic_coefficients(
     return jnp.einsum(
         "kio,ia,ob->kab", values.astype(first.dtype), first, second.conj(), precision="highest"
     )
+
+
+@checked
+def anisotropic_outgoing_coefficients(
+    brdf: BRDF,
+    outgoing: Float[AnyArray, "exit 3"],
+    band_limit: int,
+    rule: HemisphereRule | None = None,
+) -> Complex[Array, "lobe exit coefficient"]:
+    """Compute rho_ln(o) = int rho^(i, o) Y_ln(i) dw_i at local exit directions (T 2.44), any BRDF.
+
+    The sum over p, q of rho_{ln,pq} Y_pq(o), without the need to expand the exit.  The default rule
+    has four rows more than the degree, and 32 at least.
+    Raises ``ValueError`` for degrees that the rule cannot tell.
+    """
+    if rule is None:
+        rows = max(HemisphereRule().polar, band_limit + 4)
+        rule = HemisphereRule(rows, 2 * rows)
+    _check((band_limit, 0), rule)
+    directions, weights = rule.directions(), rule.weights()
+    away = jnp.asarray(outgoing)
+    pairs = (away.shape[0], len(directions), 3)
+    values = _lobes(
+        brdf,
+        jnp.broadcast_to(jnp.asarray(directions)[None, :, :], pairs),
+        jnp.broadcast_to(away[:, None, :], pairs),
+        False,
+    )
+    basis = jnp.asarray(np.asarray(complex_basis(directions, band_limit)) * weights[:, None])
+    return jnp.einsum("koi,ia->koa", values.astype(basis.dtype), basis, precision="highest")
 
 
 @checked

@@ -3,9 +3,10 @@
 Random band-limited light and BRDF; each reflected radiance is also the sum over an exact grid of
 light times BRDF in the rotated frame.  Pinned down besides: B_lmpq is the coefficient in
 orthonormal functions, with Lambda_l (Parseval: ERRATA 37); a source at the pole gives the BRDF back
-(T 3.14); the tangent frame counts where the BRDF is anisotropic, and orders n below -l (ERRATA 6);
-the reciprocal form is the other times cos t_o; a lobe about its own direction is one number a
-degree; the azimuthal terms about R; compile time is not that of unrolled sums; refusals.
+(T 3.14); a fixed exit of an anisotropic BRDF is the exact integral (T 2.44); the tangent frame
+counts where the BRDF is anisotropic, and orders n below -l (ERRATA 6); the reciprocal form is the
+other times cos t_o; a lobe about its own direction is one number a degree; the azimuthal terms
+about R; compile time is not that of unrolled sums; refusals.
 """
 
 import jax
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import AnisotropicWard, Microfacet
 from jaxrender.geometry import Components, rotation
 from jaxrender.harmonics import (
     LatLongGrid,
@@ -28,10 +29,12 @@ from jaxrender.lighting import HarmonicLight
 from jaxrender.reflection.convolution import (
     SurfacePoints,
     convolve_anisotropic,
+    convolve_at_direction,
     convolve_at_exit,
     convolve_isotropic,
     convolve_radial,
     evaluate_anisotropic,
+    evaluate_at_direction,
     evaluate_at_exit,
     evaluate_isotropic,
     reflect_about_mirror,
@@ -39,9 +42,11 @@ from jaxrender.reflection.convolution import (
 from jaxrender.spectra import (
     FacetLobe,
     HemisphereRule,
+    anisotropic_outgoing_coefficients,
     facet_azimuthal_transfer,
     isotropic_coefficients,
     lambertian_transfer,
+    sum_lobes,
 )
 
 # Both sides are exact; this is rounding over some thousands of terms.
@@ -185,6 +190,36 @@ def test_anisotropic_with_tangent_frames():
     assert np.abs(np.asarray(evaluate_anisotropic(field, turned)) - found).max() > 0.1
 
 
+def test_anisotropic_at_a_fixed_exit():
+    """T 2.44 of brushed metal is the integral over the hemisphere, of any tangent frame."""
+    brdf = AnisotropicWard(np.array([0.1, 0.3]), np.array([0.5, 0.2]), 0.3, 0.6)
+    exits, points = np.arange(POINTS) % 3, some_points()
+    outgoing = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.48, -0.64, 0.6]])
+    # A rule that is not the one of the coefficients.
+    rule = HemisphereRule(45, 90)
+    local, weights = rule.directions(), rule.weights()
+    expected = []
+    for frame, exit in zip(np.asarray(rotation(*points[:3])), exits):
+        light = np.asarray(evaluate(LIGHT, local @ frame.T))
+        values = np.asarray(brdf.evaluate(local, np.broadcast_to(outgoing[exit], local.shape)))
+        expected.append((weights * local[:, 2]) @ (light * values))
+    each = anisotropic_outgoing_coefficients(brdf, outgoing, INCOMING, HemisphereRule(64, 128))
+    field = convolve_at_direction(complex_from_real(LIGHT), sum_lobes(each, brdf.amplitudes))
+    found = np.asarray(evaluate_at_direction(field, exits, points))
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    turned = points._replace(gamma=points.gamma + 0.5)
+    assert np.abs(np.asarray(evaluate_at_direction(field, exits, turned)) - found).max() > 0.05
+
+
+def test_a_fixed_exit_is_a_slice_of_the_light_field():
+    rho, points = random_anisotropic(), some_points()
+    outgoing = np.asarray(complex_basis(points.outgoing, OUTGOING))
+    field = convolve_at_direction(complex_from_real(LIGHT), np.einsum("xb,abc->xac", outgoing, rho))
+    found = evaluate_at_direction(field, np.arange(POINTS), points)
+    whole = convolve_anisotropic(complex_from_real(LIGHT), rho)
+    np.testing.assert_allclose(found, evaluate_anisotropic(whole, points), atol=EXACT)
+
+
 def test_every_order_below_zero_counts():
     """ERRATA 6: n = -l' ... l'; a transfer with n = -l' alone still reflects."""
     lowest = (orders(INCOMING) == -degrees(INCOMING))[:, None, None]
@@ -303,5 +338,7 @@ def test_refusals():
         convolve_isotropic(light, random_isotropic()[:4])
     with pytest.raises(ValueError, match="light to degree 4 and a transfer to degree 3"):
         convolve_anisotropic(light, random_anisotropic()[:16])
+    with pytest.raises(ValueError, match="light to degree 4 and a transfer to degree 3"):
+        convolve_at_direction(light, np.ones((1, 16, 1), complex))
     with pytest.raises(ValueError, match="terms of 3 degrees for light of 5"):
         reflect_about_mirror(LIGHT, np.ones((1, 3, 2)), np.eye(3)[None])

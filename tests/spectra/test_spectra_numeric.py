@@ -3,7 +3,8 @@
 Pinned down: rho_lpq against SciPy's own harmonics; the isotropic ones are the anisotropic ones of
 equal orders, and the others vanish (T 2.47); T 2.53 and 2.56 sum back to the BRDF where it is
 band-limited; reciprocity with the conjugate of ERRATA 9; degree 0 at a fixed exit is the albedo
-with the factor of ERRATA 14; a derivative; refusals.
+with the factor of ERRATA 14; exits in any direction; a
+derivative; refusals.
 """
 
 import equinox as eqx
@@ -20,6 +21,7 @@ from jaxrender.spectra import (
     FacetLobe,
     HemisphereRule,
     anisotropic_coefficients,
+    anisotropic_outgoing_coefficients,
     facet_transfer,
     isotropic_coefficients,
     lambertian_transfer,
@@ -106,6 +108,19 @@ def test_fixed_exit_against_scipy():
         for lobe, values in enumerate(_lobes(ROUGH, directions, away)):
             expected = np.sqrt(2 * np.pi) * (np.asarray(values) * weights) @ harmonics
             assert complex(found[lobe, 0, degree, order]) == pytest.approx(expected, abs=1e-12)
+
+
+def test_exit_directions_turn_with_an_isotropic_brdf():
+    """rho_ln(o) is rho_ln(t_o) e^(i n phi_o) / sqrt(2 pi), of either sign of n."""
+    rule, azimuth = HemisphereRule(64, 128), 0.7
+    outgoing = np.array([[0.8 * np.cos(azimuth), 0.8 * np.sin(azimuth), 0.6]])
+    found = np.asarray(anisotropic_outgoing_coefficients(ROUGH, outgoing, 4, rule))
+    still = np.asarray(outgoing_coefficients(ROUGH, np.array([0.6]), 4, rule))
+    for degree, order in ((0, 0), (1, 1), (4, 3), (4, -3)):
+        sign = (-1.0) ** order if order < 0 else 1
+        expected = sign * still[:, 0, degree, abs(order)] / np.sqrt(2 * np.pi)
+        value = found[:, 0, degree * (degree + 1) + order]
+        np.testing.assert_allclose(value, expected * np.exp(1j * order * azimuth), atol=1e-6)
 
 
 def test_lambertian_against_its_closed_form():
