@@ -65,7 +65,9 @@ def axial_coefficients(
     ``profile`` maps cosines to radiance; ``breakpoints`` are the angles of its kinks and jumps.
     Raises ``ValueError`` as ``harmonics.transfer_of`` does.
     """
-    return zonal_coefficients(transfer_of(profile, band_limit, breakpoints)[:, None], axis)
+    towards = jnp.asarray(axis)
+    transfer = jnp.asarray(transfer_of(profile, band_limit, breakpoints), towards.dtype)
+    return zonal_coefficients(transfer[:, None], towards)
 
 
 @checked
@@ -102,7 +104,7 @@ def clear_coefficients(sky: ClearSky, band_limit: int) -> Float[Array, "coeffici
     cos(m phi) is left; the sun's azimuth p turns that to cos(m p), sin(m p).
     """
     zenith = jnp.asarray(sky.zenith)
-    sun_polar, sun_azimuth = angles_from_direction(normalise(jnp.asarray(sky.sun, zenith.dtype)))
+    sun_polar, sun_azimuth = angles_from_direction(_off_zenith(jnp.asarray(sky.sun, zenith.dtype)))
     sine, cosine = jnp.sin(sun_polar), jnp.cos(sun_polar)
     facing = ClearSky(jnp.stack([sine, 0 * sine, cosine]), jnp.ones_like(zenith), sky.distribution)
     polar, polar_weights = _sky_elevations(sun_polar)
@@ -122,6 +124,14 @@ def clear_coefficients(sky: ClearSky, band_limit: int) -> Float[Array, "coeffici
     angle = sun_azimuth * jnp.asarray(order, zenith.dtype)
     turned = jnp.where(orders(band_limit) < 0, jnp.sin(angle), jnp.cos(angle))
     return (facing_sun * turned)[:, None] * zenith[None, :]
+
+
+def _off_zenith(sun: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Turn the sun away from where it has no azimuth, by the root of a rounding."""
+    x, y, z = normalise(sun)
+    least = float(jnp.finfo(sun.dtype).eps) ** 0.5
+    overhead = x * x + y * y < least**2
+    return jnp.stack([jnp.where(overhead, x + 2 * least, x), y, z])
 
 
 def _pairs(band_limit: int) -> zip:

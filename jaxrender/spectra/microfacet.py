@@ -78,7 +78,7 @@ def head_on_transfer(brdf: Parametric, band_limit: int) -> Float[Array, "degree"
 
     The mean over the azimuth is that of anisotropic lobes, too.
     """
-    one = jnp.ones(1)
+    one = jnp.ones(1, jnp.asarray(brdf.amplitudes).dtype)
     extent = jnp.asarray(jnp.pi / 2, one.dtype)
     return mean_transfer(lambda i, o: brdf.transfer(i, o)[1], one, band_limit, extent)[0]
 

@@ -19,6 +19,7 @@ few of their nodes (pi / 2 over ``polar``) needs a finer rule.  Differentiable i
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Inexact
 
 from jaxrender.brdf import BRDF
@@ -108,14 +109,13 @@ def outgoing_coefficients(
     rule = HemisphereRule() if rule is None else rule
     _check((band_limit, 0), rule)
     cosines, weights = rule.rows()
-    values = _ring_values(brdf, np.asarray(exit_cosines), rule, False)
+    values = _ring_values(brdf, exit_cosines, rule, False)
     factors = _polar_factors(cosines, band_limit, band_limit) * weights
     sign = ((-1.0) ** np.arange(band_limit + 1))[None, :, None]
     incoming = jnp.asarray(sign * factors, values.dtype)
     waves = _waves(rule, band_limit, values)
-    return jnp.einsum("kioa,aq,lqi->kolq", values, waves, incoming, precision="highest") * np.sqrt(
-        2 * np.pi
-    )
+    found = jnp.einsum("kioa,aq,lqi->kolq", values, waves, incoming, precision="highest")
+    return found * float(np.sqrt(2 * np.pi))
 
 
 def anisotropic_coefficients(
@@ -137,10 +137,9 @@ def anisotropic_coefficients(
     incoming = np.broadcast_to(directions[:, None, :], pairs)
     outgoing = np.broadcast_to(directions[None, :, :], pairs)
     values = _lobes(brdf, incoming, outgoing, reciprocal)
-    first, second = (
-        jnp.asarray(np.asarray(complex_basis(directions, band)) * weights[:, None])
-        for band in band_limits
-    )
+    weights = jnp.asarray(weights[:, None], values.dtype)
+    bases = (complex_basis(jnp.asarray(directions, values.dtype), band) for band in band_limits)
+    first, second = (basis * weights.astype(basis.dtype) for basis in bases)
     return jnp.einsum(
         "kio,ia,ob->kab", values.astype(first.dtype), first, second.conj(), precision="highest"
     )
@@ -213,17 +212,18 @@ def _check(band_limits: tuple[int, int], rule: HemisphereRule) -> None:
 
 
 def _ring_values(
-    brdf: BRDF, exit_cosines: Float[np.ndarray, "exit"], rule: HemisphereRule, reciprocal: bool
+    brdf: BRDF, exit_cosines: Float[AnyArray, "exit"], rule: HemisphereRule, reciprocal: bool
 ) -> Float[Array, "lobe row exit azimuth"]:
     """Evaluate every lobe for the incoming rows, the exits at azimuth 0, and each azimuth."""
+    numbers = jnp if isinstance(exit_cosines, Tracer) else np
     cosines, _ = rule.rows()
     shape = (len(cosines), len(exit_cosines), rule.azimuth)
     cos_i = np.broadcast_to(cosines[:, None, None], shape)
-    cos_o = np.broadcast_to(exit_cosines[None, :, None], shape)
+    cos_o = numbers.broadcast_to(exit_cosines[None, :, None], shape)
     azimuth = np.broadcast_to(rule.azimuths()[None, None, :], shape)
-    sin_i, sin_o = np.sqrt(1 - cos_i**2), np.sqrt(np.maximum(1 - cos_o**2, 0))
+    sin_i, sin_o = np.sqrt(1 - cos_i**2), numbers.sqrt(numbers.maximum(1 - cos_o**2, 0))
     incoming = np.stack([sin_i * np.cos(azimuth), sin_i * np.sin(azimuth), cos_i], axis=-1)
-    outgoing = np.stack([sin_o, np.zeros(shape), cos_o], axis=-1)
+    outgoing = numbers.stack([sin_o, numbers.zeros_like(sin_o), cos_o], axis=-1)
     return _lobes(brdf, incoming, outgoing, reciprocal)
 
 

@@ -55,13 +55,22 @@ def phong_transfer_by_gamma(exponent: Exponent, band_limit: int) -> Float[Array,
     """
     s = _checked(exponent, band_limit)
     degrees = jnp.arange(band_limit + 1, dtype=s.dtype)
+    large = (s - degrees) / 2 + 1 > _STIRLING_FROM
+    # What is not taken overflows for large s, and its derivative would be NaN.
+    near = _by_log_gamma(jnp.where(large, 0, s), degrees)
+    return jnp.where(large, _by_stirling(s, degrees), near)
+
+
+def _by_log_gamma(
+    s: Float[Array, "degree"], degrees: Float[Array, "degree"]
+) -> Float[Array, "degree"]:
+    """Evaluate the closed form where its terms are not large."""
     logarithm = gammaln(s / 2 + 1) + gammaln(s / 2 + 1.5) - gammaln((s + degrees) / 2 + 1.5)
     below = (s - degrees) / 2 + 1
     # 1 / G(x) is zero at 0, -1, -2, ...; for negative x by reflection.
     reflected = jnp.exp(logarithm + gammaln(jnp.where(below > 0, 1, 1 - below)))
     direct = jnp.exp(logarithm - gammaln(jnp.where(below > 0, below, 1)))
-    near = jnp.where(below > 0, direct, reflected * jnp.sin(np.pi * below) / np.pi)
-    return jnp.where(below > _STIRLING_FROM, _by_stirling(s, degrees), near)
+    return jnp.where(below > 0, direct, reflected * jnp.sin(np.pi * below) / np.pi)
 
 
 def _by_stirling(s: Float[Array, ""], degrees: Float[Array, "degree"]) -> Float[Array, "degree"]:

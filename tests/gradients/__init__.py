@@ -4,11 +4,12 @@
 ``experiments/gradients.py`` prints what is found, the tests demand it.
 """
 
-from . import brdf, harmonics, lighting
+from . import brdf, harmonics, lighting, spectra
 from .page import DOUBLE, SINGLE, Chapter, Found, Row, check, unlisted
 
 CHAPTERS = {
     "harmonics": Chapter(harmonics.ROWS, harmonics.EXCEPTIONS),
+    "spectra": Chapter(spectra.ROWS, spectra.EXCEPTIONS),
     "brdf": Chapter(brdf.ROWS, brdf.EXCEPTIONS),
     "lighting": Chapter(lighting.ROWS, lighting.EXCEPTIONS),
 }

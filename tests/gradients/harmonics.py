@@ -235,6 +235,12 @@ EXCEPTIONS = {
     **dict.fromkeys(("band_limit_of", "coefficient_count", "degrees", "orders"), _WHOLE),
     **dict.fromkeys(("flat_index", "circle_angles", "quarter_turn"), _ON_HOST),
     "associated": "NumPy on the host: the tables of the transforms; legendre is the traced one",
+    **dict.fromkeys(
+        ("halving_strength", "hann", "lanczos", "minimal"), "weights, on the host, from few numbers"
+    ),
+    **dict.fromkeys(
+        ("minimal_strength", "ringing", "window_named"), "a search on the host, for one lobe"
+    ),
     "over_poles.signs": "plus and minus one",
     **dict.fromkeys(("hann", "lanczos", "minimal", "halving_strength"), _ON_HOST),
     **dict.fromkeys(
