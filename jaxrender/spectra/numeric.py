@@ -171,7 +171,8 @@ def anisotropic_outgoing_coefficients(
         jnp.broadcast_to(away[:, None, :], pairs),
         False,
     )
-    basis = jnp.asarray(np.asarray(complex_basis(directions, band_limit)) * weights[:, None])
+    basis = complex_basis(jnp.asarray(directions, values.dtype), band_limit)
+    basis = basis * jnp.asarray(weights[:, None], values.dtype).astype(basis.dtype)
     return jnp.einsum("koi,ia->koa", values.astype(basis.dtype), basis, precision="highest")
 
 

@@ -124,6 +124,12 @@ ROWS = [
         at="degree 0",
     ),
     Row(
+        "reflect",
+        lambda coefficients, world_from_local: harmonics.reflect(coefficients, -world_from_local),
+        {"coefficients": COEFFICIENTS, **TURNS["random"]},
+        {place: TURNS[place] for place in list(TURNS)[1:]},
+    ),
+    Row(
         "rotation_matrices",
         partial(harmonics.rotation_matrices, band_limit=2),
         TURNS["random"],

@@ -250,6 +250,34 @@ ROWS = [
         {**COSINES, "sigma": Above(np.array(0.5))},
     ),
     Row(
+        "anisotropic_outgoing_coefficients",
+        lambda outgoing, sigma: spectra.anisotropic_outgoing_coefficients(
+            glossy(sigma), outgoing, 3, RULE
+        ),
+        {
+            "outgoing": Unit(unit(2) * np.sign(unit(2)[:, 2:])),
+            "sigma": Above(np.array(0.5)),
+        },
+        {"head-on": {"outgoing": Unit(np.stack([POLES["+Z"]] * 2))}},
+    ),
+    Row(
+        "sum_lobes",
+        spectra.sum_lobes,
+        {"coefficients": normal(2, 4), "amplitudes": normal(2, 3, seed=1)},
+    ),
+    Row(
+        "series_transfer",
+        partial(spectra.series_transfer, band_limit=3),
+        {**SIGMA, **COSINES},
+        {**WIDTHS, "1": {"exit_cosines": np.ones(2)}},
+    ),
+    Row(
+        "squared_half_angle",
+        spectra.squared_half_angle,
+        {"angles": np.array([0.1, 0.3]), "azimuths": np.array([0.4, 2.0]), **COSINES},
+        {"at R": {"angles": np.zeros(2)}},
+    ),
+    Row(
         "directional_coefficients",
         partial(spectra.directional_coefficients, band_limit=3),
         {"direction": Unit(unit(1)[0]), "irradiance": COLOUR},
