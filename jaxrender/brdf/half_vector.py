@@ -35,16 +35,12 @@ def are_visible(incoming: Components, outgoing: Components) -> Bool[AnyArray, "*
 
 def lifted(direction: Components) -> Components:
     """Replace cosines below the smallest one by it; only meaningless values are changed."""
-    return Components(
-        jnp.asarray(direction.x),
-        jnp.asarray(direction.y),
-        jnp.maximum(direction.z, SMALLEST_COSINE),
-    )
+    return direction.lifted(SMALLEST_COSINE)
 
 
 def half_vector(incoming: Components, outgoing: Components) -> HalfVector:
     """Evaluate h = (w_i + w_o) / |w_i + w_o| of lifted directions; |w_i + w_o| / 2 = w_i . h."""
-    x, y, z = (a + b for a, b in zip(incoming, outgoing, strict=True))
+    x, y, z = incoming.sum_with(outgoing)
     # The components' sum of squares, since 2 + 2 w_i . w_o cancels where both are at grazing.
     length = jnp.sqrt(x * x + y * y + z * z)
     return HalfVector(Components(x / length, y / length, z / length), length / 2)
@@ -52,7 +48,8 @@ def half_vector(incoming: Components, outgoing: Components) -> HalfVector:
 
 def mirror_versine(incoming: Components, outgoing: Components) -> Float[Array, "*batch"]:
     """Evaluate 1 - R . w_i of unit directions as |w_i - R|^2 / 2, R = (-x, -y, z) of w_o."""
-    x, y, z = incoming.x + outgoing.x, incoming.y + outgoing.y, incoming.z - outgoing.z
+    x, y, _ = incoming.sum_with(outgoing)
+    z = incoming.z - outgoing.z
     return jnp.asarray((x * x + y * y + z * z) / 2)
 
 

@@ -187,7 +187,7 @@ class Microfacet(Glossy):
         the surface: in single precision cosines have no digits left for a narrow lobe.
         """
         cos_o = jnp.maximum(outgoing.z, _SMALLEST_COSINE)
-        x, y, z = (i + o for i, o in zip(incoming, outgoing))
+        x, y, z = incoming.sum_with(outgoing)
         along = x * x + y * y
         # |w_i + w_o| / 2 is the cosine between either direction and the half vector.
         squared_length = jnp.maximum(along + z * z, _SMALLEST_COSINE**2)

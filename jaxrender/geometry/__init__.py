@@ -14,7 +14,7 @@ see: which light reaches a place on a concave shape.  ``sculpture`` makes such a
 """
 
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
-from jaxrender.geometry.components import Components
+from jaxrender.geometry.components import Components, Incoming, pair_in_frame
 from jaxrender.geometry.directions import (
     angles_from_direction,
     direction_from_angles,
@@ -57,6 +57,7 @@ __all__ = [
     "POLAR",
     "Camera",
     "Components",
+    "Incoming",
     "Embedding",
     "Hits",
     "Mesh",
@@ -80,6 +81,7 @@ __all__ = [
     "look_at",
     "normalise",
     "observe",
+    "pair_in_frame",
     "pixel_steps",
     "random_rotations",
     "reflect",

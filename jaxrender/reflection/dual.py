@@ -29,6 +29,7 @@ from jaxrender.geometry import (
     Shape,
     SurfacePlaces,
     SurfaceSamples,
+    pair_in_frame,
     visible_along,
     world_from_local,
 )
@@ -287,9 +288,8 @@ def _errors_by_count(
     def gains(sample: tuple) -> Float[Array, "node"]:
         surface, own = sample
         frame = world_from_local(surface.normals)
-        incoming = Components.of(candidates.directions).in_frame(frame)
-        outgoing = Components.of(surface.outgoing).in_frame(frame)
-        lobe = brdf.transfer(incoming, outgoing)[1]
+        pair = Components.of(candidates.directions), Components.of(surface.outgoing)
+        lobe = brdf.transfer(*pair_in_frame(*pair, frame))[1]
         return lobe - jnp.matmul(basis, own, precision="highest")
 
     gain = jax.lax.map(gains, (samples, slow), batch_size=16)

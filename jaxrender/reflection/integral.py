@@ -32,6 +32,7 @@ from jaxrender.geometry import (
     SurfacePlaces,
     SurfaceSamples,
     meridian_frames,
+    pair_in_frame,
     visible,
     world_from_local,
 )
@@ -245,11 +246,11 @@ def _sum_over_nodes(
     brdf: BRDF, sample: SurfaceSamples, nodes: LightNodes, seen: Bool[Array, "node"] | None
 ) -> Float[Array, "lobe channel"]:
     frame = meridian_frames(sample.normals)
-    outgoing = Components.of(sample.outgoing).in_frame(frame)
+    outgoing = Components.of(sample.outgoing)
 
     def part(some: tuple) -> Float[Array, "lobe channel"]:
         directions, irradiance, seen = some
-        lobes = brdf.transfer(directions.in_frame(frame), outgoing)
+        lobes = brdf.transfer(*pair_in_frame(directions, outgoing, frame))
         if seen is not None:
             lobes = tuple(jnp.where(seen, lobe, 0) for lobe in lobes)
         return _sum(lobes, irradiance.T)

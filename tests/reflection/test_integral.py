@@ -260,3 +260,23 @@ def test_polar_coefficients_are_the_columns_under_each_harmonic():
     columns = polar_columns(brdf, SAMPLES, lambda directions: real_basis(directions, 4), 24)
     found = reflection.polar_coefficients(brdf, SAMPLES, 4, 24)
     np.testing.assert_allclose(found, columns, atol=1e-12)
+
+
+@pytest.mark.parametrize("distribution", ["gaussian", "ggx"])
+def test_narrow_lobes_keep_their_digits_in_single_precision(distribution):
+    """At grazing exit too, where both directions nearly cancel along the normal."""
+    sigma, rng = 0.01, np.random.default_rng(4)
+    normals = unit_vectors(60, 5)
+    across = np.cross(normals, unit_vectors(60, 6))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    exits = np.linspace(0.02, 1, 60)[:, None]
+    outgoing = exits * normals + np.sqrt(1 - exits**2) * across
+    mirrored = 2 * exits * normals - outgoing + 0.5 * sigma * rng.standard_normal((60, 3))
+    mirrored /= np.linalg.norm(mirrored, axis=1, keepdims=True)
+    brdf = Microfacet(np.ones(3), np.ones(3), sigma, 1.5, distribution=distribution)
+    whole = (brdf, SurfaceSamples(normals, outgoing), LightNodes(mirrored, np.ones((60, 3))))
+    few = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), whole)
+    rounded = jax.tree.map(lambda a: np.asarray(a, np.float64), few)
+    found, expected = integral_columns(*few), integral_columns(*rounded)
+    assert found.dtype == np.float32
+    assert relative(found, expected).max() < 5e-6

@@ -20,7 +20,12 @@ import jax
 import jax.numpy as jnp
 
 from jaxrender.brdf import Glossy, Parametric
-from jaxrender.geometry import Components, SurfaceSamples, meridian_frames
+from jaxrender.geometry import (
+    Components,
+    SurfaceSamples,
+    meridian_frames,
+    pair_in_frame,
+)
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
@@ -210,8 +215,8 @@ def lobes_towards(
 
     def one(sample: SurfaceSamples) -> Float[Array, "source"]:
         frame = meridian_frames(sample.normals)
-        incoming = Components.of(directions).in_frame(frame)
-        both = brdf.transfer(incoming, Components.of(sample.outgoing).in_frame(frame))
+        pair = Components.of(directions), Components.of(sample.outgoing)
+        both = brdf.transfer(*pair_in_frame(*pair, frame))
         return both[0 if base else 1]
 
     return jax.vmap(one)(SurfaceSamples(*(jnp.asarray(a) for a in samples)))
