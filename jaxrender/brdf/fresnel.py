@@ -21,11 +21,7 @@ def fresnel(
     mu: Float[AnyArray, ""] | float, cosines: Float[AnyArray, "*batch"]
 ) -> Float[Array, "*batch"]:
     """Evaluate the unpolarised Fresnel reflectance of a dielectric of index mu > 1."""
-    cosines = _clipped(cosines)
-    g = jnp.sqrt(mu * mu - 1 + cosines**2)
-    s_polarised = ((g - cosines) / (g + cosines)) ** 2
-    ratio = (cosines * (g + cosines) - 1) / (cosines * (g - cosines) + 1)
-    return s_polarised * (1 + ratio**2) / 2
+    return jnp.asarray(head_on_reflectance(mu) * _over_head_on(mu, _clipped(cosines)))
 
 
 @checked
@@ -35,7 +31,21 @@ def normalised_fresnel(
     """Evaluate F(mu, t) / F(mu, 0) of T 6.2; 1 everywhere for ``mu=None``."""
     if mu is None:
         return jnp.ones_like(cosines)
-    return fresnel(mu, cosines) * ((mu + 1) / (mu - 1)) ** 2
+    return _over_head_on(mu, _clipped(cosines))
+
+
+def _over_head_on(
+    mu: Float[AnyArray, ""] | float, cosines: Float[Array, "*batch"]
+) -> Float[Array, "*batch"]:
+    """Evaluate F(mu, t) / F(mu, 0) with all digits for mu near 1, where F itself has few.
+
+    With g^2 = mu^2 - sin^2 t, s = ((g - c) / (g + c))^2 and g - c = (mu^2 - 1) / (g + c), the
+    ratio of s to its value head-on is ((mu + 1) / (g + c))^4.
+    """
+    square = (mu - 1) * (mu + 1)
+    total = jnp.sqrt(square + cosines**2) + cosines
+    ratio = (cosines * total - 1) / (cosines * (square / total) + 1)
+    return jnp.asarray(((mu + 1) / total) ** 4 * (1 + ratio**2) / 2)
 
 
 @checked

@@ -63,7 +63,8 @@ def reflect_by_facets(
         sample, width = indexed
         own = with_width(brdf, width)
         assert isinstance(own, Glossy)
-        facets = _facets(own, sample)
+        # They stay where they are when sigma is moved: the image has no slope at its texels.
+        facets = _facets(own, sample, jax.lax.stop_gradient(jnp.asarray(own.sigma)))
         light = _looked_up(image, facets.towards)
         return jnp.einsum("pa,pac->c", facets.weight, light, precision="highest")
 
@@ -78,7 +79,7 @@ def facet_coefficients(
     """Integrate the lobe against every harmonic: the specular column under light Y_lm."""
 
     def one(sample: SurfaceSamples) -> Float[Array, "coefficient"]:
-        facets = _facets(brdf, sample)
+        facets = _facets(brdf, sample, jnp.asarray(brdf.sigma))
         basis = real_basis(jnp.stack(facets.towards, axis=-1), band_limit)
         return jnp.einsum("pa,pak->k", facets.weight, basis, precision="highest")
 
@@ -86,13 +87,13 @@ def facet_coefficients(
     return by_chunks(one, arrays, _POLAR * _AZIMUTHS * (band_limit + 1))
 
 
-def _facets(brdf: Glossy, sample: SurfaceSamples) -> _Facets:
-    """Place the facets of one sample; they stay where they are when sigma is moved."""
+def _facets(brdf: Glossy, sample: SurfaceSamples, sigma: Float[Array, ""]) -> _Facets:
+    """Place the facets of one sample for a lobe of that sigma."""
     frame = incidence_frame(sample)
     outgoing = Components.of(sample.outgoing).in_frame(frame)
-    polar, weights, across, aside = _rule()
+    polar, weights, across, aside = (jnp.asarray(a, outgoing.z.dtype) for a in _rule())
     horizon = jnp.arctan2(outgoing.z, -outgoing.x * across) / 2
-    width = _WIDTHS * jax.lax.stop_gradient(jnp.asarray(brdf.sigma))
+    width = _WIDTHS * sigma
     # A smooth map of [0, 1] to [0, horizon] with slope ``width`` at 0.
     stretch = 1 - polar + width * polar / horizon
     angle = width * polar / stretch

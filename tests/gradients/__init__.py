@@ -4,12 +4,13 @@
 ``experiments/gradients.py`` prints what is found, the tests demand it.
 """
 
-from . import brdf, harmonics, lighting, spectra
+from . import brdf, harmonics, lighting, reflection, spectra
 from .page import DOUBLE, SINGLE, Chapter, Found, Row, check, unlisted
 
 CHAPTERS = {
     "harmonics": Chapter(harmonics.ROWS, harmonics.EXCEPTIONS),
     "spectra": Chapter(spectra.ROWS, spectra.EXCEPTIONS),
+    "reflection": Chapter(reflection.ROWS, reflection.EXCEPTIONS),
     "brdf": Chapter(brdf.ROWS, brdf.EXCEPTIONS),
     "lighting": Chapter(lighting.ROWS, lighting.EXCEPTIONS),
 }
