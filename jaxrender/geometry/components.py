@@ -13,11 +13,14 @@ from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 
 class Components(NamedTuple):
-    """The three components of directions, each an array of the batch's shape."""
+    """The three components of directions, each an array of the batch's shape.
 
-    x: Float[AnyArray, "*batch"]
-    y: Float[AnyArray, "*batch"]
-    z: Float[AnyArray, "*batch"]
+    One direction may stand beside many: batches are stretched to each other.
+    """
+
+    x: Float[AnyArray, "*#batch"]
+    y: Float[AnyArray, "*#batch"]
+    z: Float[AnyArray, "*#batch"]
 
     @classmethod
     @checked
