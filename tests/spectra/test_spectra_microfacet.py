@@ -1,12 +1,14 @@
 """The transfer of the microfacet lobe by degree and exit cosine.
 
 Pinned down: each h_l is the integral of T 6.2's lobe times P_l(w . R) over the hemisphere, done
-here by SciPy in the surface's own angles; its derivatives in sigma and mu; at normal exitance T
-3.44; the sizes of ERRATA 27: how far off the thesis's Gaussian is and that Lambda_0 rho_0 is not 1;
-the interpolation over exit cosines; each twin's own formula; both precisions; the refusal.
+here by SciPy in the surface's own angles, and at grazing by sums over half vectors; its derivatives
+in sigma and mu; at normal exitance T 3.44; the sizes of ERRATA 27: how far off the thesis's
+Gaussian is and that Lambda_0 rho_0 is not 1; the interpolation over exit cosines; each twin's own
+formula; both precisions; the refusal.
 """
 
 import math
+from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -62,6 +64,44 @@ def hemisphere_integral(sigma, exit_cosine, degree):
         if edges[1] > edges[0]
     )
     return 2 * total
+
+
+def over_half_vectors(sigma, exit_cosine, degrees, count=80):
+    """The same integral over half vectors, 4 (o.h) dh for dw: there the lobe is round at grazing.
+
+    w.z > 0 wherever cos(psi) > (o_z / 2 h_z - o_z h_z) / (sin t_o sin t_h).
+    """
+    sin_o = np.sqrt(1 - exit_cosine**2)
+    outgoing = np.array([sin_o, 0, exit_cosine])
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = (nodes + 1) / 2, weights / 2
+    # The circles about N meet the horizon from half of what the exit is above it.
+    edges = [0, min((np.pi / 2 - np.arccos(exit_cosine)) / 2, 7 * sigma), 7 * sigma]
+    total = np.zeros(len(degrees))
+    for first, last in pairwise(edges):
+        polar = first + (last - first) * nodes**2
+        cosine, sine = np.cos(polar), np.sin(polar)
+        horizon = (exit_cosine / (2 * cosine) - exit_cosine * cosine) / (sin_o * sine)
+        end = np.arccos(np.clip(horizon, -1, 1))[:, None]
+        around, level = end * nodes, np.broadcast_to(cosine[:, None], (count, count))
+        h = np.stack([sine[:, None] * np.cos(around), sine[:, None] * np.sin(around), level], -1)
+        facing = h @ outgoing
+        incoming = 2 * facing[..., None] * h - outgoing
+        toward_mirror = np.minimum(incoming @ (outgoing * [-1, -1, 1]), 1)
+        lobe = np.exp(-((polar / sigma) ** 2)) / (np.pi * sigma**2) * sine
+        measure = 2 * (last - first) * nodes * weights * lobe
+        both = measure[:, None] * 2 * end * weights * facing / exit_cosine
+        total += [np.sum(both * eval_legendre(degree, toward_mirror)) for degree in degrees]
+    return total
+
+
+@pytest.mark.parametrize(("exit_cosine", "accuracy"), [(0.02, 1e-5), (0.15, PROMISED)])
+def test_a_narrow_lobe_at_grazing_exit(exit_cosine, accuracy):
+    """sigma .01: the lobe is fifty times narrower across the plane of incidence than in it."""
+    degrees = [0, 1, 32, 128]
+    expected = over_half_vectors(0.01, exit_cosine, degrees)
+    found = exit_cosine_transfer(microfacet(0.01), np.array([exit_cosine]), 128)[0, degrees]
+    np.testing.assert_allclose(found, expected, atol=accuracy)
 
 
 @pytest.mark.parametrize(
