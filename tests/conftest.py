@@ -24,11 +24,16 @@ _QUICK_TO_COMPILE = (
     "--xla_cpu_parallel_codegen_split_count=1",
 )
 os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *_QUICK_TO_COMPILE])
+# Each core has its process of tests: threads of BLAS would wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.set_threshold(50_000, 20, 50)
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
+
+# Programs that are not optimised compile in less than half the time; what they compute is small.
+jax.config.update("jax_disable_most_optimizations", True)
 
 install_import_hook("jaxrender", "beartype.beartype")
 
@@ -37,6 +42,14 @@ def pytest_configure(config):
     """What one process has compiled is there for the others, and for the next run."""
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("compiled")))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_are_optimised_where_much_is_computed(request):
+    """A file that says ``COMPUTES_MUCH = True`` runs longer than it compiles."""
+    jax.config.update(
+        "jax_disable_most_optimizations", not getattr(request.module, "COMPUTES_MUCH", False)
+    )
 
 
 @pytest.fixture(scope="module", autouse=True)
