@@ -26,6 +26,7 @@ from jaxrender.inverse.variants import _others
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
+COMPUTES_MUCH = True
 STATED_ERRORS = 4.0
 # Before refinement: what the dual model leaves out of a lobe with long tails.
 FREQUENCY = np.array([0.02, 0.02, 0.03, 0.03, 0.03, 0.05])
