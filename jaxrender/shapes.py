@@ -166,12 +166,8 @@ class _Visit(NamedTuple):
         if any(isinstance(value, other) for other in wanted.others):
             if not wanted.fields:
                 return value
-            # Two tuples of components may be broadcast against each other.
-            any_axes = (a.names for wish in wanted.fields.values() for a in wish.choices)
-            loose = any("*" in name for names in any_axes for name in names)
-            own = _Visit(self.function, [], self.coloured) if loose else self
             mended = {
-                field: own.admit(f"{name}.{field}", getattr(value, field), wish)
+                field: self.admit(f"{name}.{field}", getattr(value, field), wish)
                 for field, wish in wanted.fields.items()
             }
             return value._replace(**mended)
