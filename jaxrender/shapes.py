@@ -170,7 +170,9 @@ class _Visit(NamedTuple):
                 field: self.admit(f"{name}.{field}", getattr(value, field), wish)
                 for field, wish in wanted.fields.items()
             }
-            return value._replace(**mended)
+            # Made anew only where it must be: a subclass may hold more than its fields.
+            new = {field: one for field, one in mended.items() if one is not getattr(value, field)}
+            return value._replace(**new) if new else value
         if not wanted.choices:
             return value
         array = _as_array(value, integers=any(c.kind == "int" for c in wanted.choices))

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from jaxrender.brdf import Lambertian
+from jaxrender.geometry import Components, Incoming
 from jaxrender.harmonics import (
     LatLongGrid,
     analyse,
@@ -281,6 +282,19 @@ def test_what_does_not_fit_is_named_where_the_function_is_traced():
         jax.jit(lambda n: evaluate(COEFFICIENTS, n) * 2.0)(BATCH[..., :2])
     with pytest.raises(ValueError, match="works on the host"):
         jax.jit(positive_part_of)(COEFFICIENTS)
+
+
+def test_a_named_tuple_that_fits_is_passed_on_as_it_is():
+    """A pair holds the sum of both directions beside its three fields."""
+
+    @checked
+    def same(incoming: Components, scale: Float[AnyArray, ""]) -> Components:
+        return incoming
+
+    direction = Components.of(jnp.asarray(BATCH[0]))
+    pair = Incoming.of_pair(direction, direction)
+    assert same(pair, 1.0) is pair
+    assert same(Components([0, 0], [0, 0], [1, 1]), 1.0).z.dtype == np.float64
 
 
 def test_the_compiled_program_is_the_same_as_without_the_check():
