@@ -109,7 +109,8 @@ def fit_in_rounds(
     radiance = np.asarray(observations.radiance)
     share = np.sqrt(observations.shares)[:, None].astype(radiance.dtype)
     scale = float(np.sqrt(np.mean(radiance**2)))
-    noise, predicted, starts = begin
+    noise, predicted = begin.noise, begin.predicted
+    starts = problem.unknowns.restarts(begin.starts)
     even = as_pixels(observations)
     settled = settings.noise or NoiseModel(0.0, 0.0)
     weights = np.full_like(radiance, 1 / scale) * share

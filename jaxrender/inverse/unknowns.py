@@ -17,7 +17,7 @@ from jaxrender.shapes import Array, Bool, Float, checked
 
 # The search space where the user names no bounds: from nearly mirror to nearly diffuse, and from
 # nearly no interface to well above diamond.
-SIGMA_BOUNDS = (0.02, 1.0)
+SIGMA_BOUNDS = (0.01, 1.0)
 MU_BOUNDS = (1.02, 6.0)
 # Within this fraction of the logarithmic range a parameter counts as being at its bound.
 _AT_BOUND = 0.005
@@ -134,6 +134,18 @@ class MicrofacetUnknowns(eqx.Module):
         fraction = np.asarray(_fraction(point))
         bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
+
+    def restarts(
+        self, starts: Float[np.ndarray, "start unknown"]
+    ) -> Float[np.ndarray, "more unknown"]:
+        """Add to each start at a bound one that is pulled to where a search would still move it.
+
+        A search that goes on from a rougher one could not come back from where the curve is flat.
+        """
+        bounded = np.array([not name.startswith("gain") for name in self.names], bool)
+        reach = _search_variable(1.0)
+        pulled = np.where(bounded, np.clip(starts, -reach, reach), starts).astype(starts.dtype)
+        return np.concatenate([starts, pulled[(pulled != starts).any(axis=1)]])
 
     def _start_values(self) -> tuple[float, float | None]:
         sigma = self.sigma.start or float(np.clip(0.15, self.sigma.lower, self.sigma.upper))

@@ -4,8 +4,8 @@
 - A draw has the number asked for, each sample once, and sums over draws are in the mean those over
   all pixels.
 - Pixels in a narrow highlight are drawn many times more often than their share.
-- Gloss of sigma .03 under one lamp is found from any draw, within its errors; a uniform draw of the
-  same size holds a dozen pixels of it.
+- Gloss of sigma .02 under one lamp is found from any draw, within its errors; a uniform draw of the
+  same size holds a few pixels of it.
 - A fit that lost the gloss, or ended at a bound of sigma, goes on from what the data say.
 """
 
@@ -25,7 +25,7 @@ from jaxrender.inverse.observations import as_pixels
 from jaxrender.inverse.passes import Begin, descend
 from jaxrender.lighting import DirectionalSources
 
-KD, KS, SIGMA = np.array([0.2, 0.15, 0.1]), 0.1, 0.03
+KD, KS, SIGMA = np.array([0.2, 0.15, 0.1]), 0.1, 0.02
 TOWARDS = unit(np.array([0.3, 0.2, 0.9]))
 LAMP = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
 LIGHT = KnownLight(None, LAMP)

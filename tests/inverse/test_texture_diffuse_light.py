@@ -99,7 +99,10 @@ def test_ratios_of_sites_of_one_normal_are_told(shot):
     found = factor_diffuse(problem, "variance")
     light = found.moved(0.1 * np.ones(found.untold.shape))
     ratio = [t[0::2] / t[1::2] for t in (found.texture, texture_under(problem, light))]
-    np.testing.assert_allclose(ratio[0], ratio[1], rtol=1e-9)
+    # The moved light may be negative somewhere, and where depends on the signs of eigenvectors.
+    lit = np.isfinite(ratio[1])
+    assert lit.sum() > 0.9 * np.isfinite(ratio[0]).sum()
+    np.testing.assert_allclose(ratio[0][lit], ratio[1][lit], rtol=1e-9)
 
 
 def test_an_object_that_turns_tells_all_but_the_scale(shot):

@@ -95,6 +95,21 @@ def test_only_what_is_next_to_a_bound_is_at_it():
     assert unknowns.at_bound(jnp.array([4.0, -4.0, 0.0])).tolist() == [False, False, False]
 
 
+def test_a_start_at_a_bound_is_tried_again_where_a_search_moves_it():
+    """From far beyond, a step of one in the search variable moves mu by a hundred-millionth."""
+    unknowns = MicrofacetUnknowns(free_gains=2)
+    inside, at_bound = np.array([1.5, -2.0, 70.0]), np.array([-1.0, 300.0, 70.0])
+    starts = unknowns.restarts(np.stack([inside, at_bound]))
+    np.testing.assert_array_equal(starts[:2], [inside, at_bound])
+    [pulled] = starts[2:]
+    assert (pulled[0], pulled[2]) == (-1.0, 70.0)
+    by_one = [
+        float(unknowns.unpack(jnp.asarray(p - [0, 1.0, 0])).mu - unknowns.unpack(jnp.asarray(p)).mu)
+        for p in (at_bound, pulled)
+    ]
+    assert abs(by_one[1]) > 1e3 * abs(by_one[0])
+
+
 def test_gains_are_relative_to_the_first_photograph():
     unknowns = MicrofacetUnknowns(free_gains=3)
     assert unknowns.names == ("sigma", "mu", "gain 1", "gain 2")
