@@ -36,7 +36,14 @@ from scipy.stats import binom
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import evaluate
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Factorization, FactorSettings, Known, Observations, factorize
+from jaxrender.inverse import (
+    Factorization,
+    FactorSettings,
+    Known,
+    Observations,
+    Unknown,
+    factorize,
+)
 from jaxrender.lighting import DirectionalSources
 
 SIGMA, MU = 0.16, 1.5
@@ -51,7 +58,7 @@ WITHIN = 15.0
 # Nine of ten points lie in a circle of this radius, in units of their rms distance, if they scatter
 # alike in all directions.
 CIRCLE_90 = 1.5174271293851465
-MATERIAL_ALONE = Known((1 / 3,) * 3, SIGMA, MU)
+MATERIAL_ALONE = Known((1 / 3,) * 3, Unknown(fixed=(SIGMA,)), Unknown(fixed=(MU,)))
 
 
 class Counted(NamedTuple):

@@ -23,7 +23,7 @@ from inverse_problems import ball_samples
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations
+from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.correction import corrected
@@ -45,7 +45,7 @@ from jaxrender.inverse.factorization.rounds import (
     without_idle_lamps,
 )
 from jaxrender.inverse.factorization.state import State, Task, begin, descend, measured, response_of
-from jaxrender.inverse.unknowns import index_bounds
+from jaxrender.inverse.unknowns import Unknown, mu_unknown, sigma_unknown
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
@@ -59,6 +59,7 @@ AREA = SmoothLobes(
 )
 NOISE = NoiseModel(0.01, 0.0005)
 BAND_LIMIT, LAMPS = 10, 4
+SIGMA, MU = Unknown(fixed=(0.15,)), Unknown(fixed=(1.38,))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def _task(photographs: Observations) -> Task:
 
 def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
     """A state at the true material with lamps in the given directions, fitted."""
-    known = begin(task._replace(known=Known((0.32, 0.29, 0.365), 0.15, 1.38)))
+    known = begin(task._replace(known=Known((0.32, 0.29, 0.365), SIGMA, MU)))
     slots, active = np.array(known.guess.directions), known.active.copy()
     for slot, direction in enumerate(directions):
         slots[slot], active[slot] = direction / np.linalg.norm(direction), True
@@ -145,7 +146,7 @@ def test_derivatives_of_the_prediction(photographs):
     for unknown in [0, 2, 3, 4, 5, 6, 5 + LAMPS, 6 + LAMPS]:
         step = np.zeros(tangents.shape[-1])
         step[unknown] = 1e-5
-        bounds = index_bounds(PAINT)
+        bounds = task.bounds
         ahead, behind = (
             predict(_moved(state.guess, jnp.asarray(s), bounds)) for s in (step, -step)
         )
@@ -270,16 +271,31 @@ def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
 
 def test_what_is_known_stays(photographs):
     settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
-    found = factorize(photographs, PAINT, settings, Known(sigma=0.15, mu=1.38))
+    found = factorize(photographs, PAINT, settings, Known(sigma=SIGMA, mu=MU))
     assert float(found.brdf.sigma) == pytest.approx(0.15)
     assert found.parameters.standard_error.sigma == 0
     assert set(found.identifiable) == {"kd", "ks"}
 
 
+def test_bounds_and_starts_are_honoured(photographs):
+    """The truth, sigma .15 and mu 1.38, lies outside of what is allowed."""
+    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+    known = Known(sigma=sigma_unknown(0.3, 0.5, start=0.4), mu=mu_unknown(2.0, 3.0))
+    first = begin(_task(photographs)._replace(known=known)).guess
+    assert float(jnp.exp(first.sigma)) == pytest.approx(0.4)
+    assert 1 + float(jnp.exp(first.mu)) == pytest.approx(2)
+    found = factorize(photographs, PAINT, settings, known)
+    assert found.outcome is Outcome.AT_BOUND
+    assert 0.3 - 1e-9 < float(found.brdf.sigma) < 0.5
+    assert float(found.brdf.mu) == pytest.approx(2)
+    assert "mu is at a bound of its range" in found.reasons
+    assert not found.identifiable["mu"]
+
+
 def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
     """Material that cannot move says nothing of what is still to come."""
     shares = tuple((PAINT.ks / (PAINT.kd + PAINT.ks)).tolist())
-    task = _task(photographs)._replace(known=Known(shares, 0.15, 1.38))
+    task = _task(photographs)._replace(known=Known(shares, SIGMA, MU))
     # Too dim by a third, as after a search on other samples.
     start = _with_lamps(task._replace(radiance=0.7 * task.radiance), [LAMP])
     end = settle(task, start._replace(target=task.radiance), lambda _: None)

@@ -19,10 +19,12 @@ from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
+from jaxrender.inverse.unknowns import Unknown
 from jaxrender.lighting import DirectionalSources
 from jaxrender.spectra import light_coefficients
 
 NO_GLOSS, ALL_OF_IT = (0.0,) * 3, (1.0,) * 3
+ANY_SIGMA = Unknown(fixed=(0.1,))
 SETTINGS = FactorSettings(6, 2)
 STATED_ERRORS = 4.5
 LAMBERTIAN = Microfacet(KD, np.zeros(3), 0.1, None)
@@ -43,7 +45,7 @@ def assert_lamp_is_found(found):
 
 @pytest.fixture(scope="module")
 def lambertian():
-    return factorize(photographs(LAMBERTIAN), LAMBERTIAN, SETTINGS, Known(NO_GLOSS, 0.1))
+    return factorize(photographs(LAMBERTIAN), LAMBERTIAN, SETTINGS, Known(NO_GLOSS, ANY_SIGMA))
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +111,7 @@ def test_shadows_tell_what_a_ball_does_not():
     # What is told depends on the geometry; the radiance sets the noise alone.
     even = np.ones((600, 3)) + NOISE.relative * rng.normal(size=(600, 3))
     seen = Observations(samples, even, np.zeros(600, int), places)
-    known = Known(NO_GLOSS, 0.1)
+    known = Known(NO_GLOSS, ANY_SIGMA)
     convex = factorize(seen, LAMBERTIAN, settings, known).scene.told
     concave = factorize(seen, LAMBERTIAN, settings, known, shape=shape).scene.told
     assert convex[3] < 0.05

@@ -178,7 +178,7 @@ CASES = {
     "start out of reach": (
         nothing,
         ["brdf.sigma={start: 2.0}"],
-        r"^brdf\.sigma: start 2\.0 is outside \[0\.02, 1\.0\]$",
+        r"^brdf\.sigma: start 2\.0 is outside \[0\.01, 1\.0\]$",
     ),
     "no light": (nothing, ["lighting={}"], r"no light given; lighting needs one of environment"),
     # Photographs.

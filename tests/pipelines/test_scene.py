@@ -124,7 +124,7 @@ def test_settings_follow_the_config():
 
 
 def test_misuse_is_the_fault_of_its_key():
-    with pytest.raises(InputError, match=r"^brdf\.sigma: start 2\.0 is outside \[0\.02, 1\.0\]"):
+    with pytest.raises(InputError, match=r"^brdf\.sigma: start 2\.0 is outside \[0\.01, 1\.0\]"):
         unknowns_of(config_of(brdf={"sigma": {"start": 2.0}}), 1)
     with pytest.raises(InputError, match=r"^brdf\.mu: start 9\.0 is outside"):
         unknowns_of(config_of(brdf={"mu": {"start": 9.0}}), 1)

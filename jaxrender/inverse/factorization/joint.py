@@ -20,7 +20,6 @@ from jaxrender.inverse.factorization.projection import (
     tangent_frames,
 )
 from jaxrender.inverse.factorization.response import Guess, Response
-from jaxrender.inverse.unknowns import SIGMA_BOUNDS, index_bounds
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
@@ -29,6 +28,21 @@ _DAMPING, _RELIEF, _TIGHTENING, _GIVE_UP = 1e-3, 0.2, 8.0, 1e6
 _MOST_GLOSS = 8.0
 # No step changes a logarithm by more than this, nor a direction by more (radians).
 _LONGEST = 0.4
+
+
+class Bounds(NamedTuple):
+    """Between what values sigma and mu are searched for."""
+
+    sigma: tuple[float, float]
+    mu: tuple[float, float]
+
+
+class Descent(NamedTuple):
+    """How far a descent goes: the most steps, and the relative gain of cost below which it ends."""
+
+    bounds: Bounds
+    steps: int = 30
+    tolerance: float = 1e-5
 
 
 class Joint(NamedTuple):
@@ -45,25 +59,21 @@ def descend_jointly(
     guess: Guess,
     measured: Measured,
     free: Bool[np.ndarray, "unknown"],
-    settings: tuple[int, float] = (30, 1e-5),
+    descent: Descent,
 ) -> Joint:
-    """Minimise the penalised cost over the free nonlinear unknowns, the light following along.
-
-    ``settings`` are the most steps and the relative gain of cost below which it ends.
-    """
-    steps, tolerance = settings
+    """Minimise the penalised cost over the free nonlinear unknowns, the light following along."""
     damping, step, converged = _DAMPING, 0, False
     solved, system = reduced_system(response, guess, measured)
-    while step < steps and damping < _GIVE_UP and not converged:
+    while step < descent.steps and damping < _GIVE_UP and not converged:
         step += 1
-        trial = _moved(guess, _damped(system, free, damping), index_bounds(response.variant))
+        trial = _moved(guess, _damped(system, free, damping), descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
         there, onward = reduced_system(response, trial, measured)
         gain = float(solved.cost - there.cost)
         if not gain > 0:
             damping *= _TIGHTENING
             continue
-        converged = gain < tolerance * float(there.cost)
+        converged = gain < descent.tolerance * float(there.cost)
         guess, damping = trial, max(damping * _RELIEF, 1e-9)
         solved, system = there, onward
     return Joint(guess, solved, step, converged or damping >= _GIVE_UP)
@@ -91,15 +101,15 @@ def _damped(
 
 
 @partial(jax.jit, static_argnames="bounds")
-def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: tuple[float, float]) -> Guess:
+def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess:
     channels, sources = guess.gloss.shape[0], guess.directions.shape[0]
     gloss, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])
     directions = jnp.asarray(guess.directions)
     frames = tangent_frames(directions)
     moved = directions + first[:, None] * frames[..., 0] + second[:, None] * frames[..., 1]
     moved = moved / jnp.linalg.norm(moved, axis=1, keepdims=True)
-    sigma = jnp.clip(guess.sigma + lobe[0], *np.log(SIGMA_BOUNDS))
-    mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds, 1)))
+    sigma = jnp.clip(guess.sigma + lobe[0], *np.log(bounds.sigma))
+    mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds.mu, 1)))
     # All gloss or none is a material that is known to be so, and stays.
     within = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
     gloss = jnp.where(jnp.isinf(guess.gloss), guess.gloss, within)

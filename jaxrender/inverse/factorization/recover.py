@@ -32,7 +32,6 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, in_own_units, within_reach
-from jaxrender.inverse.unknowns import SIGMA_BOUNDS, index_bounds
 from jaxrender.shapes import Float
 
 # Lamps are looked for, and everything fitted along with them, on about this many samples; the last
@@ -176,8 +175,8 @@ def _judge(
         "mu": bool(free[channels + 1]),
     }
     bound = {
-        "sigma": _at_bound(float(parameters.value.sigma), SIGMA_BOUNDS, 0.0),
-        "mu": _at_bound(float(parameters.value.mu), index_bounds(variant), 1.0),
+        "sigma": _at_bound(float(parameters.value.sigma), task.bounds.sigma, 0.0),
+        "mu": _at_bound(float(parameters.value.mu), task.bounds.mu, 1.0),
     }
     identifiable, reasons = {}, []
     for name in (name for name, is_free in searched.items() if is_free):

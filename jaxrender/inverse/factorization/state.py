@@ -16,7 +16,7 @@ from scipy.special import logit
 
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.factorization.joint import Joint, descend_jointly
+from jaxrender.inverse.factorization.joint import Bounds, Descent, Joint, descend_jointly
 from jaxrender.inverse.factorization.projection import Measured, Solved
 from jaxrender.inverse.factorization.response import (
     Guess,
@@ -24,6 +24,7 @@ from jaxrender.inverse.factorization.response import (
     gloss_share,
 )
 from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.unknowns import Unknown, index_bounds, mu_unknown, sigma_unknown
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Bool, Float
 
@@ -52,14 +53,15 @@ class FactorSettings(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of the material beforehand: ks / (kd + ks) of each channel, sigma, mu.
+    """What is known of the material beforehand.
 
-    A share may be 0 or 1, of a material with one lobe only.
+    ``share`` is ks / (kd + ks) of each channel: 0 or 1, of a material with one lobe only.
+    ``sigma`` and ``mu`` are fixed, or free within bounds; None: free within those of the model.
     """
 
     share: tuple[float, ...] | None = None
-    sigma: float | None = None
-    mu: float | None = None
+    sigma: Unknown | None = None
+    mu: Unknown | None = None
 
 
 DEFAULTS = FactorSettings()
@@ -88,6 +90,21 @@ class Task(NamedTuple):
     known: Known = NOTHING_KNOWN
     settings: FactorSettings = DEFAULTS
 
+    @property
+    def sigma(self) -> Unknown:
+        """What is known of the width."""
+        return self.known.sigma or sigma_unknown()
+
+    @property
+    def mu(self) -> Unknown:
+        """What is known of the index."""
+        return self.known.mu or mu_unknown(*index_bounds(self.response.variant))
+
+    @property
+    def bounds(self) -> Bounds:
+        """Between what values both are searched for."""
+        return Bounds(_between(self.sigma), _between(self.mu))
+
 
 class State(NamedTuple):
     """Where a factorization stands.
@@ -109,7 +126,7 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
     known, radiance = task.known, task.radiance
     channels, lamps = radiance.shape[1], task.settings.most_sources
-    sigma, mu = known.sigma or _START_SIGMA, known.mu or _START_MU
+    sigma, mu = _first(task.sigma, _START_SIGMA), _first(task.mu, _START_MU)
     variant = task.response.variant
     energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
     even = np.full(channels, 1 / (1 + energy))
@@ -124,6 +141,20 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
     weights = weights / (misfit * np.sqrt(np.mean((weights * radiance) ** 2)))
     return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
+
+
+def _first(unknown: Unknown, otherwise: float) -> float:
+    """Where the search for an unknown begins: at its value, at its start, or within its bounds."""
+    if unknown.fixed is not None:
+        return float(unknown.fixed[0])
+    return unknown.start or float(np.clip(otherwise, unknown.lower, unknown.upper))
+
+
+def _between(unknown: Unknown) -> tuple[float, float]:
+    """The bounds of an unknown; of a fixed one its value."""
+    if unknown.fixed is not None:
+        return unknown.fixed[0], unknown.fixed[0]
+    return unknown.lower, unknown.upper
 
 
 def measured(task: Task, state: State) -> Measured:
@@ -151,8 +182,8 @@ def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
     """
     known, channels = task.known, task.radiance.shape[1]
     seen_sharply = bool(state.active.any()) or bool(state.rounds)
-    material = [known.share is None] * channels + [known.sigma is None and seen_sharply]
-    material.append(known.mu is None and task.response.variant.mu is not None)
+    material = [known.share is None] * channels + [task.sigma.free and seen_sharply]
+    material.append(task.mu.free and task.response.variant.mu is not None)
     return np.concatenate([np.array(material), np.tile(state.active, 2)])
 
 
@@ -165,7 +196,7 @@ def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> St
             state.guess,
             measured(task, state),
             free_unknowns(task, state),
-            (steps, tolerance),
+            Descent(task.bounds, steps, tolerance),
         )
         light = np.asarray(joint.solved.light)
         state = state._replace(guess=joint.guess, joint=joint)

@@ -22,6 +22,15 @@ from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 from jaxrender.pipelines.config.values import ConfigPath, Section
 
 _UNDER_KNOWN_LIGHT = ("brdf", "brdf-spectrum")
+# Settings that a recovery of the light has no use for, and why.
+_OF_KNOWN_LIGHT = {
+    "solve.method": "has one search",
+    "solve.transfer": "filters by exit cosine",
+    "solve.starts": "searches from one start, brdf.sigma.start",
+    "solve.refine_samples": "refines on all samples",
+    "lighting.split": "has no light to split",
+    "lighting.free_scale": "finds the scale of the light",
+}
 
 
 class RunConfig(Section):
@@ -114,6 +123,7 @@ class RunConfig(Section):
             _refuse_for_spectrum(self)
         if self.task not in ("lighting", "factorize"):
             return self
+        _refuse_for_unknown_light(self)
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")
         numbers = ("kd", *numbers_of(brdf.model))
@@ -134,6 +144,23 @@ class RunConfig(Section):
                 "under unknown light only the ratio of kd and ks means anything; fix both or none"
             )
         return self
+
+
+def _refuse_for_unknown_light(config: RunConfig) -> None:
+    """Refuse what a recovery of the light would not honour."""
+    for key, why in _OF_KNOWN_LIGHT.items():
+        section, name = key.split(".")
+        own = getattr(config, section)
+        # By value, since a config written out in full names every key.
+        if getattr(own, name) != type(own).model_fields[name].default:
+            raise ValueError(f"task {config.task} {why}; remove {key}, or choose task: brdf")
+    for name in ("kd", "ks"):
+        parameter = getattr(config.brdf, name)
+        if parameter.bounds is not None or parameter.start is not None:
+            raise ValueError(
+                f"task {config.task} finds only the ratio of kd and ks, without bounds or start; "
+                f"leave brdf.{name} free, or fix both"
+            )
 
 
 def _refuse_for_texture(config: RunConfig) -> None:

@@ -40,12 +40,8 @@ def asked_models(config: RunConfig) -> tuple[Asked, ...]:
 
 
 def known_of(config: RunConfig) -> Known:
-    """What of the material is fixed; only ratios of kd and ks mean anything without the light."""
+    """What of the material is known; only ratios of kd and ks mean anything without the light."""
     brdf, unknowns = config.brdf, unknowns_of(config, 1)
-    sigma, mu = (
-        None if unknown is None or unknown.fixed is None else float(unknown.fixed[0])
-        for unknown in (unknowns.sigma, unknowns.mu)
-    )
     share = None
     if unknowns.kd.fixed is not None and unknowns.ks.fixed is not None:
         kd, ks = _reflectances(config)
@@ -53,7 +49,7 @@ def known_of(config: RunConfig) -> Known:
     elif brdf.model in MATT:
         # One lobe alone, which is called kd: a base or, of oren-nayar, the lobe of the search.
         share = (0.0 if unknowns.ks.fixed is not None else 1.0,) * 3
-    return Known(share, sigma, mu)
+    return Known(share, unknowns.sigma, unknowns.mu)
 
 
 def in_given_units(config: RunConfig, found: Factorization) -> Factorization:

@@ -145,6 +145,25 @@ LIGHT_TASKS = {
     "task: factorize\nbrdf: {ks: 0.1}\n": (
         "under unknown light only the ratio of kd and ks means anything; fix both or none"
     ),
+    "task: factorize\nbrdf: {sigma: {bounds: [0.3, 0.5], start: 0.4}}\n": None,
+    "task: factorize\nsolve: {method: simplex}\n": (
+        "task factorize has one search; remove solve.method, or choose task: brdf"
+    ),
+    "task: factorize\nsolve: {transfer: gaussian}\n": (
+        "task factorize filters by exit cosine; remove solve.transfer, or choose task: brdf"
+    ),
+    "task: factorize\nsolve: {starts: 1}\n": (
+        "task factorize searches from one start, brdf.sigma.start; remove solve.starts, or choose "
+        "task: brdf"
+    ),
+    "task: factorize\nlighting: {free_scale: true}\n": (
+        "task factorize finds the scale of the light; remove lighting.free_scale, or choose "
+        "task: brdf"
+    ),
+    "task: factorize\nbrdf: {kd: {bounds: [0.1, 0.2]}}\n": (
+        "task factorize finds only the ratio of kd and ks, without bounds or start; leave brdf.kd "
+        "free, or fix both"
+    ),
     "task: factorize\nsolve: {free_exposure: true}\n": (
         "task factorize needs known exposures; remove solve.free_exposure"
     ),
