@@ -126,7 +126,7 @@ def main():
     predicted = np.asarray(stop.fit.predicted)
 
     def refine() -> Stop:
-        return descend(stop, model, observations, predicted, FitSettings())
+        return descend(stop.problem, model, observations, stop.onward(predicted), FitSettings())
 
     cold, warm, least = timed(lambda: refine().fit.predicted, runs)
     verdict = "met" if warm < DEMANDED else "NOT met"
