@@ -135,6 +135,7 @@ class MicrofacetUnknowns(eqx.Module):
         bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
 
+    @checked
     def restarts(
         self, starts: Float[np.ndarray, "start unknown"]
     ) -> Float[np.ndarray, "more unknown"]:
