@@ -177,7 +177,7 @@ def _under_area(samples: SurfaceSamples) -> jax.Array:
 KNOWN_LOBE = MicrofacetUnknowns(sigma=Unknown((SIGMA,)), mu=Unknown((MU,)))
 # The share of gloss, sigma and mu of the untextured ball, all known.
 SHARES = np.asarray(MATERIAL.ks) / (np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks))
-ALL_KNOWN = Known(tuple(SHARES.tolist()), Unknown(fixed=(SIGMA,)), Unknown(fixed=(MU,)))
+ALL_KNOWN = Known(tuple(SHARES.tolist()), KNOWN_LOBE.sigma, KNOWN_LOBE.mu)
 
 
 def area_alone() -> KnownLight:

@@ -139,9 +139,9 @@ class MicrofacetUnknowns(eqx.Module):
     def restarts(
         self, starts: Float[np.ndarray, "start unknown"]
     ) -> Float[np.ndarray, "more unknown"]:
-        """Add to each start at a bound one that is pulled to where a search would still move it.
+        """Add, for each start at a bound, one that is pulled inside the bounds.
 
-        A search that goes on from a rougher one could not come back from where the curve is flat.
+        At a bound the search variable hardly moves the parameter, so a search cannot leave it.
         """
         bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         reach = _search_variable(1.0)

@@ -277,19 +277,29 @@ def test_what_is_known_stays(photographs):
     assert set(found.identifiable) == {"kd", "ks"}
 
 
-def test_bounds_and_starts_are_honoured(photographs):
-    """The truth, sigma .15 and mu 1.38, lies outside of what is allowed."""
-    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+def test_a_search_begins_at_the_stated_start_and_inside_the_bounds(photographs):
     known = Known(sigma=sigma_unknown(0.3, 0.5, start=0.4), mu=mu_unknown(2.0, 3.0))
     first = begin(_task(photographs)._replace(known=known)).guess
     assert float(jnp.exp(first.sigma)) == pytest.approx(0.4)
     assert 1 + float(jnp.exp(first.mu)) == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "bound"),
+    [
+        ("sigma", Known(sigma=sigma_unknown(0.2, 0.5), mu=MU), 0.2),
+        ("mu", Known(sigma=SIGMA, mu=mu_unknown(2.0, 3.0)), 2.0),
+    ],
+    ids=["sigma", "mu"],
+)
+def test_bounds_are_honoured(photographs, name, known, bound):
+    """The truth, sigma .15 and mu 1.38, lies below the bounds."""
+    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
     found = factorize(photographs, PAINT, settings, known)
     assert found.outcome is Outcome.AT_BOUND
-    assert 0.3 - 1e-9 < float(found.brdf.sigma) < 0.5
-    assert float(found.brdf.mu) == pytest.approx(2)
-    assert "mu is at a bound of its range" in found.reasons
-    assert not found.identifiable["mu"]
+    assert float(getattr(found.brdf, name)) == pytest.approx(bound)
+    assert f"{name} is at a bound of its range" in found.reasons
+    assert not found.identifiable[name]
 
 
 def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):

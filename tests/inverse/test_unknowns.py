@@ -96,7 +96,7 @@ def test_only_what_is_next_to_a_bound_is_at_it():
 
 
 def test_a_start_at_a_bound_is_tried_again_where_a_search_moves_it():
-    """From far beyond, a step of one in the search variable moves mu by a hundred-millionth."""
+    """From far out, a step of one in the search variable moves mu by two millionths."""
     unknowns = MicrofacetUnknowns(free_gains=2)
     inside, at_bound = np.array([1.5, -2.0, 70.0]), np.array([-1.0, 300.0, 70.0])
     starts = unknowns.restarts(np.stack([inside, at_bound]))

@@ -38,11 +38,11 @@ class Bounds(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """How far a descent goes: the most steps, and the relative gain of cost below which it ends."""
+    """Where a descent may go, its most steps, and the relative gain of cost below which it ends."""
 
     bounds: Bounds
-    steps: int = 30
-    tolerance: float = 1e-5
+    steps: int
+    tolerance: float
 
 
 class Joint(NamedTuple):

@@ -55,8 +55,8 @@ class FactorSettings(NamedTuple):
 class Known(NamedTuple):
     """What is known of the material beforehand.
 
-    ``share`` is ks / (kd + ks) of each channel: 0 or 1, of a material with one lobe only.
-    ``sigma`` and ``mu`` are fixed, or free within bounds; None: free within those of the model.
+    ``share`` is ks / (kd + ks) of each channel.  It is 0 or 1 where the material has one lobe.
+    ``sigma`` and ``mu`` are fixed, or free within bounds.  None: free within the model's bounds.
     """
 
     share: tuple[float, ...] | None = None
@@ -144,14 +144,14 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
 
 
 def _first(unknown: Unknown, otherwise: float) -> float:
-    """Where the search for an unknown begins: at its value, at its start, or within its bounds."""
+    """Choose where a search begins: at the fixed value, the stated start, or inside the bounds."""
     if unknown.fixed is not None:
         return float(unknown.fixed[0])
     return unknown.start or float(np.clip(otherwise, unknown.lower, unknown.upper))
 
 
 def _between(unknown: Unknown) -> tuple[float, float]:
-    """The bounds of an unknown; of a fixed one its value."""
+    """Return the bounds of an unknown; those of a fixed one are its value."""
     if unknown.fixed is not None:
         return unknown.fixed[0], unknown.fixed[0]
     return unknown.lower, unknown.upper

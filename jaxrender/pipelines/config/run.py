@@ -26,7 +26,7 @@ _UNDER_KNOWN_LIGHT = ("brdf", "brdf-spectrum")
 _OF_KNOWN_LIGHT = {
     "solve.method": "has one search",
     "solve.transfer": "filters by exit cosine",
-    "solve.starts": "searches from one start, brdf.sigma.start",
+    "solve.starts": "has one start",
     "solve.refine_samples": "refines on all samples",
     "lighting.split": "has no light to split",
     "lighting.free_scale": "finds the scale of the light",

@@ -153,8 +153,13 @@ LIGHT_TASKS = {
         "task factorize filters by exit cosine; remove solve.transfer, or choose task: brdf"
     ),
     "task: factorize\nsolve: {starts: 1}\n": (
-        "task factorize searches from one start, brdf.sigma.start; remove solve.starts, or choose "
-        "task: brdf"
+        "task factorize has one start; remove solve.starts, or choose task: brdf"
+    ),
+    "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\nsolve: {refine_samples: 100}\n": (
+        "task lighting refines on all samples; remove solve.refine_samples, or choose task: brdf"
+    ),
+    "task: factorize\nlighting: {split: 0.1}\n": (
+        "task factorize has no light to split; remove lighting.split, or choose task: brdf"
     ),
     "task: factorize\nlighting: {free_scale: true}\n": (
         "task factorize finds the scale of the light; remove lighting.free_scale, or choose "
