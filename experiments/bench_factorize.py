@@ -35,9 +35,9 @@ def problem(count: int) -> tuple[MirrorResponse, Guess, projection.Measured]:
     """Photograph a ball, and stand at the true material with lamps all around."""
     samples, view = scenes.ring_samples(count, 0.15, seed=0)
     light = scenes.probe("sky", 2).nodes()
-    radiance = np.asarray(scenes.photograph(light, MATERIAL, samples, view).radiance)
+    photographs = scenes.photograph(light, MATERIAL, samples, view)
     response = MirrorResponse.of_convex(MATERIAL, samples, 10, LAMPS)
-    task = Task(radiance, response)
+    task = Task(photographs, response)
     state = begin(task)
     guess = state.guess._replace(directions=jnp.asarray(fibonacci_sphere(LAMPS)))
     return response, guess, measured(task, state)

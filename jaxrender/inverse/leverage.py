@@ -9,8 +9,11 @@ measured radiance nor a fit, which may have lost its gloss.
 The lobe is the GGX distribution of the half vector times the Fresnel ratio at the exit angle.  It
 stands for every glossy model, since all of them shine about the mirror direction.
 
+Where the light is unknown, the radiance itself says where gloss shows: it is what light of few
+degrees leaves unexplained.
+
 A sample of a draw stands for 1 / chance pixels (Horvitz and Thompson 1952), so that sums over a
-draw are in the mean those over all pixels.
+draw are in the mean those over all pixels, whatever the chances depend on.
 """
 
 from typing import NamedTuple
@@ -18,6 +21,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.harmonics import coefficient_count, real_basis
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.unknowns import SIGMA_BOUNDS, MicrofacetUnknowns
@@ -36,6 +41,8 @@ _UNIFORM = 0.5
 _SCHLICK = 5
 # Lobes of a fixed width are looked at within this factor of it.
 _ABOUT = 1.5
+# Degrees of smooth light as a matt body and as a mirror show it: the first has no more than these.
+_BY_NORMAL, _BY_MIRROR = 2, 4
 
 
 def sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:
@@ -75,7 +82,31 @@ def leverage(
     found = np.zeros(observations.count)
     for lobe, by_width in zip(lobes, np.gradient(lobes, axis=0)):
         found += _of_columns(np.stack([diffuse, lobe, by_width, lobe * by_index], axis=1))
-    return found / found.sum() if found.any() else np.full(len(found), 1 / max(len(found), 1))
+    return _to_one(found)
+
+
+def sharpness(observations: Observations) -> Float[np.ndarray, "sample"]:
+    """Compute what smooth light leaves of each sample, squared; all of it adds up to one.
+
+    Smooth light is least squares of harmonics of few degrees, of the normal and of the reflected
+    direction.  This is the leverage on gloss where the light is not known.
+    """
+    samples, radiance = observations.samples, np.asarray(observations.radiance, float)
+    blocks = [
+        np.arange(first, min(first + _BLOCK, observations.count))
+        for first in range(0, observations.count, _BLOCK)
+    ]
+    size = coefficient_count(_BY_NORMAL) + coefficient_count(_BY_MIRROR)
+    gram, moments = np.zeros((size, size)), np.zeros((size, radiance.shape[1]))
+    for index in blocks:
+        columns = _smooth_columns(samples, index)
+        gram += columns.T @ columns
+        moments += columns.T @ radiance[index]
+    smooth = np.linalg.pinv(gram, 1e-8, hermitian=True) @ moments
+    left = [radiance[index] - _smooth_columns(samples, index) @ smooth for index in blocks]
+    scale = np.mean(radiance**2, axis=0) if observations.count else np.ones(radiance.shape[1])
+    found = np.concatenate([np.zeros((0, radiance.shape[1])), *left]) ** 2
+    return _to_one(np.mean(found / np.where(scale > 0, scale, 1), axis=1))
 
 
 def draw(
@@ -104,6 +135,21 @@ def _chances(leverage: Float[np.ndarray, "sample"], count: int) -> Float[np.ndar
         if np.all(chance <= 1):
             return chance
         certain |= chance > 1
+
+
+def _smooth_columns(
+    samples: SurfaceSamples, index: Int[np.ndarray, "kept"]
+) -> Float[np.ndarray, "kept column"]:
+    """Evaluate harmonics of the normal and of the reflected direction; one shape for all blocks."""
+    padded = np.resize(index, _BLOCK)
+    some = SurfaceSamples(*(jnp.asarray(np.asarray(part, float)[padded]) for part in samples))
+    parts = (real_basis(some.normals, _BY_NORMAL), real_basis(some.reflected, _BY_MIRROR))
+    return np.concatenate(parts, axis=1)[: len(index)]
+
+
+def _to_one(found: Float[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:
+    """Let leverages add up to one; alike for all samples where none has any."""
+    return found / found.sum() if found.any() else np.full(len(found), 1 / max(len(found), 1))
 
 
 def _sources(light: KnownLight, samples: int) -> tuple[list, list]:

@@ -10,7 +10,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.inverse.observations import random_subset
 from jaxrender.io import write_image
 from jaxrender.pipelines.brdf_spectrum import recover_spectrum
@@ -152,11 +152,12 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
 
 
 def _drawn(config: RunConfig, observations: Observations, light: KnownLight | None) -> Observations:
-    """Draw the samples of a fit: where they tell most of the material, if the light says where."""
+    """Draw the samples of a fit: where they tell most of the material, or show most gloss."""
     count, seed = config.samples.count, config.samples.seed
-    if light is None or config.task != "brdf":
+    if config.task == "brdf-spectrum":
         return random_subset(observations, count, seed)
-    return draw(observations, leverage(observations, light), count, seed).observations
+    tells = sharpness(observations) if light is None else leverage(observations, light)
+    return draw(observations, tells, count, seed).observations
 
 
 def _light_of_kept(

@@ -25,9 +25,9 @@ from jaxrender.geometry import fibonacci_sphere
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
-from jaxrender.inverse.factorization.account import account_of
+from jaxrender.inverse.factorization.account import GAUGES, account_of
 from jaxrender.inverse.factorization.correction import corrected
-from jaxrender.inverse.factorization.joint import _moved
+from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
 from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.projection import (
     Measured,
@@ -35,6 +35,7 @@ from jaxrender.inverse.factorization.projection import (
     mixed,
     prediction_slopes,
     reduced_system,
+    scatter,
     solve_light,
 )
 from jaxrender.inverse.factorization.pursuit import pursue
@@ -44,7 +45,15 @@ from jaxrender.inverse.factorization.rounds import (
     with_neighbours_merged,
     without_idle_lamps,
 )
-from jaxrender.inverse.factorization.state import State, Task, begin, descend, measured, response_of
+from jaxrender.inverse.factorization.state import (
+    State,
+    Task,
+    begin,
+    descend,
+    free_unknowns,
+    measured,
+    response_of,
+)
 from jaxrender.inverse.unknowns import Unknown, mu_unknown, sigma_unknown
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
@@ -86,7 +95,7 @@ def _lamp() -> DirectionalSources:
 def _task(photographs: Observations) -> Task:
     response = MirrorResponse.of_convex(PAINT, photographs.samples, BAND_LIMIT, LAMPS)
     settings = FactorSettings(BAND_LIMIT, LAMPS)
-    return Task(photographs.radiance, response, settings=settings)
+    return Task(photographs, response, settings=settings)
 
 
 def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
@@ -181,6 +190,60 @@ def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     assert float(solve_light(response, guess, data).cost) == pytest.approx(cost, rel=1e-10)
     np.testing.assert_allclose(system.curvature, curvature, atol=1e-8 * np.abs(curvature).max())
     np.testing.assert_allclose(system.slope, slope, atol=1e-7 * np.abs(moved).sum(axis=0).max())
+
+
+def test_scatter_is_that_of_whole_matrices(photographs):
+    """The noise of samples that stand for 1 to 3 pixels, sample by sample, by NumPy.
+
+    The least-squares answer of light and material is linear in the noise: its covariance is
+    H^-1 (J' C W J + Lambda) H^-1 over all unknowns together.
+    """
+    pixels = np.random.default_rng(3).uniform(1, 3, photographs.count)
+    task = _task(photographs._replace(stands_for=pixels))
+    state = _with_lamps(task, [LAMP])
+    response, guess, data = response_of(task, state), state.guess, measured(task, state)
+    found, shares = reduced_system(response, guess, data), task.observations.shares
+    ours = scatter(response, guess, data, jnp.asarray(shares), found)
+    slopes, own = _slopes(response, guess, found[0].light), 0
+    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+        whole = np.concatenate([columns, slopes[k]], axis=1)
+        parts, weights = columns.shape[1], data.weights[:, k, None]
+        prior = np.diag(np.append(data.penalty[:, k], np.zeros(slopes.shape[-1])))
+        bread = (weights * whole).T @ (weights * whole) + prior
+        meat = (shares[:, None] * weights**2 * whole).T @ whole + prior
+        dark = np.diag(np.append(np.zeros(121), ~state.active))
+        answer = np.linalg.solve(bread[:parts, :parts] + dark, bread[:parts, parts:])
+        # Rows that take the light's answer off the other unknowns.
+        take_off = np.concatenate([-answer.T, np.eye(slopes.shape[-1])], axis=1)
+        own = own + take_off @ meat @ take_off.T
+        light = meat[:parts, :parts]
+        np.testing.assert_allclose(ours.light[k], light, atol=1e-8 * np.abs(light).max())
+        both = meat[:parts] @ take_off.T
+        np.testing.assert_allclose(ours.both[k], both, atol=1e-7 * np.abs(bread).max())
+    np.testing.assert_allclose(ours.own, own, atol=1e-8 * np.abs(own).max())
+
+
+def test_scatter_of_single_pixels_is_the_curvature(photographs):
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP])
+    response, guess, data = response_of(task, state), state.guess, measured(task, state)
+    solved, system = reduced_system(response, guess, data)
+    ours = scatter(response, guess, data, jnp.ones(photographs.count), (solved, system))
+    scale = np.abs(system.curvature).max()
+    np.testing.assert_allclose(ours.own, system.curvature, atol=1e-9 * scale)
+    np.testing.assert_allclose(ours.both, 0, atol=1e-9 * np.abs(system.across).max())
+
+
+def test_only_good_steps_count(photographs):
+    """From a far start the first trials gain nothing: more damping is tried, and a step taken."""
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP])
+    far = state.guess._replace(gloss=state.guess.gloss - 4, sigma=state.guess.sigma - 1.5)
+    response, data = response_of(task, state), measured(task, state)
+    free = free_unknowns(task, state)
+    end = descend_jointly(response, far, data, free, Descent(task.bounds, 2, 1e-6))
+    assert end.steps == 2
+    assert float(end.solved.cost) < 0.9 * float(solve_light(response, far, data).cost)
 
 
 def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndarray:
@@ -307,7 +370,8 @@ def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
     shares = tuple((PAINT.ks / (PAINT.kd + PAINT.ks)).tolist())
     task = _task(photographs)._replace(known=Known(shares, SIGMA, MU))
     # Too dim by a third, as after a search on other samples.
-    start = _with_lamps(task._replace(radiance=0.7 * task.radiance), [LAMP])
+    darker = photographs._replace(radiance=0.7 * task.radiance)
+    start = _with_lamps(task._replace(observations=darker), [LAMP])
     end = settle(task, start._replace(target=task.radiance), lambda _: None)
     once_more = corrected(task, end)
     moved = (once_more.target - end.target) / NOISE.standard_deviation(task.radiance)
@@ -324,6 +388,28 @@ def test_unknown_gauge_is_refused(photographs):
     task = _task(photographs)
     with pytest.raises(ValueError, match="gauge='plastic': choose one of per-channel"):
         account_of(task, _with_lamps(task, []), "plastic")
+
+
+def test_no_gauge_changes_what_is_known_of_gloss(photographs):
+    """The ratio of kd and ks has one error in every gauge.
+
+    A gauge that rests on what was found is uncertain itself: kd of a dielectric is known no better
+    than that ratio.
+    """
+    task = _task(photographs)
+    state = _with_lamps(task, [LAMP])
+    ratio = np.concatenate([np.eye(3), -np.eye(3), np.zeros((3, 4))], axis=1)
+    known = {}
+    for gauge in GAUGES:
+        found, _ = account_of(task, state, gauge)
+        slopes = ratio / np.concatenate([found.value.kd, found.value.ks, np.ones(4)])
+        known[gauge] = slopes @ found.covariance @ slopes.T, found
+        np.testing.assert_allclose(known[gauge][0], known["per-channel"][0], rtol=1e-6, atol=1e-12)
+    variance, found = known["dielectric"]
+    np.testing.assert_allclose(found.value.ks, found.value.ks[0])
+    # Three channels share one ks, whose error has a part of each of theirs.
+    error = found.standard_error.kd / found.value.kd
+    assert np.all(error > 0.5 * np.sqrt(np.diag(variance)))
 
 
 def test_a_penalty_belongs_to_each_part(photographs):

@@ -23,7 +23,14 @@ from inverse_problems import (
 
 from jaxrender.brdf import Microfacet
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown, fit_brdf
+from jaxrender.inverse import (
+    FitSettings,
+    KnownLight,
+    MicrofacetUnknowns,
+    Observations,
+    Unknown,
+    fit_brdf,
+)
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.state import FactorSettings, State, Task
@@ -230,7 +237,8 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     noisy = truth.radiance + rng.normal(size=truth.radiance.shape) / truth.weights
     level = np.abs(light[0]) / np.sqrt(4 * np.pi)
     lamps = len(guess.directions)
-    task = Task(noisy, response, settings=FactorSettings(4, lamps, refine=False, noise=NOISE))
+    settings = FactorSettings(4, lamps, refine=False, noise=NOISE)
+    task = Task(Observations(samples, noisy, frame), response, settings=settings)
     state = State(guess, np.ones(lamps, bool), truth.weights, noisy, level)
     achieved, _ = account_of(task, state, "per-channel")
     for name in NAMES:

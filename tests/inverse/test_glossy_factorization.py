@@ -14,7 +14,7 @@ from area_and_lamp import AREA, ENERGY, KD, LAMP, NOISE, photographs
 from inverse_problems import ball_samples
 
 from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, Ward
-from jaxrender.inverse import KnownLight
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
@@ -83,7 +83,8 @@ def test_a_comparison_needs_two_models():
 def test_the_search_begins_with_as_much_gloss_as_paint():
     samples, _ = ball_samples(20, 0.15, seed=1)
     for truth in MODELS.values():
-        task = Task(np.ones((20, 3)), MirrorResponse.of_convex(truth, samples, 2, 2))
+        grey = Observations(samples, np.ones((20, 3)), np.zeros(20, int))
+        task = Task(grey, MirrorResponse.of_convex(truth, samples, 2, 2))
         guess = begin(task).guess
         share = np.asarray(gloss_share(guess))
         energy = float(task.response.lobe(guess).energy)

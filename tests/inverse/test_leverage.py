@@ -4,6 +4,7 @@
 - A draw has the number asked for, each sample once, and sums over draws are in the mean those over
   all pixels.
 - Pixels in a narrow highlight are drawn many times more often than their share.
+- Where the light is unknown, what smooth light leaves unexplained marks the same pixels.
 - Gloss of sigma .02 under one lamp is found from any draw, within its errors; a uniform draw of the
   same size holds a few pixels of it.
 - A fit that lost the gloss, or ended at a bound of sigma, goes on from what the data say.
@@ -15,11 +16,20 @@ from inverse_problems import unit
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Observations, fit_brdf
+from jaxrender.inverse import (
+    FitSettings,
+    KnownLight,
+    MicrofacetUnknowns,
+    Observations,
+    Outcome,
+    factorize,
+    fit_brdf,
+)
 from jaxrender.inverse.bounds import checked_at_bound, lost
 from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.factorization import FactorSettings
 from jaxrender.inverse.known_light import exact_nodes
-from jaxrender.inverse.leverage import _of_columns, draw, leverage
+from jaxrender.inverse.leverage import _of_columns, draw, leverage, sharpness
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import as_pixels
 from jaxrender.inverse.passes import Begin, descend
@@ -110,6 +120,18 @@ def test_pixels_are_an_even_picture_of_all(photographs, told):
     assert abs(of_even.mean() - cosines.mean()) < 3.5 * cosines.std() / np.sqrt(DRAWN)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_narrow_gloss_is_found_without_the_light(photographs, seed):
+    """The draw knows the photographs alone, and samples of it stand for 1 to 40 pixels."""
+    some = draw(photographs, sharpness(photographs), DRAWN, seed).observations
+    found = factorize(some, METAL, FactorSettings(3, 4))
+    value, error = found.parameters.value, found.parameters.standard_error
+    assert abs(value.sigma - SIGMA) < 3.5 * error.sigma < 0.01 * SIGMA
+    assert np.all(np.abs(value.ks - KS / (KD + KS)) < 3.5 * error.ks)
+    assert found.outcome is Outcome.CONVERGED
+    assert found.scene.sources.directions[0] @ TOWARDS > np.cos(0.01 * SIGMA)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_narrow_gloss_is_found_from_any_draw(photographs, told, seed):
     some = draw(photographs, told, DRAWN, seed).observations
@@ -134,3 +156,25 @@ def test_a_fit_without_gloss_goes_on_from_the_data(photographs, told):
     assert not lost(found)
     sigma = float(UNKNOWNS.unpack(found.fit.solution.point).sigma)
     assert abs(sigma / SIGMA - 1) < 0.02
+
+
+def test_without_the_light_the_radiance_marks_the_highlight(photographs):
+    found = sharpness(photographs)
+    reflected = np.asarray(photographs.samples.reflected)
+    highlight = reflected @ TOWARDS > np.cos(3 * SIGMA)
+    assert found.sum() == pytest.approx(1)
+    # Of 60,000 pixels some dozens are in the highlight.
+    assert found[highlight].sum() > 0.9
+    drawn = draw(photographs, found, DRAWN, 0)
+    assert np.isin(np.flatnonzero(highlight), drawn.index).mean() > 0.9
+
+
+def test_smooth_light_leaves_nothing(photographs):
+    """Irradiance of degree 2, and of nothing at all: every sample is as likely as any other."""
+    normals = np.asarray(photographs.samples.normals)
+    smooth = photographs._replace(radiance=1 + normals[:, [2]] ** 2 + normals[:, [0, 0, 0]])
+    left = np.asarray(smooth.radiance)
+    assert np.all(np.isfinite(sharpness(smooth)))
+    dark = sharpness(photographs._replace(radiance=np.zeros_like(left)))
+    np.testing.assert_allclose(dark, 1 / photographs.count)
+    assert sharpness(photographs.take(np.zeros(0, int))).shape == (0,)

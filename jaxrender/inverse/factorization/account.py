@@ -10,8 +10,10 @@ Photographs alone fix the product of light and reflectance in each channel.  The
     the light's mean radiance is the same in all channels; mean kd + ks = 1
 
 The covariance is that of least squares over all unknowns together, (J' W J + Lambda)^-1 times the
-mean squared weighted residual and the loss's ``variance_factor``, carried to the parameters in
-their own units.
+mean squared weighted residual and the loss's ``variance_factor``.  Samples that stand for c pixels
+each are measured only once, which puts J' C W J + Lambda, W with c in it, between two of these
+inverses (``projection.scatter``).  It is carried to parameters and light in their own units, and a
+gauge that rests on what was found has its part in both.
 """
 
 from typing import NamedTuple
@@ -19,10 +21,17 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.inverse.factorization.projection import System, reduced_system
-from jaxrender.inverse.factorization.response import Guess, gloss_share
+from jaxrender.inverse.factorization.projection import (
+    Scatter,
+    Solved,
+    System,
+    reduced_system,
+    scatter,
+)
+from jaxrender.inverse.factorization.response import gloss_share
 from jaxrender.inverse.factorization.state import (
     State,
     Task,
@@ -34,7 +43,7 @@ from jaxrender.inverse.factorization.state import (
 from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
 GAUGES = ("per-channel", "dielectric", "metal")
 # The prior variance of an unknown's logarithm: it matters only where the data are silent.
@@ -67,21 +76,26 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
         raise ValueError(f"gauge={gauge!r}: choose one of {', '.join(GAUGES)}")
     response, data = response_of(task, state), measured(task, state)
     solved, system = reduced_system(response, state.guess, data)
-    left = state.weights * (state.target - np.asarray(solved.predicted))
+    left = np.asarray(data.weights) * (state.target - np.asarray(solved.predicted))
     free = free_unknowns(task, state)
     used = int(np.count_nonzero(free)) + data.radiance.shape[1] * (
         response.slow_count + int(np.count_nonzero(state.active))
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     variance *= variance_factor(in_deviations(task, state, solved)[0], task.settings.loss)
-    covariance = variance * _inverse(system, free)
-    light = np.asarray(solved.light)
+    shares = task.observations.shares
+    spread = scatter(response, state.guess, data, jnp.asarray(shares), (solved, system))
+    found = solved, system, spread
+    whole = _joint_covariance(found, _inverse(system, free), variance)
+    covariance, light = whole[: len(free), : len(free)], np.asarray(solved.light)
+    unknown = jnp.concatenate([jnp.asarray(part).ravel() for part in (*state.guess[:3], light.T)])
+    # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
+    kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
+    settings = task.response.variant.mu is None, gauge, light.shape
+    parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], settings)
+    alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
+    told = _told(np.asarray(data.penalty)[: response.slow_count], alone, variance)
     factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
-    parameters = _parameters(task, state.guess, covariance, factor)
-    errors = _light_errors(
-        np.asarray(solved.normal), np.asarray(system.across), covariance, variance
-    )
-    told = _told(np.asarray(data.penalty)[: response.slow_count], errors, variance)
     return parameters, _scene(state, light, covariance, (errors, told, factor))
 
 
@@ -94,46 +108,77 @@ def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unk
 
 
 def gauge_factors(
-    share: Float[np.ndarray, "channel"], mean: Float[np.ndarray, "channel"], gauge: str
-) -> Float[np.ndarray, "channel"]:
+    share: Float[AnyArray, "channel"], mean: Float[AnyArray, "channel"], gauge: str
+) -> Float[AnyArray, "channel"]:
     """What the reflectance of each channel is multiplied by, and its light divided."""
     if gauge == "per-channel":
-        return np.ones_like(share)
-    wanted = 1 / share if gauge == "dielectric" else np.abs(mean)
+        return 0 * share + 1
+    wanted = 1 / share if gauge == "dielectric" else abs(mean)
     return wanted / wanted.mean()
 
 
-def _parameters(
-    task: Task,
-    guess: Guess,
-    covariance: Float[np.ndarray, "unknown unknown"],
-    factor: Float[np.ndarray, "channel"],
-) -> Uncertain:
-    channels = len(factor)
-    metal = task.response.variant.mu is None
+def _joint_covariance(
+    found: tuple[Solved, System, Scatter],
+    inverse: Float[np.ndarray, "unknown unknown"],
+    variance: float,
+) -> Float[np.ndarray, "number number"]:
+    """Put nonlinear unknowns and the light, channel by channel, together.
 
-    def material(vector: Float[Array, "some"]) -> Parameters:
-        share = jax.nn.sigmoid(vector[:channels])
-        scale = jnp.asarray(factor)
-        sigma = jnp.exp(vector[channels])
-        mu = 1 + jnp.exp(vector[channels + 1])
-        one = jnp.ones(())
-        return Parameters((1 - share) * scale, share * scale, sigma, mu, one[None], one)
+    The light is what its own equations say, less what it answers the other unknowns.
+    """
+    solved, system, spread = found
+    prior = np.eye(len(inverse)) / _PRIOR_VARIANCE
+    blocks = [inverse @ (np.asarray(spread.own) + prior) @ inverse]
+    mixed, answers = [], []
+    parts = zip(solved.normal, system.across, spread.light, spread.both)
+    for factor, across, own, both in (map(np.asarray, part) for part in parts):
+        root = np.linalg.inv(factor)
+        normal = root.T @ root
+        blocks.append(normal @ own @ normal)
+        mixed.append(normal @ both @ inverse)
+        answers.append(normal @ across)
+    alone = np.asarray(scipy.linalg.block_diag(*blocks))
+    first = len(inverse)
+    alone[first:, :first] = np.concatenate(mixed)
+    alone[:first, first:] = alone[first:, :first].T
+    together = np.eye(len(alone))
+    together[first:, :first] = -np.concatenate(answers)
+    return variance * together @ alone @ together.T
 
-    vector = jnp.concatenate([guess.gloss, jnp.stack([guess.sigma, guess.mu])])
-    slopes = jax.jacfwd(material)(vector)
-    few = covariance[: channels + 2, : channels + 2]
-    error = Parameters(
-        *(np.sqrt(np.einsum("...i,ij,...j->...", s, few, s)) for s in map(np.asarray, slopes))
+
+def _in_gauge(
+    unknown: Float[Array, "number"],
+    covariance: Float[np.ndarray, "number number"],
+    settings: tuple[bool, str, tuple[int, int]],
+) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
+    """Carry gloss, log sigma, log(mu - 1) and light over to a gauge, with their covariance.
+
+    ``settings`` are whether it is a metal, the gauge, and the light's shape.
+    """
+    metal, gauge, (parts, channels) = settings
+
+    def numbers(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
+        gloss, lobe, light = jnp.split(vector, [channels, channels + 2])
+        share, light = jax.nn.sigmoid(gloss), light.reshape(channels, parts)
+        factor = gauge_factors(share, light[:, 0], gauge)
+        mu = jnp.where(metal, 0, 1 + jnp.exp(lobe[1]))
+        body = [(1 - share) * factor, share * factor, jnp.exp(lobe[:1]), mu[None], jnp.ones(2)]
+        return jnp.concatenate([*body, (light / factor[:, None]).ravel()])
+
+    slopes = np.asarray(jax.jacfwd(numbers)(unknown))
+    spread = slopes @ covariance @ slopes.T
+    error = np.sqrt(np.maximum(np.diag(spread), 0))
+    body = 2 * channels + 4
+    value, errors = (
+        Parameters(n[:channels], n[channels:-4], n[-4], n[-3], n[-2:-1], n[-1])
+        for n in (np.asarray(numbers(unknown), float)[:body], error[:body])
     )
-    every = np.concatenate([np.reshape(s, (-1, channels + 2)) for s in slopes])
-    if metal:
-        every[2 * channels + 1] = 0
-    value = Parameters(*(np.asarray(part, float) for part in material(vector)))
     if metal:
         value = value._replace(mu=np.asarray(np.nan))
-        error = error._replace(mu=np.asarray(0.0))
-    return intervals(value, error, every @ few @ every.T)
+    return (
+        intervals(value, errors, spread[:body, :body]),
+        error[body:].reshape(channels, parts).T,
+    )
 
 
 def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple) -> RecoveredScene:
@@ -149,9 +194,9 @@ def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple
     basis = np.asarray(real_basis(jnp.asarray(directions), int(np.sqrt(slow)) - 1))
     return RecoveredScene(
         coefficients,
-        errors[:slow] / gauge,
+        errors[:slow],
         DirectionalSources(directions, energies),
-        errors[slow:][order] / gauge,
+        errors[slow:][order],
         np.sqrt(steps),
         coefficients + basis.T @ energies,
         told,
@@ -167,19 +212,3 @@ def _told(
     left = np.clip(penalty * errors[: len(penalty)] ** 2 / variance, 0, 1).mean(axis=1)
     degree = degrees(band_limit_of(len(left)))
     return 1 - np.bincount(degree, left) / np.bincount(degree)
-
-
-def _light_errors(
-    factors: Float[np.ndarray, "channel part part"],
-    across: Float[np.ndarray, "channel part unknown"],
-    covariance: Float[np.ndarray, "unknown unknown"],
-    variance: float,
-) -> Float[np.ndarray, "part channel"]:
-    """Add what the light's own equations leave open to what the other unknowns bring in."""
-    errors = []
-    for factor, mixed in zip(factors, across):
-        inverse = np.linalg.inv(factor)
-        own = variance * np.einsum("rp,rp->p", inverse, inverse)
-        moved = inverse.T @ (inverse @ mixed)
-        errors.append(np.sqrt(own + np.einsum("pi,ij,pj->p", moved, covariance, moved)))
-    return np.stack(errors, axis=-1)

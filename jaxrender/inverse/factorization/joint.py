@@ -38,7 +38,10 @@ class Bounds(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """Where a descent may go, its most steps, and the relative gain of cost below which it ends."""
+    """Where a descent may go, its most steps, and the relative gain of cost below which it ends.
+
+    Only good steps count: one that gains nothing is tried again with more damping.
+    """
 
     bounds: Bounds
     steps: int
@@ -65,7 +68,6 @@ def descend_jointly(
     damping, step, converged = _DAMPING, 0, False
     solved, system = reduced_system(response, guess, measured)
     while step < descent.steps and damping < _GIVE_UP and not converged:
-        step += 1
         trial = _moved(guess, _damped(system, free, damping), descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
         there, onward = reduced_system(response, trial, measured)
@@ -73,6 +75,7 @@ def descend_jointly(
         if not gain > 0:
             damping *= _TIGHTENING
             continue
+        step += 1
         converged = gain < descent.tolerance * float(there.cost)
         guess, damping = trial, max(damping * _RELIEF, 1e-9)
         solved, system = there, onward

@@ -54,6 +54,18 @@ class System(NamedTuple):
     across: Float[Array, "channel part unknown"]
 
 
+class Scatter(NamedTuple):
+    """What the noise of the samples makes of both sides, in place of what a sample's weight says.
+
+    ``own`` is the covariance of the reduced slope, ``light`` that of each channel's equations of
+    the light, ``both`` that of one with the other.
+    """
+
+    own: Float[Array, "unknown unknown"]
+    light: Float[Array, "channel part part"]
+    both: Float[Array, "channel part unknown"]
+
+
 class Lobe(NamedTuple):
     """What the lobe passes on of slow light to each sample, and its derivatives."""
 
@@ -122,6 +134,53 @@ def reduced_system(
         rows = predicted[: len(measured.radiance)]
         solved = Solved(light, rows, _penalised(misfit, measured, light), normal)
         return solved, System(jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
+
+
+@jax.jit
+def scatter(
+    response: Response,
+    guess: Guess,
+    measured: Measured,
+    shares: Float[AnyArray, "sample"],
+    found: tuple[Solved, System],
+) -> Scatter:
+    """Sum up how the noise of the samples moves the equations of ``reduced_system``.
+
+    The weights squared of ``measured`` have ``shares`` in them: a sample that stands for c pixels
+    counts c times, but is measured once.  So its score has c times the variance that its weight
+    says.  What is expected of the light counts as it is.
+    """
+    solved, system = found
+    with jax.default_matmul_precision("highest"):
+        blocks = _in_blocks(response, lobe_slopes(response, guess), measured, SAMPLES_AT_ONCE)
+        alone = measured._replace(weights=jnp.sqrt(jnp.asarray(shares))[:, None])
+        own_shares = _in_blocks(response, (), alone, SAMPLES_AT_ONCE).weights
+        answers = [
+            jax.scipy.linalg.cho_solve((factor, True), across)
+            for factor, across in zip(solved.normal, system.across)
+        ]
+
+        def add(both: tuple[_Block, Array]) -> tuple[tuple, None]:
+            block, share_root = both
+            own = response.of_rows(block.rows)
+            columns = _evaluated(own, block.lobe.passed, guess)
+            slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
+            sums = []
+            for k, share in enumerate(gloss_share(guess)):
+                weights = block.weights[:, k] * share_root[:, 0]
+                weighted = _weighted(columns, share, weights)
+                moved = weights[:, None] * slopes[k] - weighted @ answers[k]
+                sums.append((moved.T @ moved, weighted.T @ weighted, weighted.T @ moved))
+            return tuple(map(jnp.stack, zip(*sums))), None
+
+        (own, light, both), _ = _summed(add, (blocks, own_shares))
+        expected = jnp.asarray(measured.penalty).T
+        own = jnp.sum(own, axis=0) + sum(
+            answer.T @ (penalty[:, None] * answer) for penalty, answer in zip(expected, answers)
+        )
+        light = light + jax.vmap(jnp.diag)(expected)
+        both = both - jnp.stack([p[:, None] * a for p, a in zip(expected, answers)])
+        return Scatter(own, light, both)
 
 
 def mixed(response: Response, guess: Guess) -> Float[Array, "channel sample part"]:
@@ -276,13 +335,13 @@ def _in_blocks(response: Response, lobe: Any, measured: Measured, most: int) -> 
     return jax.tree.map(cut, every)._replace(weights=cut(weights, "constant"))
 
 
-def _summed(of_block: Callable[[_Block], tuple[Any, Any]], blocks: _Block) -> tuple[Any, Any]:
+def _summed(of_block: Callable[[Any], tuple[Any, Any]], blocks: Any) -> tuple[Any, Any]:
     """Add up the first of what is made of every block, and join the rows of the second."""
     one = jax.tree.map(lambda rows: rows[0], blocks)
     shapes = jax.eval_shape(of_block, one)[0]
     zeros = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
 
-    def add(sums: Any, block: _Block) -> tuple[Any, Any]:
+    def add(sums: Any, block: Any) -> tuple[Any, Any]:
         more, rows = of_block(block)
         return jax.tree.map(jnp.add, sums, more), rows
 

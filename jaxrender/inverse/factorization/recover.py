@@ -133,11 +133,10 @@ def _task(
     known: Known,
     shape: Shape | None,
 ) -> Task:
-    samples, radiance = observations.samples, np.asarray(observations.radiance, float)
-    lamps = settings.most_sources
+    samples, lamps = observations.samples, settings.most_sources
     response = response_of_convex(variant, samples, settings.band_limit, lamps)
     if shape is None:
-        return Task(radiance, response, None, known, settings)
+        return Task(observations, response, None, known, settings)
     places = places_of(observations)
     sight = Sight(shape, places)
     if isinstance(response, MirrorResponse):
@@ -147,7 +146,7 @@ def _task(
     else:
         assert isinstance(response, IntegralResponse)
         response = response.shadowed(sight.hidden())
-    return Task(radiance, response, sight, known, settings)
+    return Task(observations, response, sight, known, settings)
 
 
 def _check_enough(task: Task) -> None:
@@ -197,6 +196,9 @@ def _judge(
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     if any(bound[name] and searched[name] for name in bound):
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
+    if not state.settled:
+        reasons.append("light and material still moved when the search ended")
+        return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     good = all(identifiable.values())
     return (Outcome.CONVERGED if good else Outcome.NOT_IDENTIFIABLE), identifiable, tuple(reasons)
 

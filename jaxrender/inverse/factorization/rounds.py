@@ -42,7 +42,9 @@ _LAST_STEPS = 4
 # From this residual on, what the exact integral corrects matters beside what lamps explain.
 _NEARLY_THERE = 0.05
 # The last steps end when no logarithm moves by more, nor what they aim at by more of its noise.
-_REFINEMENTS, _SETTLED, _SAME_TARGET = 6, 2e-3, 0.02
+_REFINEMENTS, _SETTLED, _SAME_TARGET = 8, 2e-3, 0.02
+# Where they end earlier, this much of the noise is too little for any error bar to show.
+_NEARLY_SAME_TARGET = 0.2
 
 
 def light_the_scene(task: Task, state: State, watch: Callable[[Round], None]) -> State:
@@ -90,7 +92,9 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
             state = with_neighbours_merged(task, without_idle_lamps(task, state))
         # With a known material only the light moves, and with it what the dual model leaves out.
         shift = np.sqrt(np.mean((state.weights * (state.target - target)) ** 2))
-        if np.max(np.abs(material_of(state) - before)) < _SETTLED and shift < _SAME_TARGET:
+        moved = float(np.max(np.abs(material_of(state) - before)))
+        state = state._replace(settled=moved < _SETTLED and float(shift) < _NEARLY_SAME_TARGET)
+        if state.settled and shift < _SAME_TARGET:
             break
     state = state._replace(rounds=(*state.rounds, round_of(task, state)))
     watch(state.rounds[-1])

@@ -24,6 +24,7 @@ from jaxrender.inverse.factorization.response import (
     gloss_share,
 )
 from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown, index_bounds, mu_unknown, sigma_unknown
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Bool, Float
@@ -84,11 +85,16 @@ class Task(NamedTuple):
     ``sight`` tells which directions each sample sees; None where nothing is hidden.
     """
 
-    radiance: Float[np.ndarray, "sample channel"]
+    observations: Observations
     response: Response
     sight: Sight | None = None
     known: Known = NOTHING_KNOWN
     settings: FactorSettings = DEFAULTS
+
+    @property
+    def radiance(self) -> Float[np.ndarray, "sample channel"]:
+        """What was measured."""
+        return np.asarray(self.observations.radiance, float)
 
     @property
     def sigma(self) -> Unknown:
@@ -109,8 +115,9 @@ class Task(NamedTuple):
 class State(NamedTuple):
     """Where a factorization stands.
 
-    ``target`` is the radiance less what the dual model is known to leave out, ``level`` the mean
-    radiance of the light in each channel.
+    ``weights`` are those of a sample that stands for one pixel.  ``target`` is the radiance less
+    what the dual model is known to leave out, ``level`` the mean radiance of the light in each
+    channel.  ``settled`` says whether the last steps moved nothing any more.
     """
 
     guess: Guess
@@ -120,6 +127,7 @@ class State(NamedTuple):
     level: Float[np.ndarray, "channel"]
     joint: Joint | None = None
     rounds: tuple[Round, ...] = ()
+    settled: bool = False
 
 
 def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
@@ -137,9 +145,9 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
         jnp.asarray(np.log(mu - 1)),
         jnp.asarray(np.tile([0.0, 0.0, 1.0], (lamps, 1))),
     )
-    mean = radiance.mean(axis=0)
+    mean = np.average(radiance, axis=0, weights=task.observations.pixels)
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
-    weights = weights / (misfit * np.sqrt(np.mean((weights * radiance) ** 2)))
+    weights = weights / (misfit * _rms(task, weights * radiance))
     return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
 
 
@@ -158,12 +166,13 @@ def _between(unknown: Unknown) -> tuple[float, float]:
 
 
 def measured(task: Task, state: State) -> Measured:
-    """Put target, weights and the light's penalty together."""
+    """Put target, weights and the light's penalty together; pixels count alike."""
     degree = degrees(band_limit_of(task.response.slow_count))
     expected = task.settings.smoothness * np.sqrt(4 * np.pi) * state.level
     slow = (degree * (degree + 1))[:, None] / expected**2
     lamps = np.zeros((len(state.active), slow.shape[1]))
-    return Measured(state.target, state.weights, np.concatenate([slow, lamps]))
+    weights = state.weights * np.sqrt(task.observations.shares)[:, None]
+    return Measured(state.target, weights, np.concatenate([slow, lamps]))
 
 
 def response_of(task: Task, state: State) -> Response:
@@ -217,8 +226,8 @@ def weigh_evenly(task: Task, state: State) -> State:
     weights, loss = begin(task).weights, task.settings.loss
     left = weights * (state.target - np.asarray(state.joint.solved.predicted))
     if loss == "squares":
-        return state._replace(weights=weights / np.sqrt(np.mean(left**2)))
-    deviation = _NORMAL_DEVIATION * np.median(np.abs(left))
+        return state._replace(weights=weights / _rms(task, left))
+    deviation = _NORMAL_DEVIATION * np.median(np.abs(left[as_pixels(task.observations)]))
     return state._replace(weights=weights / deviation * robust_weights(left / deviation, loss))
 
 
@@ -235,10 +244,10 @@ def in_deviations(
 ) -> tuple[Float[np.ndarray, "sample channel"], Float[np.ndarray, "sample channel"], NoiseModel]:
     """Express residuals in standard deviations of the noise; return these and the noise too."""
     predicted = np.asarray(solved.predicted)
-    left = state.target - predicted
-    noise = task.settings.noise or estimate_noise(left, predicted)
+    left, even = state.target - predicted, as_pixels(task.observations)
+    noise = task.settings.noise or estimate_noise(left[even], predicted[even])
     deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-    deviation = np.hypot(deviation, 1e-6 * np.sqrt(np.mean(task.radiance**2)))
+    deviation = np.hypot(deviation, 1e-6 * _rms(task, task.radiance))
     return left / deviation, deviation, noise
 
 
@@ -253,8 +262,14 @@ def round_of(task: Task, state: State) -> Round:
         np.asarray(gloss_share(guess)),
         float(jnp.exp(guess.sigma)),
         float("nan") if metal else 1 + float(jnp.exp(guess.mu)),
-        float(np.sqrt(np.sum(left**2) / np.sum(task.radiance**2))),
+        _rms(task, left) / _rms(task, task.radiance),
     )
+
+
+def _rms(task: Task, values: Float[np.ndarray, "sample channel"]) -> float:
+    """The root of the mean square over the pixels that the samples stand for."""
+    squares = np.mean(values**2, axis=1)
+    return float(np.sqrt(np.average(squares, weights=task.observations.pixels)))
 
 
 def material_of(state: State) -> Float[np.ndarray, "unknown"]:
