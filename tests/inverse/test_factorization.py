@@ -234,16 +234,31 @@ def test_scatter_of_single_pixels_is_the_curvature(photographs):
     np.testing.assert_allclose(ours.both, 0, atol=1e-9 * np.abs(system.across).max())
 
 
+def test_a_sample_counts_as_often_as_it_stands_for_pixels(photographs):
+    """Samples that stand for two pixels, and the same samples twice, tell of the same light."""
+    pixels = 1 + np.arange(photographs.count) % 2
+    twice = photographs.take(np.repeat(np.arange(photographs.count), pixels))
+    lights = []
+    for some in (photographs._replace(stands_for=pixels.astype(float)), twice):
+        task = _task(some)
+        state = begin(task)
+        data = measured(task, state)
+        # Shares have a mean of one, so what is expected of the light goes by the number of samples.
+        data = data._replace(penalty=data.penalty * some.count / photographs.count)
+        lights.append(solve_light(response_of(task, state), state.guess, data).light)
+    np.testing.assert_allclose(*lights, atol=1e-8 * np.abs(lights[0]).max())
+
+
 def test_only_good_steps_count(photographs):
     """From a far start the first trials gain nothing: more damping is tried, and a step taken."""
     task = _task(photographs)
     state = _with_lamps(task, [LAMP])
-    far = state.guess._replace(gloss=state.guess.gloss - 4, sigma=state.guess.sigma - 1.5)
+    far = state.guess._replace(gloss=state.guess.gloss + 4, sigma=state.guess.sigma + 1)
     response, data = response_of(task, state), measured(task, state)
     free = free_unknowns(task, state)
-    end = descend_jointly(response, far, data, free, Descent(task.bounds, 2, 1e-6))
-    assert end.steps == 2
-    assert float(end.solved.cost) < 0.9 * float(solve_light(response, far, data).cost)
+    end = descend_jointly(response, far, data, free, Descent(task.bounds, 1, 1e-6))
+    assert end.steps == 1
+    assert float(end.solved.cost) < float(solve_light(response, far, data).cost)
 
 
 def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndarray:
