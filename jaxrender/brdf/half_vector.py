@@ -13,6 +13,8 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Keeps 1 / cos t finite; samples this close to grazing are never used.
 SMALLEST_COSINE = 1e-6
+# Below it a cosine has more digits than its versine.
+_SMALL = 0.5
 
 
 class HalfVector(NamedTuple):
@@ -53,12 +55,26 @@ def mirror_versine(incoming: Components, outgoing: Components) -> Float[Array, "
     return jnp.asarray((x * x + y * y + z * z) / 2)
 
 
+def mirror_cosine(incoming: Components, outgoing: Components) -> Float[Array, "*batch"]:
+    """Evaluate R . w_i, R = (-x, -y, z) of w_o; near 1 its versine has more digits."""
+    return jnp.asarray(incoming.z * outgoing.z - incoming.x * outgoing.x - incoming.y * outgoing.y)
+
+
 def power_of_cosine(
-    versine: Float[AnyArray, "*batch"], exponent: Float[AnyArray, ""] | float
+    versine: Float[AnyArray, "*batch"],
+    exponent: Float[AnyArray, ""] | float,
+    cosine: Float[AnyArray, "*batch"] | None = None,
 ) -> Float[Array, "*batch"]:
     """Evaluate max(c, 0)^s from the versine 1 - c; where c is not positive derivatives are 0.
 
     A cosine near 1 has too few digits for a large power in single precision; its versine has all.
+    For a power below 1 it is the reverse near 0: there the ``cosine``, where given, is used.
     """
-    positive = versine < 1
-    return jnp.where(positive, jnp.exp(exponent * jnp.log1p(-jnp.where(positive, versine, 0))), 0)
+    if cosine is None:
+        positive = versine < 1
+        logarithm = jnp.log1p(-jnp.where(positive, versine, 0))
+    else:
+        positive, small = cosine > 0, cosine < _SMALL
+        near, far = jnp.where(small & positive, cosine, 1), jnp.where(small, 0, versine)
+        logarithm = jnp.where(small, jnp.log(near), jnp.log1p(-far))
+    return jnp.where(positive, jnp.exp(exponent * logarithm), 0)

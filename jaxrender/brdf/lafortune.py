@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.half_vector import are_visible, mirror_versine, power_of_cosine
+from jaxrender.brdf.half_vector import are_visible, mirror_cosine, mirror_versine, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -92,7 +92,8 @@ class Lafortune(BRDF):
         for (cx, cy, cz), exponent in zip(coefficients, exponents, strict=True):
             # 1 - (C_x x + C_y y + C_z z), by how much its axis differs from R.
             versine = phong - (cx + 1) * x - (cy + 1) * y - (cz - 1) * z
-            lobe = power_of_cosine(versine, exponent) * incoming.z
+            cosine = cx * x + cy * y + cz * z
+            lobe = power_of_cosine(versine, exponent, cosine) * incoming.z
             lobes.append(jnp.where(visible, lobe, 0))
         return jnp.where(visible, incoming.z, 0), *lobes
 
@@ -151,5 +152,6 @@ class CosineLobe(ByOwnNumber, Glossy):
         """Evaluate the lobe times cos t_i."""
         versine = mirror_versine(incoming, outgoing)
         exponent, c_z = matching(self.exponent, versine), matching(self.c_z, versine)
-        versine = versine - (c_z - 1) * incoming.z * outgoing.z
-        return power_of_cosine(versine, exponent) * incoming.z
+        longer = (c_z - 1) * incoming.z * outgoing.z
+        cosine = mirror_cosine(incoming, outgoing) + longer
+        return power_of_cosine(versine - longer, exponent, cosine) * incoming.z

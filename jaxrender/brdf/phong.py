@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.glossy import Glossy
-from jaxrender.brdf.half_vector import are_visible, mirror_versine, power_of_cosine
+from jaxrender.brdf.half_vector import are_visible, mirror_cosine, mirror_versine, power_of_cosine
 from jaxrender.brdf.parameters import (
     Scalar,
     as_scalar,
@@ -88,4 +88,5 @@ class Phong(ByOwnNumber, Glossy):
         """Evaluate the normalised power of R . w_i."""
         versine = mirror_versine(incoming, outgoing)
         exponent = matching(self.exponent, versine)
-        return (exponent + 1) / (2 * np.pi) * power_of_cosine(versine, exponent)
+        power = power_of_cosine(versine, exponent, mirror_cosine(incoming, outgoing))
+        return (exponent + 1) / (2 * np.pi) * power

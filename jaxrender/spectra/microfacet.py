@@ -151,10 +151,15 @@ def _interpolated(
     exit_cosines: Float[Array, "sample"],
     band_limit: int,
 ) -> Float[Array, "sample *rest"]:
-    """Tabulate a function of the exit cosine and look it up for every sample by cubics."""
+    """Tabulate a function of the exit cosine and look it up for every sample by cubics.
+
+    Of fewer samples than the table has knots the function itself is taken.
+    """
     cosines = jnp.clip(exit_cosines, _LOWEST_COSINE, 1)
     lowest = _LOWEST_COSINE**0.5
     count = max(_EXIT_COSINE_KNOTS, _KNOTS_PER_DEGREE * band_limit)
+    if len(cosines) <= count:
+        return table_of(cosines)
     knots = jnp.linspace(lowest, 1, count, dtype=cosines.dtype) ** 2
     table = table_of(knots)
     position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (count - 1)

@@ -32,6 +32,8 @@ _AZIMUTH_NODES = 32
 _CROWDING, _CROWDING_PER_ORDER = 3.0, 0.375
 # Exit cosines below this are crowded for as this one.
 _LEAST_CROWDED = 0.01
+# A block of exit cosines has at most so many harmonics at its nodes: 256 MiB in double precision.
+_MOST_NUMBERS = 2**25
 # Closer to 1 than so many roundings an exit cosine counts as that: the angle has a slope there.
 _HEAD_ON_ROUNDINGS = 4
 
@@ -70,7 +72,7 @@ def azimuthal_transfer(
 ) -> Float[Array, "bin degree order"]:
     """Compute h_lq for degrees to the first and orders 0 to the second of the band limits.
 
-    Zero where q > l.  Arguments as of ``mean_transfer``.
+    Zero where q > l.  Arguments as of ``mean_transfer``.  Many exit cosines go through in blocks.
 
     Raises ``ValueError`` if more orders than degrees are asked for.
     """
@@ -80,8 +82,30 @@ def azimuthal_transfer(
         raise ValueError(
             f"orders to {order_limit} of degrees to {band_limit}: an order is at most its degree"
         )
+    extent = reach, tail
+    nodes = 2 * _node_count(band_limit, tail is not None)
+    block = max(1, _MOST_NUMBERS // (nodes * coefficient_count(band_limit)))
+    if exit_cosines.shape[0] <= block:
+        return _orders(lobe, exit_cosines, band_limits, extent)
+
+    # What each block has computed is computed again for its derivatives, not kept.
+    @jax.checkpoint
+    def of_one(cosine: Float[Array, ""]) -> Float[Array, "degree order"]:
+        return _orders(lobe, cosine[None], band_limits, extent)[0]
+
+    return jax.lax.map(of_one, exit_cosines, batch_size=block)
+
+
+def _orders(
+    lobe: Lobe,
+    exit_cosines: Float[AnyArray, "bin"],
+    band_limits: tuple[int, int],
+    extent: tuple[Float[Array, ""], Float[Array, ""] | None],
+) -> Float[Array, "bin degree order"]:
+    """Compute ``azimuthal_transfer`` for as many exit cosines as memory holds at once."""
+    band_limit, order_limit = band_limits
     exit_angles = exit_angles_of(exit_cosines)[:, None]
-    polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
+    polar, weights = _polar_nodes(exit_angles, extent, band_limit)
     moments = _moments(lobe, exit_angles, polar, order_limit)
     kernel = 2 * jnp.pi * moments * (jnp.sin(polar) * weights)[..., None]
     # At azimuth 0 the harmonics of the orders q >= 0 are their polar factors.

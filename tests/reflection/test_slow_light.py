@@ -9,9 +9,12 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, degrees, legendre, real_basis
 from jaxrender.reflection import polar_columns, reflect_slow_light
-from jaxrender.spectra import transfer_of_samples
+from jaxrender.spectra import FacetLobe, mirror_frame, transfer_of_samples
+from jaxrender.spectra.mirror_frame import azimuthal_transfer
 
 BAND_LIMIT = 8
+# More than the table of exit cosines has knots, so that it is looked up.
+SAMPLES = 80
 
 
 def unit(vectors):
@@ -22,9 +25,9 @@ def unit(vectors):
 def scene():
     """Samples with exit cosines from .15 to 1, one of them head-on, and coloured slow light."""
     rng = np.random.default_rng(5)
-    normals = unit(rng.normal(size=(60, 3)))
-    cosines = np.concatenate([[1.0], rng.uniform(0.15, 1, 59)])
-    across = unit(np.cross(normals, rng.normal(size=(60, 3))))
+    normals = unit(rng.normal(size=(SAMPLES, 3)))
+    cosines = np.concatenate([[1.0], rng.uniform(0.15, 1, SAMPLES - 1)])
+    across = unit(np.cross(normals, rng.normal(size=(SAMPLES, 3))))
     outgoing = cosines[:, None] * normals + np.sqrt(1 - cosines**2)[:, None] * across
     light = rng.normal(size=(coefficient_count(BAND_LIMIT), 2))
     light = light / (1 + degrees(BAND_LIMIT))[:, None]
@@ -61,7 +64,7 @@ def test_mirror_frames(scene):
     samples, _ = scene
     frames = np.asarray(samples.world_from_mirror)
     np.testing.assert_allclose(
-        frames @ np.swapaxes(frames, 1, 2), np.eye(3)[None].repeat(60, 0), atol=1e-12
+        frames @ np.swapaxes(frames, 1, 2), np.eye(3)[None].repeat(SAMPLES, 0), atol=1e-12
     )
     np.testing.assert_allclose(np.linalg.det(frames), 1, atol=1e-12)
     np.testing.assert_allclose(frames[:, :, 2], samples.reflected, atol=1e-12)
@@ -88,6 +91,33 @@ def test_high_orders_are_the_integral_too():
         )
     )[:, 1]
     assert np.abs(found - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+def test_a_few_samples_are_what_many_are(scene):
+    """Fewer than the knots are integrated each by itself, more are looked up."""
+    samples, light = scene
+    kind = Microfacet(np.ones(2), np.ones(2), 0.3, 1.5)
+    some = SurfaceSamples(*(np.asarray(a)[:7] for a in samples))
+    few, many = (np.asarray(reflect_slow_light(kind, s, light)) for s in (some, samples))
+    assert 0 < np.abs(few - many[:7]).max() < 1e-4 * np.abs(few).max()
+
+
+def test_blocks_of_exit_cosines_are_the_whole(monkeypatch):
+    """Value and derivative, in blocks of three and of all seven."""
+    cosines = jnp.linspace(0.1, 1, 7)
+
+    def total(sigma):
+        lobe = FacetLobe(sigma)
+        terms = azimuthal_transfer(lobe, cosines, (10, 10), *lobe.extent)
+        return jnp.sum(terms**2), terms
+
+    evaluate = jax.value_and_grad(total, has_aux=True)
+    (_, whole), slope = evaluate(0.3)
+    monkeypatch.setattr(mirror_frame, "_MOST_NUMBERS", 3 * 80 * 121)
+    (_, parts), slope_of_parts = evaluate(0.3)
+    assert "scan" in str(jax.make_jaxpr(evaluate)(0.3))
+    np.testing.assert_allclose(parts, whole, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(slope_of_parts, slope, rtol=1e-12)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
