@@ -135,15 +135,24 @@ def azimuthal_transfer_of_samples(
 ) -> Float[Array, "sample degree order"]:
     """Look up h_lq of T 3.43 for many samples, all orders 0 ... F or to a limit; order 0 is h_l.
 
-    With them slow light is reflected exactly: see ``reflection.reflect_slow_light``.
+    With them slow light is reflected exactly: see ``reflection.reflect_slow_light``.  Fewer samples
+    than the table would have knots are integrated each by itself, which is quicker.
     """
+    cosines = jnp.asarray(exit_cosines)
 
     def table(knots: Float[Array, "knot"]) -> Float[Array, "knot degree order"]:
         limits = (band_limit, band_limit if order_limit is None else min(order_limit, band_limit))
         extent = extent_of(brdf, knots.dtype)
         return azimuthal_transfer(brdf.specular_transfer, knots, limits, *extent)
 
-    return _interpolated(table, jnp.asarray(exit_cosines), band_limit)
+    if len(cosines) <= _knot_count(band_limit):
+        return table(jnp.clip(cosines, _LOWEST_COSINE, 1))
+    return _interpolated(table, cosines, band_limit)
+
+
+def _knot_count(band_limit: int) -> int:
+    """Say at how many exit cosines the transfer is tabulated."""
+    return max(_EXIT_COSINE_KNOTS, _KNOTS_PER_DEGREE * band_limit)
 
 
 def _interpolated(
@@ -151,15 +160,10 @@ def _interpolated(
     exit_cosines: Float[Array, "sample"],
     band_limit: int,
 ) -> Float[Array, "sample *rest"]:
-    """Tabulate a function of the exit cosine and look it up for every sample by cubics.
-
-    Of fewer samples than the table has knots the function itself is taken.
-    """
+    """Tabulate a function of the exit cosine and look it up for every sample by cubics."""
     cosines = jnp.clip(exit_cosines, _LOWEST_COSINE, 1)
     lowest = _LOWEST_COSINE**0.5
-    count = max(_EXIT_COSINE_KNOTS, _KNOTS_PER_DEGREE * band_limit)
-    if len(cosines) <= count:
-        return table_of(cosines)
+    count = _knot_count(band_limit)
     knots = jnp.linspace(lowest, 1, count, dtype=cosines.dtype) ** 2
     table = table_of(knots)
     position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (count - 1)
