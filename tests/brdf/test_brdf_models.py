@@ -16,7 +16,6 @@ from brdf_problems import KD, KS, MODELS, NAMES, direction, single_precision, up
 from jaxrender.brdf import (
     BRDF,
     BRDFS,
-    SIMPLE_PARAMETRIC,
     BlinnPhong,
     OrenNayar,
     Phong,
@@ -35,7 +34,7 @@ evaluate = eqx.filter_jit(BRDF.evaluate)
 
 def test_every_registered_model_is_tried():
     tried = {type(model) for model, *_ in MODELS.values()}
-    assert tried == {*BRDFS.values(), *SIMPLE_PARAMETRIC.values()}
+    assert tried == {*BRDFS.values()}
 
 
 @pytest.mark.parametrize("name", NAMES)

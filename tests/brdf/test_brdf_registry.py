@@ -31,6 +31,19 @@ KD, KS = np.array([0.1, 0.2]), np.array([0.3, 0.4])
 ALBEDO = 1e-4  # what directional_albedo promises
 
 
+def test_a_name_says_what_its_model_fixes_and_chooses():
+    ggx = brdf_named("ggx", kd=KD, ks=KS, sigma=0.2, mu=1.5)
+    assert (ggx.distribution, ggx.fresnel, ggx.masking) == ("ggx", "half", "smith")
+    assert brdf_named("ggx", kd=KD, ks=KS, sigma=0.2, mu=1.5, masking="none").masking == "none"
+    with pytest.raises(ValueError, match="ggx has no parameter 'distribution'"):
+        brdf_named("ggx", kd=KD, ks=KS, sigma=0.2, mu=1.5, distribution="beckmann")
+    cook = brdf_named("cook-torrance", kd=KD, ks=KS, roughness=0.2, mu=1.5)
+    assert isinstance(cook, TorranceSparrow)
+    assert cook.distribution == "beckmann"
+    grooves = brdf_named("oren-nayar", kd=[0.1, 0.2], sigma=0.3)
+    np.testing.assert_array_equal(grooves.amplitudes, [[0, 0], KD])
+
+
 def test_a_name_and_lists_make_a_model():
     brdf = brdf_named("phong", kd=[0.1, 0.2], ks=[0.3, 0.4], exponent=20)
     assert isinstance(brdf, Phong)
@@ -44,7 +57,7 @@ def test_a_name_and_lists_make_a_model():
     ("name", "parameters", "message"),
     [
         ("blin-phong", {}, "no BRDF is named 'blin-phong', did you mean 'blinn-phong'"),
-        ("xyz", {}, "no BRDF is named 'xyz'; choose one of lambertian, oren-nayar, phong"),
+        ("xyz", {}, "no BRDF is named 'xyz'; choose one of microfacet, ggx, beckmann"),
         (
             "ward",
             {"kd": [0.1], "ks": [0.1], "roughnes": 0.1},
@@ -79,17 +92,17 @@ def test_a_name_and_lists_make_a_model():
         ("ward", {"roughness": 0.1, "normalisation": "none"}, "choose one of ward, duer, bounded"),
         ("ward", {"roughness": 0.1, "roughness_y": 0.0}, "roughness_y=0.0"),
         (
-            "cook-torrance",
+            "cook-torrance-conductor",
             {"roughness": 0.1, "eta": [1.0, 1.0], "k": [1.0]},
             "eta has 2 channels where kd has 1",
         ),
         (
-            "cook-torrance",
+            "cook-torrance-conductor",
             {"roughness": 0.1, "eta": [1.0], "k": [-1.0]},
             "k=.*absorption is positive here",
         ),
         (
-            "lafortune",
+            "lafortune-lobes",
             {"ks": [[0.1]], "coefficients": [[1.0, 1.0, 1.0]], "exponents": [1.0, 2.0]},
             r"ks, coefficients and exponents have \(1, 1, 2\) lobes",
         ),

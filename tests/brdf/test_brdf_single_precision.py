@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxrender.brdf import SIMPLE_PARAMETRIC, Microfacet, simple_parametric_named
+from jaxrender.brdf import PARAMETRIC, Microfacet, lobe_named
 from jaxrender.geometry import Components
 
 # Of the largest value.
@@ -18,7 +18,7 @@ def model_named(name, sigma):
     kind, _, facets = name.partition(" ")
     if kind == "microfacet":
         return Microfacet(ONE, ONE, sigma, 1.5, "exit", "none", facets)
-    plain = simple_parametric_named(kind, 1)
+    plain = lobe_named(kind, 1)
     return plain.with_roughness(sigma, plain.mu).with_amplitudes(ONE, ONE)
 
 
@@ -29,7 +29,7 @@ def lobe(brdf, incoming, outgoing):
 
 @pytest.mark.parametrize(
     "name",
-    ["microfacet gaussian", "microfacet beckmann", "microfacet ggx", *SIMPLE_PARAMETRIC],
+    ["microfacet gaussian", "microfacet beckmann", "microfacet ggx", *PARAMETRIC],
 )
 def test_narrow_lobes_are_those_of_double_precision(name):
     rng = np.random.default_rng(1)

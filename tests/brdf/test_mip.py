@@ -133,6 +133,7 @@ def test_what_is_refused():
         MipShape(4, 4).taps(np.zeros((1, 2)), np.zeros(1), "sharp")
 
 
+@pytest.mark.slow
 def test_precision_and_derivatives():
     pyramid = ColourPyramid.of(ramp(8, 8).astype(np.float32), "clamp")
     places, levels = np.full((3, 2), 0.4, np.float32), np.full(3, 0.5, np.float32)

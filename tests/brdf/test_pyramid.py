@@ -49,6 +49,7 @@ def pyramid() -> BRDFPyramid:
     return BRDFPyramid.averaging(BRDFTexture.of(INDEX, TREES))
 
 
+@pytest.mark.slow
 def test_levels_are_means_of_samples(pyramid):
     tables = [np.asarray(TabulatedBRDF.of(b, SIZE, outside="zero").values) for b in BRDFS]
     for level, width in ((1, 2), (2, 4)):
@@ -122,6 +123,7 @@ def test_equal_trees_are_joined_and_unused_ones_dropped():
     assert len(texture.trees) == 2
 
 
+@pytest.mark.slow
 def test_thresholds_cost_what_they_say(pyramid):
     rms = 2e-3
     coarse = BRDFPyramid.averaging(BRDFTexture.of(INDEX, TREES), rms=rms)

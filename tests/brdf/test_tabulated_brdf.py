@@ -336,6 +336,7 @@ def test_resampling_to_the_same_cells_changes_nothing():
         np.testing.assert_allclose(table.resampled(SIZE).values, VALUES, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_resampling_gives_what_the_table_says_there():
     table = TabulatedBRDF.of(SHINY, 11, NUSSELT, "cubic")
     other = table.resampled((8, 6, 9, 7), POLAR)

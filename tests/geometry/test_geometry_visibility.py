@@ -111,6 +111,7 @@ def test_a_sphere_answers_exactly():
     np.testing.assert_array_equal(ball.occluded(origins, directions), [True, False, False, True])
 
 
+@pytest.mark.slow
 def test_visible_is_the_loop_over_pairs():
     rng = np.random.default_rng(8)
     face = rng.integers(0, len(TORUS.faces), 30)

@@ -457,7 +457,7 @@ EXCEPTIONS = {
         ),
         _NUMBER,
     ),
-    **dict.fromkeys(("brdf_named", "simple_parametric_named"), "of a name"),
+    **dict.fromkeys(("brdf_named", "lobe_named", "material_named"), "of a name"),
     **dict.fromkeys(("HalfDifference", "Masked", "Nearest", "Samples"), _GIVEN),
     **dict.fromkeys(("ScatteredFit", "ZernikeFit"), _GIVEN),
     **dict.fromkeys(("ShapeParameter", "IndexParameter"), "a power, and a sum, of one number"),

@@ -4,7 +4,7 @@ A row is a function, its arguments at a random place, and what they are at the e
 argument moves in one random direction: unit vectors on the sphere, rotations in their group, all
 else freely.  Along it the derivative, forward and reverse, compiled and mapped over the places, is
 held against differences of the sixth order, of two lengths of step, the nearer of which counts.
-Single precision is held against the same differences, and must stay single.
+Single precision, where asked for, is held against the same differences, and must stay single.
 
 Errors are relative to the largest derivative of all outputs, or to a thousandth of the largest
 value where nothing changes.
@@ -104,7 +104,10 @@ class Chapter(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The worst relative differences of one argument at one place; infinite where not finite."""
+    """The worst relative differences of one argument at one place; infinite where not finite.
+
+    ``single`` is 0 where it was not asked for.
+    """
 
     function: str
     argument: str
@@ -119,7 +122,7 @@ class Found(NamedTuple):
         return self.double <= DOUBLE and self.single <= SINGLE
 
 
-def check(row: Row) -> list[Found]:
+def check(row: Row, *, in_single: bool = True) -> list[Found]:
     """Differentiate a function at all places of its row, and hold it against differences."""
     names, places = list(row.arguments), ["random", *row.edges]
     rng = np.random.default_rng(zlib.crc32(row.name.encode()))
@@ -150,7 +153,10 @@ def check(row: Row) -> list[Found]:
     moves = _stacked([[m for m in p.moves if m is not None] for p in moved])
     at_zero = _stacked([p.at(None, 0.0) for p in moved])
     double = [np.asarray(a) for a in compiled(at_zero, moves, still)]
-    single, fault = _in_single(compiled, (at_zero, moves, still), double)
+    single, fault = None, ""
+    if in_single:
+        single, fault = _in_single(compiled, (at_zero, moves, still), double)
+    precisions = [double] if single is None else [double, single]
     values = _jit(jax.vmap(of_leaves))
     found: list[Found] = []
     for step in _STEPS:
@@ -159,7 +165,7 @@ def check(row: Row) -> list[Found]:
             break
         differences, sizes = _differences(row, values, (moved, places), step)
         errors = [
-            _errors(row, place, (double, single), (p, k), (differences[p, k], sizes[p, k]))
+            _errors(row, place, precisions, (p, k), (differences[p, k], sizes[p, k]))
             for p, place in enumerate(places)
             for k in range(len(names))
         ]
@@ -170,7 +176,7 @@ def check(row: Row) -> list[Found]:
                 name,
                 place,
                 error[0],
-                math.inf if fault else error[1],
+                math.inf if fault else error[-1] if in_single else 0.0,
                 fault or row.kinks.get(place) or row.one_sided.get(place, ""),
             )
             for (place, name), error in zip(pairs, errors)
@@ -186,11 +192,11 @@ def _jit(function: Callable) -> Callable:
 def _errors(
     row: Row,
     place: str,
-    precisions: tuple[list[np.ndarray], ...],
+    precisions: Sequence[list[np.ndarray]],
     index: tuple[int, int],
     reference: tuple[np.ndarray, float],
 ) -> list[float]:
-    """Return the errors of one argument at one place, in either precision."""
+    """Return the errors of one argument at one place, in each precision."""
     errors = []
     for _, slopes, products in precisions:
         expected = slopes[index] if place in row.kinks else reference[0]

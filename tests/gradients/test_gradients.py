@@ -1,6 +1,7 @@
 """Derivatives of all public functions: finite, right, forward and reverse, in both precisions.
 
-- Every row of the page passes; see ``page`` for what that means.
+- Every row of the page passes; see ``page`` for what that means.  Single precision is among the
+  slow tests: it compiles every function once more.
 - Every public function, and every array that it takes, is on a row or among the exceptions.
 - The checker finds a wrong derivative, a NaN, an infinity, precision lost and gained, cancellation.
 """
@@ -18,10 +19,20 @@ from . import CHAPTERS, Chapter, Row, check, unlisted
 ROWS = [(name, row) for name, chapter in CHAPTERS.items() for row in chapter.rows]
 
 
-@pytest.mark.parametrize(
+every_row = pytest.mark.parametrize(
     "row", [row for _, row in ROWS], ids=[f"{name}: {row.name}" for name, row in ROWS]
 )
+
+
+@every_row
 def test_derivatives_are_differences(row):
+    failing = [found for found in check(row, in_single=False) if not found.passes]
+    assert not failing, "\n".join(map(str, failing))
+
+
+@pytest.mark.slow
+@every_row
+def test_derivatives_are_differences_in_single_precision_too(row):
     failing = [found for found in check(row) if not found.passes]
     assert not failing, "\n".join(map(str, failing))
 

@@ -64,6 +64,7 @@ def scores(fit, truth=TRUTH):
     return (value - truth) / parameter_vector(fit.parameters.standard_error)
 
 
+@pytest.mark.slow
 def test_the_refined_fit_is_within_its_stated_errors(fit):
     assert fit.outcome is Outcome.CONVERGED
     assert np.all(np.abs(scores(fit)) < STATED_ERRORS)
@@ -89,6 +90,7 @@ def test_the_residual_is_the_noise(fit, exact):
     assert fit.final.noise.relative == pytest.approx(0.01, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_lobes_azimuth_in_the_frequency_model_fits_grazing_pixels_better(light):
     """No source taken out of the light, exit cosines down to .15, no noise: what is left is bias.
 
@@ -122,6 +124,7 @@ def test_values_are_those_of_the_material(fit):
     )
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth(light, exact):
     inside, seeds = 0, 8
     for seed in range(seeds):

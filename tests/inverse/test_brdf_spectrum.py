@@ -307,6 +307,7 @@ def photographed(brdf, light, count, seed, noise=0.01):
     return Observations(samples, noisy, np.zeros(count, int)), exact
 
 
+@pytest.mark.slow
 def test_what_was_recovered_under_rich_light_renders_soft_light():
     """T figure 6.2, bottom middle: low-frequency light needs the low frequencies only."""
     lamp = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.array([[3.0, 2.0]]))
@@ -328,6 +329,7 @@ def some_rich_light(lamp, soft, limit):
     return np.asarray(light_coefficients(lamp, limit)) + np.asarray(light_coefficients(soft, limit))
 
 
+@pytest.mark.slow
 def test_sharp_brdfs_ring_and_higher_orders_are_sharper():
     brdf = Microfacet(np.full(2, 0.1), np.full(2, 0.3), 0.15, None, "half", "smith")
     lamp = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.ones((1, 2)))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from inverse_problems import ball_samples, known_light, photograph, with_noise
 
-from jaxrender.brdf import Microfacet, Ward, simple_parametric_named
+from jaxrender.brdf import Microfacet, Ward, lobe_named
 from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Unknown
 from jaxrender.inverse.comparison import Candidate, compare_models, divided
 
@@ -21,7 +21,7 @@ METALLIC = MicrofacetUnknowns(mu=None)
 MATT = MicrofacetUnknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
 CANDIDATES = (
     Candidate("lambertian", Microfacet(KD, KS, 0.1, None), MATT),
-    Candidate("ward", simple_parametric_named("ward"), METALLIC),
+    Candidate("ward", lobe_named("ward"), METALLIC),
     Candidate("ggx", GGX.with_roughness(0.1), METALLIC),
 )
 SETTINGS = FitSettings(starts=1, refine_samples=320)

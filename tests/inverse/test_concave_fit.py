@@ -124,6 +124,7 @@ def test_the_material_is_recovered(fitted):
     assert np.all(errors(fitted.frequency) < FREQUENCY), errors(fitted.frequency)
 
 
+@pytest.mark.slow
 def test_without_shadows_it_is_not(photographs, fitted):
     blind = fit_brdf(photographs, KNOWN, UNKNOWNS, BRDF, SETTINGS._replace(refine=False))
     assert hidden_fraction(fitted.frequency.observations.transfer) > 0.03
@@ -138,6 +139,7 @@ def test_variants_keep_the_shadows(fitted, monkeypatch):
     assert np.all(np.abs(half.parameters.kd / TRUTH[:3] - 1) < 0.02)
 
 
+@pytest.mark.slow
 def test_sources_of_single_photographs(photographs):
     """No environment: every photograph has a lamp of its own, hidden from some samples."""
     towards = unit(np.array([[0.9, 0.4, 0.7], [-0.5, 0.8, 0.6], [0.1, -1.0, 0.5]]))

@@ -80,6 +80,7 @@ def test_transfer_vectors_and_shadowed_reflections():
     assert np.abs(convex.coefficients - light).max() > 3 * RESOLUTION * np.abs(light).max()
 
 
+@pytest.mark.slow
 def test_closer_to_the_filtered_truth_than_twelve_degrees():
     samples = samples_all_round(COUNT, lowest_cosine=0.7)
     brdf = Microfacet(np.full(3, 0.15), np.full(3, 0.2), SIGMA, 1.5)

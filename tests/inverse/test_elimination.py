@@ -193,6 +193,7 @@ def test_the_best_start_wins():
     assert float(both.solution.cost) == min(alone)
 
 
+@pytest.mark.slow
 def test_single_precision_runs_and_agrees():
     radiance = noisy()
     _, double = vary_projected(MicrofacetUnknowns(), toy_data(radiance))
@@ -237,6 +238,7 @@ def test_condensed_residuals_have_the_same_squares_and_slopes():
         np.testing.assert_allclose(few, full, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.3])
 def test_a_part_of_many_samples_leads_where_all_of_them_lead(noise):
     """Thousands of samples take the short way, whose end is within a tenth of a standard error."""

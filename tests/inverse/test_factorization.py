@@ -109,6 +109,7 @@ def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
     return descend(task, known._replace(guess=guess, active=active, weights=weights), 8)
 
 
+@pytest.mark.slow
 def test_material_and_lamp_are_found(found):
     total = PAINT.kd + PAINT.ks
     value, error = found.parameters.value, found.parameters.standard_error
@@ -366,7 +367,9 @@ def test_a_search_begins_at_the_stated_start_and_inside_the_bounds(photographs):
     ("name", "known", "bound"),
     [
         ("sigma", Known(sigma=sigma_unknown(0.2, 0.5), mu=MU), 0.2),
-        ("mu", Known(sigma=SIGMA, mu=mu_unknown(2.0, 3.0)), 2.0),
+        pytest.param(
+            "mu", Known(sigma=SIGMA, mu=mu_unknown(2.0, 3.0)), 2.0, marks=pytest.mark.slow
+        ),
     ],
     ids=["sigma", "mu"],
 )

@@ -143,6 +143,7 @@ def test_singular_values_are_those_of_a_numerical_jacobian():
     assert np.linalg.norm(least) == pytest.approx(expected[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_predicted_errors_are_those_that_a_fit_states():
     samples, frame = few_samples()
     light, brdf = known_light(), material()
@@ -181,6 +182,7 @@ def test_head_on_views_under_uniform_light_do_not_tell_the_roughness():
     assert forecast.evidence.rests_on_grazing
 
 
+@pytest.mark.slow
 def test_too_much_noise_asks_for_more_samples():
     samples, frame = few_samples(count=40)
     lamps = DirectionalSources(unit(np.array([[0.3, 0.2, 0.8]])), np.full((1, 3), 2.0))
@@ -226,6 +228,7 @@ def test_a_matt_material_tells_the_light_to_degree_two():
     assert np.all(forecast.singular_values(3) < 1e-5 * forecast.singular_values(0).min())
 
 
+@pytest.mark.slow
 def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     samples, frame = few_samples()
     supposed = Supposed(material(), NOISE)

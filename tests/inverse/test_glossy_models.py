@@ -23,7 +23,7 @@ from jaxrender.brdf import (
     Phong,
     TorranceSparrow,
     Ward,
-    simple_parametric_named,
+    lobe_named,
 )
 from jaxrender.geometry import Components
 from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Outcome, Unknown, fit_brdf
@@ -50,7 +50,7 @@ METALLIC = MicrofacetUnknowns(mu=None)
 # Each model is a minute of compiling on a slow machine.  Ward's is fitted where models are
 # compared, Blinn-Phong's width goes as Phong's, the facets of torrance-sparrow and cook-torrance
 # have an index below, and experiments/coverage_known_light.py fits he-torrance's series.
-@pytest.mark.parametrize("name", ["phong", "lafortune"])
+@pytest.mark.parametrize("name", [pytest.param("phong", marks=pytest.mark.slow), "lafortune"])
 def test_photographs_give_the_material_back(name):
     truth = MODELS[name]
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
@@ -73,10 +73,11 @@ def test_photographs_give_the_material_back(name):
     assert abs(fit.bias["sigma"]) < 0.03
 
 
+@pytest.mark.slow
 def test_a_reflectance_comes_back_with_its_index():
     truth = TorranceSparrow(KD, np.ones(3), 0.16, 1.5)
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
-    variant = simple_parametric_named("torrance-sparrow").with_roughness(0.1, 1.7)
+    variant = lobe_named("torrance-sparrow").with_roughness(0.1, 1.7)
     fit = fit_brdf(noisy, known_light(), MicrofacetUnknowns(), variant, SETTINGS)
     assert fit.outcome is Outcome.CONVERGED
     value, error = fit.parameters.value, fit.parameters.standard_error

@@ -96,6 +96,7 @@ def test_exact_data_give_the_light_back():
     assert np.all(found.chi_squared < 1e-9 * np.sum((weights * measured) ** 2, axis=0))
 
 
+@pytest.mark.slow
 def test_errors_follow_the_predicted_covariance():
     """Two hundred seeds are two hundred channels of one photograph."""
     seeds, count, degree = 200, 700, 6

@@ -120,6 +120,7 @@ def test_pixels_are_an_even_picture_of_all(photographs, told):
     assert abs(of_even.mean() - cosines.mean()) < 3.5 * cosines.std() / np.sqrt(DRAWN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_narrow_gloss_is_found_without_the_light(photographs, seed):
     """The draw knows the photographs alone, and samples of it stand for 1 to 40 pixels."""

@@ -58,7 +58,14 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("oren-nayar", marks=pytest.mark.slow),
+        pytest.param("kajiya-kay", marks=pytest.mark.slow),
+        "anisotropic-ward",
+    ],
+)
 def test_photographs_give_the_material_back(name):
     truth, unknowns = MODELS[name]
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
@@ -85,6 +92,7 @@ def test_photographs_give_the_material_back(name):
     }
 
 
+@pytest.mark.slow
 def test_brushed_metal_under_unknown_light():
     truth = AnisotropicWard(np.array([0.6, 0.5, 0.4]), np.array([0.4, 0.5, 0.6]), 0.15, 0.35)
     noisy = with_noise(photograph(truth, *ball_samples(500)), 0.01, 0.002)
@@ -101,7 +109,9 @@ def test_brushed_metal_under_unknown_light():
     assert np.degrees(np.arccos(min(nearest, 1.0))) < 1.5
 
 
-@pytest.mark.parametrize("brdf", [BRUSHED, PoulinFournier(KD, KS, 20.0, 2.4, 0.7)])
+@pytest.mark.parametrize(
+    "brdf", [BRUSHED, pytest.param(PoulinFournier(KD, KS, 20.0, 2.4, 0.7), marks=pytest.mark.slow)]
+)
 def test_the_response_is_the_integral(brdf):
     samples = SurfaceSamples(*(np.asarray(a)[::20] for a in ball_samples()[0]))
     lamps = np.array([[0.3, 0.5, 0.8], [-0.2, -0.9, 0.4]])
@@ -179,6 +189,7 @@ def statue() -> tuple[Observations, LightNodes]:
     return observations, nodes
 
 
+@pytest.mark.slow
 def test_a_concave_object_hides_light_from_itself(statue):
     observations, nodes = statue
     few = observations.take(np.arange(0, observations.count, 12))

@@ -103,6 +103,7 @@ def test_the_mirror_direction_has_no_half_angle():
     np.testing.assert_allclose(found[0, :2], [0, angle], atol=ROUNDING)
 
 
+@pytest.mark.slow
 def test_samples_are_the_brdf(exact):
     samples = brdf_samples(exact, LAMPS, NOISE, min_cosine=0.2)
     assert np.minimum(samples.incoming[:, 2], samples.outgoing[:, 2]).min() >= 0.2

@@ -178,6 +178,7 @@ def test_the_lobe_averaged_over_exit_angles():
     assert roughness_from_source(light, None, lobe_filter(material, 12)).sigma < 0.145
 
 
+@pytest.mark.slow
 def test_a_region_without_a_source():
     dim = random_light(2, seed=4)
     dim[0] = 6

@@ -42,11 +42,13 @@ def named(variants):
     return {(variant.fresnel, variant.masking): variant for variant in variants}
 
 
+@pytest.mark.slow
 def test_every_other_choice_is_tried(variants_by_truth):
     _, variants = variants_by_truth["exit"]
     assert set(named(variants)) == {("exit", "smith"), ("half", "none"), ("half", "smith")}
 
 
+@pytest.mark.slow
 def test_the_right_model_stands_and_the_wrong_falls(variants_by_truth):
     _, variants = variants_by_truth["exit"]
     assert named(variants)["half", "none"].rejected
@@ -58,6 +60,7 @@ def test_the_right_model_stands_and_the_wrong_falls(variants_by_truth):
     assert float(better.parameters.mu) == pytest.approx(1.4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_metal_varies_its_masking_alone(variants_by_truth):
     fit, _ = variants_by_truth["exit"]
     others = _others(fit.brdf.as_metal())
@@ -72,6 +75,7 @@ def moved(parameters, chi_squared, **factors):
     return Variant("half", "none", Parameters(**values), chi_squared)
 
 
+@pytest.mark.slow
 def test_sensitive_is_a_quarter_under_a_variant_that_stands(variants_by_truth):
     fit, _ = variants_by_truth["exit"]
     value = fit.parameters.value

@@ -42,6 +42,7 @@ def test_no_photograph_is_needed(planned, capsys):
     assert not (planned.parent / "images").exists()
 
 
+@pytest.mark.slow
 def test_uniform_light_seen_head_on(planned, capsys):
     config = uniform(planned)
     figure = planned.parent / "forecast.svg"
@@ -85,6 +86,7 @@ def test_a_recipe_is_not_rendered(tmp_path, capsys):
     assert not cache.exists()
 
 
+@pytest.mark.slow
 def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
     (tmp_path / "recipe.yaml").write_text(
         "geometry: {sphere: {radius: 1}}\n"
@@ -107,9 +109,9 @@ def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--suppose", "gloss=1"], "suppose kd, ks, sigma, mu, roughness, roughness_y or exponent"),
+        (["--suppose", "gloss=1"], "--suppose gloss=1: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "sigma=-1"], "give 1 number above 0"),
-        (["--suppose", "exponent=9"], "--suppose exponent: microfacet has kd, ks, sigma, mu"),
+        (["--suppose", "exponent=9"], "--suppose exponent=9: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "kd=red"], "'red' is no number"),
         (["--noise", "0"], "--noise 0"),
         (["--count", "0"], "--count 0"),

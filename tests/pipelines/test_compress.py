@@ -44,7 +44,7 @@ def missed(brdf: BRDF, tree: WaveletBRDF, size: int) -> float:
     return float(np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)))
 
 
-@pytest.mark.parametrize("wavelet", ["haar", "cdf-2-2"])
+@pytest.mark.parametrize("wavelet", ["haar", pytest.param("cdf-2-2", marks=pytest.mark.slow)])
 def test_a_model(tmp_path, wavelet):
     goal, centres = Goal(0.2), {"cell_samples": 1}
     done = compress(WIDE, tmp_path / "t.nc", goal, size=8, wavelet=wavelet, **centres)
@@ -59,6 +59,7 @@ def test_a_model(tmp_path, wavelet):
     assert [p.name for p in tmp_path.iterdir()] == ["t.nc"]
 
 
+@pytest.mark.slow
 def test_cells_have_their_means():
     """Against many random samples of the same cells; a reciprocal BRDF's table is reciprocal."""
     lobe = source_of("microfacet:sigma=0.15,fresnel=half,masking=smith").brdf
@@ -129,6 +130,7 @@ def test_holes_are_counted_and_filled(hole):
     assert np.count_nonzero(inside) > np.count_nonzero(cleared)
 
 
+@pytest.mark.slow
 def test_a_tree_of_a_table_and_of_that_tree(tmp_path):
     brdf = Phong(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.1]), 4.0)
     values = tabulate(brdf, 4, dtype=np.float64).values

@@ -21,7 +21,7 @@ import pytest
 import small_captures
 from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
-from jaxrender.brdf import BlinnPhong
+from jaxrender.brdf import BlinnPhong, material_named
 from jaxrender.errors import InputError
 from jaxrender.harmonics import LatLongGrid, analyse, degrees, real_basis
 from jaxrender.inverse.factorization import RecoveredScene
@@ -29,7 +29,7 @@ from jaxrender.io import read_environment, read_image, write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.light import light_images
-from jaxrender.pipelines.render import Scene, material_of, render_config
+from jaxrender.pipelines.render import Scene, render_config
 from jaxrender.pipelines.summary import summary_of
 
 LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
@@ -94,6 +94,7 @@ def test_factorize_finds_material_and_lamps(factorized):
     np.testing.assert_allclose(energies, truth, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_another_model_speaks_its_own_words(capture):
     """Facets of few degrees look much alike: an exponent of the half vector is 2 / sigma^2.
 
@@ -107,7 +108,7 @@ def test_another_model_speaks_its_own_words(capture):
     low, high = result["interval90"]["exponent"]
     assert low < result["brdf"]["exponent"] < high
     assert result["brdf"]["exponent"] == pytest.approx(2 / SIGMA**2, rel=0.2)
-    assert isinstance(material_of(result["brdf"]), BlinnPhong)
+    assert isinstance(material_named("blinn-phong", result["brdf"]), BlinnPhong)
 
 
 @pytest.mark.parametrize(
@@ -205,6 +206,7 @@ def test_too_few_pixels_are_refused(capture):
         _run(capture, "factorize", "", count=50)
 
 
+@pytest.mark.slow
 def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path):
     folder, _ = factorized
     out = render_config(folder, tmp_path / "again")

@@ -54,6 +54,7 @@ def sphere(shrm, about, least_cosine):
     return SurfaceSamples(normals, np.broadcast_to(towards, normals.shape).copy()), values
 
 
+@pytest.mark.slow
 def test_a_microfacet_sphere_is_the_integrals(probe, capsys):
     arguments = ("--brdf", "microfacet:sigma=0.4", "--shrm", "--tolerance", "0.01")
     code, folder = prefilter(probe, *arguments)
@@ -110,6 +111,7 @@ def test_energies_of_lobes_of_one_angle():
     assert missing_energy(own)[-1, 0] == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_orders_are_chosen_or_given():
     lobe = lobe_of("microfacet:sigma=0.4")
     free = lobe_orders(lobe, OrdersGoal(0.03))

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from small_captures import jaxrender, moving_light, read_result
 
+from jaxrender.brdf import material_named
 from jaxrender.errors import InputError
 from jaxrender.harmonics import degrees
 from jaxrender.imaging import erode
 from jaxrender.io import read_image
 from jaxrender.pipelines.config import load_run_config
-from jaxrender.pipelines.render import material_of, render_config
+from jaxrender.pipelines.render import render_config
 from jaxrender.pipelines.result import read_result as read_finished
 from jaxrender.pipelines.summary import summary_of
 
@@ -221,20 +222,20 @@ def test_what_is_missing_or_damaged_is_named(finished, tmp_path):
 
 
 def test_materials_from_their_summary():
-    metal = material_of(
+    metal = material_named(
+        "microfacet",
         {
-            "model": "microfacet",
             "kd": [0.1, 0.2, 0.3],
             "ks": [0.3, 0.2, 0.1],
             "sigma": 0.2,
             "mu": "none",
             "fresnel": "half",
             "masking": "smith",
-        }
+        },
     )
     assert metal.mu is None
     assert (metal.fresnel, metal.masking) == ("half", "smith")
     np.testing.assert_allclose(metal.ks, [0.3, 0.2, 0.1])
-    diffuse = material_of({"model": "lambertian", "kd": [0.1, 0.2, 0.3]})
+    diffuse = material_named("lambertian", {"kd": [0.1, 0.2, 0.3]})
     np.testing.assert_allclose(diffuse.kd, [0.1, 0.2, 0.3])
     np.testing.assert_array_equal(diffuse.ks, 0)

@@ -82,6 +82,7 @@ def test_moving_light_gives_the_material_without_an_environment(tmp_path_factory
     assert all(result["identifiable"].values())
 
 
+@pytest.mark.slow
 def test_a_messy_capture(capture, capsys):
     """A mask, an exposure factor, broken pixels, and a camera that sees nothing, all at once."""
     picture = read_image(capture / "images/0.exr")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_captures import CONFIG
 
+from jaxrender.brdf import material_named
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Sphere
 from jaxrender.io import write_mesh
@@ -19,17 +20,16 @@ from jaxrender.pipelines.config import (
     RunConfig,
     load_run_config,
 )
-from jaxrender.pipelines.render import material_of
 from jaxrender.pipelines.scene import (
     fault_of,
     input_files,
     known_light,
+    lobe_of,
     settings_of,
     shape_of,
     sources_of_frame,
     true_material,
     unknowns_of,
-    variant_of,
 )
 
 UP = {"direction": [0, 0, 2], "irradiance": [1, 2, 3]}
@@ -78,11 +78,11 @@ def test_unknowns_follow_the_config():
 
 def test_metals_and_diffuse_materials_have_no_index():
     assert unknowns_of(config_of(brdf={"mu": "none"}), 1).mu is None
-    assert variant_of(config_of(brdf={"mu": "none"}).brdf).mu is None
+    assert lobe_of(config_of(brdf={"mu": "none"}).brdf).mu is None
     diffuse = unknowns_of(config_of(brdf={"model": "lambertian"}), 1)
     assert diffuse.names == ()
     assert diffuse.ks.fixed == (0.0,)
-    variant = variant_of(config_of(brdf={"fresnel": "half", "masking": "smith"}).brdf)
+    variant = lobe_of(config_of(brdf={"fresnel": "half", "masking": "smith"}).brdf)
     assert (variant.fresnel, variant.masking, variant.mu is None) == ("half", "smith", False)
 
 
@@ -98,7 +98,11 @@ def test_models_name_their_distribution(model, distribution, fresnel, masking):
     amounts = {"kd": [0.1, 0.2, 0.3], "ks": 0.2, "sigma": 0.3, "mu": 1.5}
     stated = true_material(RecipeBrdfConfig.model_validate({"model": model, **amounts}))
     written = amounts | {"model": model, "fresnel": fresnel, "masking": masking}
-    for brdf in (variant_of(config_of(brdf={"model": model}).brdf), stated, material_of(written)):
+    for brdf in (
+        lobe_of(config_of(brdf={"model": model}).brdf),
+        stated,
+        material_named(model, written),
+    ):
         assert (brdf.distribution, brdf.fresnel, brdf.masking) == (distribution, fresnel, masking)
 
 

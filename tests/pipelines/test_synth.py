@@ -70,6 +70,7 @@ def test_under_sources_they_are_the_formula(tmp_path):
         np.testing.assert_array_equal(photograph.pixels[~view.hit], 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.25, 0.05])
 def test_under_lobes_they_are_the_integral(tmp_path, sigma):
     """Against the sum over a sphere of 256 rows, good to 1e-3 (its horizon)."""

@@ -143,6 +143,7 @@ def test_the_result_renders_again(found, ball, tmp_path):
     assert not list(out.glob("*_deviation.exr"))
 
 
+@pytest.mark.slow
 def test_a_mesh_without_coordinates_has_vertices(tmp_path):
     mesh = Mesh.icosphere(2)
     plain = Paint(np.tile(KD[:1], (2, 1)), np.zeros(2))
@@ -208,6 +209,7 @@ def test_matte_paint_under_unknown_light(matte):
     assert "What cannot be told" in (folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_gloss_under_unknown_light(tmp_path):
     """T 6.1.1, class 7: what moves with the view tells light, sigma and mu, and so the texture."""
     capture = write_painted(tmp_path / "capture", views=10, lamps=soft_light())
@@ -313,6 +315,7 @@ def varying(tmp_path_factory):
     return capture, *run(capture, VARYING_TASK)
 
 
+@pytest.mark.slow
 def test_sigma_varies_over_the_ball(varying):
     _, folder, result = varying
     maps = arrays(folder)

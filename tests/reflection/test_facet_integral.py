@@ -58,8 +58,10 @@ def slow():
     [
         Microfacet(ONES, ONES, 0.08, 1.6),
         Microfacet(ONES, ONES, 0.3, None, "exit", "smith"),
-        Microfacet(ONES, ONES, 0.2, 1.5, "half", "smith", "ggx"),
-        Ward(ONES, ONES, 0.15),
+        pytest.param(
+            Microfacet(ONES, ONES, 0.2, 1.5, "half", "smith", "ggx"), marks=pytest.mark.slow
+        ),
+        pytest.param(Ward(ONES, ONES, 0.15), marks=pytest.mark.slow),
         BlinnPhong(ONES, ONES, 80.0),
     ],
     ids=["gaussian", "masked", "ggx", "ward", "blinn-phong"],
@@ -87,7 +89,7 @@ def test_coefficients_are_the_same_integral(samples, slow):
     assert rms(by_light - by_harmonic) < 5e-4 * rms(by_light)
 
 
-@pytest.mark.parametrize("which", ["sigma", "mu"])
+@pytest.mark.parametrize("which", ["sigma", pytest.param("mu", marks=pytest.mark.slow)])
 def test_derivatives(samples, slow, which):
     """The nodes follow sigma but are held still by the derivative, which must not matter."""
     numbers = {"sigma": 0.15, "mu": 1.5}
@@ -121,6 +123,7 @@ def test_the_split_for_facets_needs_no_source_where_light_is_slow(samples):
     assert by_facets.error < 0.1 * by_mean.error_without
 
 
+@pytest.mark.slow
 def test_the_dual_model_filters_by_facets_where_told(samples, slow):
     dark = DirectionalSources(np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 2)))
     kind = Microfacet(ONES, ONES, 0.2, 1.5)

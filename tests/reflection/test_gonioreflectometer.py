@@ -136,6 +136,7 @@ def test_white_grooves_keep_energy():
     assert (direct < 0.9).all()
 
 
+@pytest.mark.slow
 def test_errors_are_right_and_pairs_reciprocal():
     meter = Gonioreflectometer.of(sawtooth(1, 1.1, 0.7), [WHITE, WHITE])
     directions = cosine_directions(24, 7)
@@ -156,6 +157,7 @@ def test_errors_are_right_and_pairs_reciprocal():
         assert small.max() < 0.02
 
 
+@pytest.mark.slow
 def test_rough_surface_of_narrow_facets_is_a_microfacet_brdf():
     slope, narrow = 0.3, 0.08
     facet = Microfacet(np.zeros(1), np.ones(1), narrow, None, "half", "smith", "beckmann")

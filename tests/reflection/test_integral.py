@@ -182,6 +182,7 @@ def test_polar_quadrature_head_on():
     np.testing.assert_allclose(columns[:, 1], 0.9414809, rtol=1e-6)  # ERRATA 27: .941
 
 
+@pytest.mark.slow
 def test_sum_over_texels_tends_to_the_integral():
     """The module's figures; lobes of sigma = .1 at exit cosines below .3 see up to four times."""
     samples, brdf = random_samples(30, 0.3, seed=5), microfacet(0.3)
@@ -255,6 +256,7 @@ def test_the_tangent_is_the_meridian():
     np.testing.assert_allclose(near, integral_columns(brdf, below, NODES), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_polar_coefficients_are_the_columns_under_each_harmonic():
     brdf = Microfacet(np.full(3, 0.2), np.full(3, 0.3), 0.2, 1.5)
     columns = polar_columns(brdf, SAMPLES, lambda directions: real_basis(directions, 4), 24)

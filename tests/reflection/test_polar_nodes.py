@@ -86,6 +86,7 @@ def test_a_traced_width_that_is_too_narrow_is_refused():
     assert np.all(np.isfinite(traced(jnp.asarray(0.05), 24)))
 
 
+@pytest.mark.slow
 def test_a_render_chooses_while_the_width_is_known():
     lobes = SmoothLobes(np.array([[0.6, 0.0, 0.8]]), np.ones(1), np.full((1, 1), 3.0))
     dark = LightNodes(np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 1)))

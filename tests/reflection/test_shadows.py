@@ -110,6 +110,7 @@ def test_a_mask_of_all_nodes_is_none():
     np.testing.assert_array_equal(dark, np.zeros((COUNT, 2, 3)))
 
 
+@pytest.mark.slow
 def test_frames_have_their_own_shadows():
     directions = np.stack([unit_vectors(4, seed) for seed in (4, 5)])
     frames = FrameNodes(directions, RNG.uniform(0, 1, (2, 4, 3)), np.arange(COUNT) % 2)

@@ -148,6 +148,7 @@ def test_a_radial_lobe_gives_a_plain_reflection_map():
     assert np.abs(maps - expected).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_interpolation_is_second_order_across_poles_and_seam(made):
     light, spectrum, _ = made
     rng = np.random.default_rng(11)
@@ -283,6 +284,7 @@ def test_principal_components_are_those_of_the_dense_light_field(made):
     assert np.isclose(part, every.energy[5:].sum(), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_column_of_a_lobe_nears_the_integral_as_the_viewers_degree_grows():
     rng = np.random.default_rng(0)
     samples, light = _samples(rng), _light(rng, 8)
@@ -337,6 +339,7 @@ def test_a_rendered_pixel_is_differentiable_in_light_sigma_and_mu():
         assert abs(found[axis] - (4 * near - far) / 3) < 1e-6 * max(1, abs(found[axis]))
 
 
+@pytest.mark.slow
 def test_photographs_of_a_sphere_give_its_map():
     rng = np.random.default_rng(6)
     light, spectrum = _light(rng, 3), _any_spectrum(rng, (3, 1))

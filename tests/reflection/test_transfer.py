@@ -126,6 +126,7 @@ def test_it_is_the_sum_over_brute_force_rays(monkeypatch):
         np.testing.assert_allclose(clever.values[place], expected, atol=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plain", [False, True])
 def test_the_stated_errors_are_the_errors(plain):
     places, normals = on_statue()

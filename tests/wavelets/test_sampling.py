@@ -179,6 +179,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_million_draws_have_the_density(name):
     assert len(DRAWN) == TESTS

@@ -89,6 +89,7 @@ def test_points_outside_count_as_the_nearest():
         assert np.isfinite(evaluate(tree, outside)).all()
 
 
+@pytest.mark.slow
 def test_forest_is_the_twin_of_traversals():
     rng = np.random.default_rng(3)
     trees = [tree_of(haar(), 8, 4, f, seed) for seed, f in enumerate((1.0, 0.05, 0.003))]

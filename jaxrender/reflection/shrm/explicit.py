@@ -40,6 +40,7 @@ class IcosahedralMaps(eqx.Module):
         viewers = icosahedron_vertices()
         return cls(jnp.stack([shrm.dynamic_map(viewer) for viewer in viewers]), shrm.weighted)
 
+    @eqx.filter_jit
     @checked
     def at(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch channel"]:
         """Blend the maps of the three viewers around each outgoing direction."""
@@ -103,6 +104,7 @@ class AzimuthalTexture(eqx.Module):
         found = jnp.einsum("rcpd,ep->ercd", maps, around, precision="highest")
         return cls(found, local.weighted)
 
+    @eqx.filter_jit
     @checked
     def at(self, centres: Directions, outgoing: Directions) -> Float[Array, "*batch channel"]:
         """Interpolate linearly between the two nearest angles."""

@@ -262,8 +262,8 @@ MATERIALS = {
         "brdf: ks has three values; add 'ks_per_channel: true', or give one number"
     ),
     "{model: ggx, sigma: {bounds: [0.1, 2]}}": (
-        "brdf: found sigma 2.0 with model ggx, whose roughness is at most 1; "
-        "give less or choose model microfacet"
+        "brdf: found sigma 2 with model ggx, where it is above 0 and at most 1; "
+        "give another, or choose another model"
     ),
     "{model: lambertian, ks: 1, mu: none}": (
         "brdf: found ks, mu with model lambertian, which has only kd; "
@@ -367,8 +367,8 @@ RECIPES = {
         "bad.yaml:2:1: brdf: a ggx recipe states its whole truth; missing: ks"
     ),
     ("sigma: 0.1", "model: beckmann, sigma: 1.1"): (
-        "bad.yaml:2:1: brdf: found sigma 1.1 with model beckmann, whose roughness is at most 1; "
-        "give less or choose model microfacet"
+        "bad.yaml:2:1: brdf: found sigma 1.1 with model beckmann, where it is above 0 and at most "
+        "1; give another, or choose another model"
     ),
     ("kd: 0.1, ks: 0.2", "model: lambertian, kd: 0.1, ks: 0.2"): (
         "bad.yaml:2:1: brdf: found ks with model lambertian, which has only kd; "
