@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, SIMPLE_PARAMETRIC, Microfacet, simple_parametric_named
+from jaxrender.brdf import BRDF, PARAMETRIC, Microfacet, lobe_named
 from jaxrender.geometry import Components, SurfaceSamples
 from jaxrender.harmonics import LatLongGrid, coefficient_count, degrees, legendre, real_basis
 from jaxrender.lighting import DirectionalSources
@@ -54,9 +54,9 @@ def materials(sigma: float) -> dict[str, BRDF]:
         if sigma <= 1 or facets == "gaussian":
             name = f"microfacet {facets}, {masking}"
             made[name] = Microfacet(one, one, sigma, 1.5, "exit", masking, facets)
-    for name in SIMPLE_PARAMETRIC:
+    for name in PARAMETRIC:
         try:
-            plain = simple_parametric_named(name, 1)
+            plain = lobe_named(name, 1)
             made[name] = plain.with_roughness(sigma, plain.mu).with_amplitudes(one, one)
         except ValueError:  # a width that this model does not have
             continue

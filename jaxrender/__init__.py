@@ -3,8 +3,9 @@
 Light is the signal, the BRDF is the filter, a photograph of a curved surface is the filtered light.
 The packages follow the theory, and each imports only from those above it in this list:
 
-``shapes`` ``errors``
-    array types and the glossary of axis words; the error for input that can be mended
+``shapes`` ``errors`` ``catalogue``
+    array types and the glossary of axis words; the error for input that can be mended; every model
+    by its name, and what each of its numbers is
 ``harmonics`` ``wavelets`` ``geometry`` ``imaging``
     functions on the sphere; wavelets over any number of axes; directions, cameras and surfaces;
     pixels as measurements
@@ -18,6 +19,10 @@ The packages follow the theory, and each imports only from those above it in thi
     the division: material from photographs, with error bars
 ``pipelines``
     files in, files out: configuration, runs, results, reports
+
+What everyday work needs is here by its own name: ``load_capture``, ``load_mesh``,
+``load_environment``; ``Sphere``, ``Mesh``, ``Pinhole``; the lights; ``material`` of a model's name
+and numbers; ``render``; ``Scene``, ``unknown`` and ``fit``.
 """
 
 import importlib
@@ -38,13 +43,45 @@ _PACKAGES = (
     "wavelets",
 )
 
-__all__ = ["__version__", *_PACKAGES]
+# What stands here by its own name, or by a shorter one: its package and its name there.
+_NAMES = {
+    "ClearSky": "lighting.ClearSky",
+    "DirectionalSources": "lighting.DirectionalSources",
+    "Environment": "lighting.Environment",
+    "Estimate": "inverse.Estimate",
+    "FactorSettings": "inverse.FactorSettings",
+    "FitSettings": "inverse.FitSettings",
+    "HarmonicLight": "lighting.HarmonicLight",
+    "InputError": "errors.InputError",
+    "Mesh": "geometry.Mesh",
+    "Observations": "inverse.Observations",
+    "Orthographic": "geometry.Orthographic",
+    "OvercastSky": "lighting.OvercastSky",
+    "Pinhole": "geometry.Pinhole",
+    "Scene": "inverse.Scene",
+    "SmoothLobes": "lighting.SmoothLobes",
+    "Sphere": "geometry.Sphere",
+    "Told": "inverse.Told",
+    "fit": "inverse.fit",
+    "load_capture": "inverse.load_capture",
+    "load_environment": "io.read_environment",
+    "load_mesh": "io.read_mesh",
+    "look_at": "geometry.look_at",
+    "material": "brdf.brdf_named",
+    "render": "reflection.render_lit",
+    "unknown": "inverse.unknown",
+}
+
+__all__ = ["__version__", *_PACKAGES, *_NAMES]
 
 
 def __getattr__(name: str):
-    """Import a package when it is first asked for, so that ``import jaxrender`` stays quick."""
+    """Import what is asked for when it first is, so that ``import jaxrender`` stays quick."""
     if name in _PACKAGES:
         return importlib.import_module(f"{__name__}.{name}")
+    if name in _NAMES:
+        package, _, own = _NAMES[name].partition(".")
+        return getattr(importlib.import_module(f"{__name__}.{package}"), own)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -2,7 +2,8 @@
 
 - A package imports only from lower levels; packages of one level never import each other.
 - Only ``inverse/solvers.py`` imports optimistix, jaxopt, lineax; matplotlib stays in ``pipelines``.
-- ``pipelines/config`` is data: it knows pydantic, ruamel, ``errors`` and itself, no run time.
+- ``pipelines/config`` is data: it knows pydantic, ruamel, ``errors``, ``catalogue`` and itself, no
+  run time.
 - No ``print(`` anywhere; only the command line turns on float64, in ``cli/process.py``.
 - The checker itself finds each of these in small made-up sources, also inside functions, relative
   and by importlib.
@@ -22,6 +23,7 @@ ROOT = Path(jaxrender.__file__).parent
 LEVELS = {
     "shapes": 0,
     "errors": 0,
+    "catalogue": 0,
     "harmonics": 1,
     "wavelets": 1,
     "geometry": 1,
@@ -38,7 +40,7 @@ LEVELS = {
 }
 SOLVER_LIBRARIES = {"optimistix", "jaxopt", "lineax"}
 CONFIG_LIBRARIES = {"pydantic", "pydantic_core", "ruamel"} | set(sys.stdlib_module_names)
-CONFIG_MODULES = ("jaxrender.errors", "jaxrender.pipelines.config")
+CONFIG_MODULES = ("jaxrender.errors", "jaxrender.catalogue", "jaxrender.pipelines.config")
 
 
 class Import(NamedTuple):

@@ -82,7 +82,13 @@ from jaxrender.brdf.properties import (
     reciprocity_error,
     separability_error,
 )
-from jaxrender.brdf.registry import BRDFS, SIMPLE_PARAMETRIC, brdf_named, simple_parametric_named
+from jaxrender.brdf.registry import (
+    BRDFS,
+    PARAMETRIC,
+    brdf_named,
+    lobe_named,
+    material_named,
+)
 from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
 from jaxrender.brdf.scattering_trees import ScatteringTrees
 from jaxrender.brdf.tables.cell_means import Samples, tabulate
@@ -118,7 +124,6 @@ __all__ = [
     "FRESNEL_ANGLES",
     "MASKINGS",
     "RECONSTRUCTIONS",
-    "SIMPLE_PARAMETRIC",
     "WARD_NORMALISATIONS",
     "Beckmann",
     "BlinnPhong",
@@ -145,6 +150,7 @@ __all__ = [
     "Nearest",
     "OrenNayar",
     "OrenNayarLobe",
+    "PARAMETRIC",
     "Parametric",
     "Phong",
     "PolarIsotropicTable",
@@ -165,6 +171,8 @@ __all__ = [
     "ZernikeBRDF",
     "ZernikeFit",
     "brdf_named",
+    "lobe_named",
+    "material_named",
     "conductor_fresnel",
     "directional_albedo",
     "fit_isotropic_table",
@@ -184,7 +192,6 @@ __all__ = [
     "reciprocity_error",
     "schlick_fresnel",
     "separability_error",
-    "simple_parametric_named",
     "smith_facet_masking",
     "smith_masking",
     "tabulate",

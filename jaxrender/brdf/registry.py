@@ -1,94 +1,149 @@
-"""Every model by the name that configurations and recipes call it."""
+"""Every model by the name that configurations, recipes and command lines call it.
+
+Those of the catalogue are what a fit can recover.  Beside them stand the general forms of four of
+them, which have more numbers than a fit can tell, Lambert's, and sums of models.
+"""
 
 import dataclasses
 import difflib
-from collections.abc import Iterable
+import importlib
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
-from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
-from jaxrender.brdf.kajiya_kay import KajiyaKay
-from jaxrender.brdf.lafortune import CosineLobe, Lafortune
-from jaxrender.brdf.lambertian import Lambertian
+from jaxrender.brdf.he_torrance import HeTorrance
+from jaxrender.brdf.lafortune import Lafortune
 from jaxrender.brdf.microfacet import Microfacet
 from jaxrender.brdf.mixture import Mixture
-from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
+from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.parametric import Parametric
-from jaxrender.brdf.phong import Phong
-from jaxrender.brdf.poulin_fournier import PoulinFournier
-from jaxrender.brdf.torrance_sparrow import TorranceSparrow
-from jaxrender.brdf.ward import AnisotropicWard, Ward
+from jaxrender.catalogue import MODELS, Model
+
+
+def _class_of(model: Model) -> type[BRDF]:
+    module, _, name = model.home.rpartition(".")
+    return getattr(importlib.import_module(f"jaxrender.brdf.{module}"), name)
+
 
 BRDFS: dict[str, type[BRDF]] = {
-    "lambertian": Lambertian,
-    "oren-nayar": OrenNayar,
-    "phong": Phong,
-    "blinn-phong": BlinnPhong,
-    "microfacet": Microfacet,
-    "torrance-sparrow": TorranceSparrow,
-    "cook-torrance": CookTorrance,
-    "he-torrance": HeTorrance,
-    "ward": Ward,
-    "anisotropic-ward": AnisotropicWard,
-    "lafortune": Lafortune,
-    "kajiya-kay": KajiyaKay,
-    "poulin-fournier": PoulinFournier,
+    **{name: _class_of(model) for name, model in MODELS.items()},
+    # A complex index for each channel; several lobes; the longer series, of light reflected twice.
+    "cook-torrance-conductor": CookTorrance,
+    "he-torrance-conductor": HeTorrance,
+    "lafortune-lobes": Lafortune,
+    "oren-nayar-full": OrenNayar,
     "mixture": Mixture,
 }
-
-# Those that a fit knows by one number for the lobe and perhaps a second; Microfacet has variants
-# besides.  Of Lafortune's model one lobe.  Cook and Torrance's has a lobe for each channel, but if
-# all have one real index it is Torrance and Sparrow's with other facets; of He and Torrance's that
-# of one wavelength; of Oren and Nayar's the shorter one, whose lobe is linear in the albedo.
-_OF_ONE_LOBE: dict[str, type[Parametric]] = {
-    "cook-torrance": TorranceSparrow,
-    "he-torrance": HeTorranceLobe,
-    "lafortune": CosineLobe,
-    "oren-nayar": OrenNayarLobe,
+# Those that a fit can recover, each two amplitudes and a lobe.
+PARAMETRIC: dict[str, type[Parametric]] = {
+    name: kind for name, kind in BRDFS.items() if name in MODELS and issubclass(kind, Parametric)
 }
-_FACETS = {"cook-torrance": {"distribution": "beckmann"}}
-SIMPLE_PARAMETRIC: dict[str, type[Parametric]] = {
-    name: model
-    for name, model in {**BRDFS, **_OF_ONE_LOBE}.items()
-    if issubclass(model, Parametric) and model is not Microfacet
-}
-# The width that such a model is made with does not matter.
-_ANY_WIDTH = 0.1
+# The width that a lobe is made with where it does not matter, and its index.
+_ANY_WIDTH, _ANY_INDEX = 0.1, 1.5
 
 
-def simple_parametric_named(name: str, channels: int = 3, **choices: Any) -> Parametric:
-    """Make a black model of ``SIMPLE_PARAMETRIC``, to be given amplitudes, width and index.
+def brdf_named(name: str, **numbers: Any) -> BRDF:
+    """Make the model of that name of its own numbers; lists of numbers become arrays.
 
-    ``choices`` are numbers that are not searched for, such as ``c_z`` of lafortune or
-    ``deviation`` of he-torrance.
-    """
-    model, black = SIMPLE_PARAMETRIC[name], np.zeros(channels)
-    number = model.shape.of_width(_ANY_WIDTH)
-    given: dict[str, Any] = {"kd": black, "ks": black, model.shape.name: number}
-    return model(**{**given, **_FACETS.get(name, {}), **choices})
-
-
-def brdf_named(name: str, **parameters: Any) -> BRDF:
-    """Make the model of that name; lists of numbers become arrays.
-
-    Raises ``ValueError`` for a name, or a parameter, that there is none of (with the nearest one
-    that there is), for a parameter left out, and whatever the model itself refuses.
+    Raises ``ValueError`` for a name, or a number, that there is none of (with the nearest one that
+    there is), for a number left out, and whatever the model itself refuses.
     """
     if name not in BRDFS:
         raise ValueError(f"no BRDF is named {name!r}{_hint(name, BRDFS)}")
-    model = BRDFS[name]
-    fields = {field.name: field for field in dataclasses.fields(model)}
-    for parameter in parameters:
-        if parameter not in fields:
-            raise ValueError(f"{name} has no parameter {parameter!r}{_hint(parameter, fields)}")
-    missing = [key for key, field in fields.items() if _required(field) and key not in parameters]
+    kind, model = BRDFS[name], MODELS.get(name)
+    fixed, options = ({}, {}) if model is None else (dict(model.fixed), dict(model.options))
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.name not in fixed}
+    # Oren and Nayar's kd is an amplitude of another field.
+    own = {_own_name(kind, field): field for field in fields}
+    for number in numbers:
+        if number not in own:
+            hint = _hint(number, filter(None, own))
+            raise ValueError(f"{name} has no parameter {number!r}{hint}")
+    given = {own[number]: _as_array(value) for number, value in numbers.items()}
+    given = _with_absent_parts(kind, {**options, **given})
+    missing = [_own_name(kind, k) for k, f in fields.items() if _required(f) and k not in given]
     if missing:
-        raise ValueError(f"{name} needs a value for {', '.join(missing)}")
-    return model(**{key: _as_array(value) for key, value in parameters.items()})
+        raise ValueError(f"{name} needs a value for {', '.join(map(str, missing))}")
+    return kind(**given, **fixed)
+
+
+def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: Any) -> Parametric:
+    """Make a black model that a fit gives amplitudes, width and index; these do not matter yet.
+
+    ``metal`` leaves out the index where there may be none.  ``choices`` are what no fit looks for,
+    such as ``masking``, ``c_z`` of lafortune or ``deviation`` of he-torrance.  Lambert's is a lobe
+    to be left black.
+
+    Raises ``ValueError`` for a name that there is none of.
+    """
+    kind, model = _parametric(name)
+    index = {}
+    if kind.has_index():
+        without = metal or not model.has_gloss
+        index[kind.index.name] = None if without else kind.index.of_index(_ANY_INDEX)
+    black = np.zeros(channels)
+    number = kind.shape.of_width(_ANY_WIDTH)
+    return kind(
+        **{"kd": black, "ks": black, kind.shape.name: number, **index},
+        **{**model.options, **choices},
+        **model.fixed,
+    )
+
+
+def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:
+    """Make a material of its own numbers as recipes and results state them.
+
+    One number of an amplitude serves all channels of kd, an index ``"none"`` is that of a metal,
+    and whatever else stands beside the model's own numbers is left alone.
+
+    Raises ``ValueError`` for a name that there is none of and for what the model refuses, and
+    ``KeyError`` for a number that is left out.
+    """
+    kind, model = _parametric(name)
+    shape = np.shape(numbers["kd"])
+    amounts = [
+        np.zeros(shape) if own is None else np.broadcast_to(np.asarray(numbers[own], float), shape)
+        for own in (("kd", None) if name == "lambertian" else kind.amplitude_names)
+    ]
+    lobe = lobe_named(name, shape[0])
+    if name == "lambertian":
+        return lobe.with_amplitudes(*amounts)
+    searched = {key: _or_none(numbers[key]) for key in model.names("searched", "stated")}
+    chosen = {key: numbers[key] for key in model.options if key in numbers}
+    return dataclasses.replace(lobe.with_amplitudes(*amounts), **searched, **chosen)
+
+
+def _parametric(name: str) -> tuple[type[Parametric], Model]:
+    """Find the class that a fit knows a model by; Lambert's is a microfacet without gloss."""
+    if name == "lambertian":
+        return Microfacet, MODELS[name]
+    if name not in PARAMETRIC:
+        raise ValueError(f"no model to fit is named {name!r}{_hint(name, MODELS)}")
+    return PARAMETRIC[name], MODELS[name]
+
+
+def _own_name(kind: type[BRDF], field: str) -> str | None:
+    """Say what a model itself calls a field; None: it has no such part."""
+    if issubclass(kind, Parametric) and field in ("kd", "ks"):
+        return kind.called(field)
+    return field
+
+
+def _with_absent_parts(kind: type[BRDF], given: dict[str, Any]) -> dict[str, Any]:
+    """Make the amplitudes black that a model has not got."""
+    absent = [field for field in ("kd", "ks") if _own_name(kind, field) is None]
+    held = [given[field] for field in ("kd", "ks") if field in given]
+    if not (absent and held):
+        return given
+    return {**dict.fromkeys(absent, jnp.zeros_like(held[0])), **given}
+
+
+def _or_none(value: Any) -> float | None:
+    return None if value is None or value == "none" else float(value)
 
 
 def _required(field: dataclasses.Field) -> bool:
@@ -101,6 +156,7 @@ def _as_array(value: Any) -> Any:
 
 def _hint(wrong: str, known: Iterable[str]) -> str:
     """Name the nearest known name, and all of them."""
+    known = list(known)
     near = difflib.get_close_matches(wrong, known, n=1)
     meant = f", did you mean {near[0]!r}?" if near else ";"
     return f"{meant} choose one of {', '.join(known)}"

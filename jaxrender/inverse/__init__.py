@@ -16,6 +16,9 @@
     one pass of a fit: least squares, noise and robust weights in turn
 ``uncertainty`` ``conditioning`` ``account`` ``variants``
     intervals; what rests on grazing angles; what is identifiable and why not; what on the model
+``photographs`` ``scene`` ``own_words``
+    photographs into observations; a scene, what of it is unknown, and its estimate; a material by
+    the numbers of its own model
 ``known_light``
     the light split for the dual model, and as point masses for the integral
 ``brdf`` ``coarse_fit``
@@ -56,12 +59,15 @@ from jaxrender.inverse.nearest_models import Candidate, best_models
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Unknown
+from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
+from jaxrender.inverse.scene import Estimate, Scene, UnknownMaterial, fit, unknown
+from jaxrender.inverse.unknowns import MicrofacetUnknowns, Told, Unknown
 
 __all__ = [
     "BRDFFit",
     "Candidate",
     "DualSettings",
+    "Estimate",
     "FactorSettings",
     "Factorization",
     "FitSettings",
@@ -69,15 +75,23 @@ __all__ = [
     "KnownLight",
     "LightOperator",
     "LightSettings",
+    "LoadedCapture",
     "MicrofacetUnknowns",
     "Observations",
     "Outcome",
+    "Reading",
     "RecoveredDual",
     "RecoveredLight",
+    "Scene",
+    "Told",
     "Unknown",
+    "UnknownMaterial",
     "best_models",
     "factorize",
+    "fit",
     "fit_brdf",
+    "load_capture",
     "recover_coefficients",
     "recover_dual",
+    "unknown",
 ]

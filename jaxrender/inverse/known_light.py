@@ -1,6 +1,7 @@
 """Known light made ready for a fit: split for the dual model, as point masses for the integral."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
     DirectionalSources,
     Environment,
+    Light,
     LightNodes,
     LightSplit,
     candidates,
@@ -41,6 +43,8 @@ _ROUGH_SOURCES = 64
 _SAMPLES_FOR_SPLIT = 128
 # Light that is not split is told to this degree; what it would be split for does not matter.
 _SHOWN_BAND_LIMIT, _ANY_WIDTH = 20, 0.5
+# Light that is a function is sampled at the texels of an image of so many rows.
+_SAMPLED_ROWS = 128
 # Environments above this size are condensed for the exact integral, to cells this narrow.
 _MOST_NODES = 2**15
 _NODE_ANGLE_PER_SIGMA = 1 / 6
@@ -49,7 +53,8 @@ _NODE_ANGLE_PER_SIGMA = 1 / 6
 class KnownLight(eqx.Module):
     """All that lights the object: an environment, sources, and sources of single photographs.
 
-    Raises ``ValueError`` when all of it is dark.
+    ``of`` makes one of any light.  Raises ``ValueError`` when all of it is dark, and for an
+    environment that is no image.
     """
 
     environment: Environment | None
@@ -57,21 +62,73 @@ class KnownLight(eqx.Module):
     per_frame: tuple[DirectionalSources, ...] | None = None
 
     def __check_init__(self):
+        if not isinstance(self.environment, Environment | None):
+            kind = type(self.environment).__name__
+            raise ValueError(f"a {kind} is no image of an environment; give KnownLight.of(light)")
         parts = [self.environment, self.directional, *(self.per_frame or ())]
         energy = sum(float(np.sum(p.nodes().irradiance)) for p in parts if p is not None)
         if not energy > 0:
             raise ValueError("the light is zero: give an environment or sources with radiance")
 
+    @classmethod
+    def of(
+        cls,
+        light: Light,
+        per_frame: tuple[DirectionalSources, ...] | None = None,
+        height: int | None = None,
+    ) -> "KnownLight":
+        """Sort any light, sums too, into an image and directional sources.
+
+        Light that is a function of direction is sampled at the rows of the image that is there, or
+        at ``height`` rows, 128 unless said otherwise.
+
+        Raises ``ValueError`` for images of different sizes, for lights that can be no image, and
+        when all is dark.
+        """
+        parts = light.parts
+        sources = [part for part in parts if isinstance(part, DirectionalSources)]
+        images = [part for part in parts if isinstance(part, Environment)]
+        rows = sorted({image.grid.shape[0] for image in images} | ({height} if height else set()))
+        if len(rows) > 1:
+            raise ValueError(
+                f"images of {' and '.join(map(str, rows))} rows; bring them to one size, as by "
+                "read_environment(..., height=...)"
+            )
+        rest = [part for part in parts if not isinstance(part, DirectionalSources | Environment)]
+        for part in rest:
+            sample = getattr(part, "to_environment", None)
+            if sample is None:
+                raise ValueError(
+                    f"a {type(part).__name__} lights no fit; give environments, directional "
+                    "sources, skies, smooth lobes, or light given by coefficients"
+                )
+            images.append(sample(rows[0] if rows else _SAMPLED_ROWS))
+        environment = None
+        if images:
+            stacked = np.stack([np.asarray(image.radiance) for image in images])
+            environment = Environment(stacked.sum(axis=0))
+        channels = light.nodes().irradiance.shape[1]
+        return cls(environment, _joined(sources, channels), per_frame)
+
     def of_frame(self, frame: int) -> "KnownLight":
         """Pick the light of one photograph."""
         if self.per_frame is None:
             return self
-        own, shared = self.per_frame[frame], self.directional
-        sources = DirectionalSources(
-            np.concatenate([shared.directions, own.directions]),
-            np.concatenate([shared.irradiance, own.irradiance]),
-        )
-        return KnownLight(self.environment, sources)
+        return KnownLight(self.environment, self.sources_of(frame))
+
+    def sources_of(self, frame: int) -> DirectionalSources:
+        """Join the sources that all photographs share and those of one photograph, if any."""
+        if self.per_frame is None:
+            return self.directional
+        channels = self.directional.irradiance.shape[1]
+        return _joined([self.directional, self.per_frame[frame]], channels)
+
+    def of_frames(self, frames: Sequence[int]) -> "KnownLight":
+        """Keep the photographs of these numbers."""
+        if self.per_frame is None:
+            return self
+        kept = tuple(self.per_frame[frame] for frame in frames)
+        return KnownLight(self.environment, self.directional, kept)
 
     @checked
     def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
@@ -93,6 +150,16 @@ class KnownLight(eqx.Module):
         if self.environment is None:
             return 0
         return min(MOST_DIFFUSE_DEGREES, self.environment.grid.band_limit)
+
+
+def _joined(sources: list[DirectionalSources], channels: int) -> DirectionalSources:
+    """Put directional sources together; none where there are none."""
+    if not sources:
+        return DirectionalSources.none(channels)
+    return DirectionalSources(
+        np.concatenate([np.asarray(part.directions) for part in sources]),
+        np.concatenate([np.asarray(part.irradiance) for part in sources]),
+    )
 
 
 class PreparedLight(NamedTuple):

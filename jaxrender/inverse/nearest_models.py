@@ -16,7 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, SIMPLE_PARAMETRIC, Microfacet, Parametric, simple_parametric_named
+from jaxrender.brdf import BRDF, PARAMETRIC, Parametric, lobe_named
 from jaxrender.geometry import NUSSELT, Components
 from jaxrender.inverse.elimination import Data, Problem, search
 from jaxrender.inverse.models import Columns, Rows
@@ -28,15 +28,8 @@ from jaxrender.inverse.unknowns import (
 )
 from jaxrender.shapes import AnyArray, Array, Float
 
-# Facets in the words of renderers, and the thesis's.
-_FACETS = {
-    "microfacet": ("exit", "none", "gaussian"),
-    "beckmann": ("half", "smith", "beckmann"),
-    "ggx": ("half", "smith", "ggx"),
-}
-_ANY_WIDTH, _ANY_INDEX = 0.1, 1.5
 CANDIDATES = ("microfacet", "ggx", "ward", "phong", "blinn-phong", "torrance-sparrow")
-KNOWN = (*_FACETS, *SIMPLE_PARAMETRIC)
+KNOWN = tuple(PARAMETRIC)
 
 _STARTS = 4
 _evaluate = eqx.filter_jit(BRDF.evaluate)
@@ -104,7 +97,7 @@ def _fitted(
     name: str, values: Float[np.ndarray, "sample channel"], pairs: tuple[np.ndarray, np.ndarray]
 ) -> Candidate:
     channels = values.shape[1]
-    variant = _variant(name, channels)
+    variant = lobe_named(name, channels)
     free, black = Unknown(), Unknown(fixed=(0.0,))
     amounts = [black if name is None else free for name in variant.amplitude_names]
     index = None if variant.mu is None else mu_unknown(*index_bounds(variant))
@@ -124,15 +117,6 @@ def _fitted(
     if mu is not None:
         parameters[variant.index.name] = float(variant.index.of_index(mu))
     return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
-
-
-def _variant(name: str, channels: int) -> Parametric:
-    """Make a black model of that name, with an index if it can have one."""
-    black = np.zeros(channels)
-    if name in _FACETS:
-        return Microfacet(black, black, _ANY_WIDTH, _ANY_INDEX, *_FACETS[name])
-    model = simple_parametric_named(name, channels)
-    return model.with_roughness(_ANY_WIDTH, _ANY_INDEX)
 
 
 def _pairs_of_cells(

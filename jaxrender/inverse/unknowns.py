@@ -5,7 +5,9 @@ variables: an S-shaped curve maps them to where log sigma, or log(mu - 1), lies 
 Gains of single photographs join the search as logarithms, relative to the first photograph.
 """
 
+from collections.abc import Callable, Mapping
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -63,6 +65,34 @@ def index_bounds(brdf: Parametric | type[Parametric]) -> tuple[float, float]:
     """Bound the index of a model, or what its own second number stands for as an index."""
     highest = brdf.index.highest
     return MU_BOUNDS[0], MU_BOUNDS[1] if highest is None else brdf.index.index_of(highest)
+
+
+class Told(NamedTuple):
+    """What is told of one of a model's own numbers: nothing, its value, or where it lies.
+
+    ``fixed`` is one value, or one for each channel; ``bounds`` are the lowest and the highest;
+    ``start`` is where the search starts.
+    """
+
+    fixed: float | tuple[float, ...] | None = None
+    bounds: tuple[float, float] | None = None
+    start: float | None = None
+
+    def through(self, function: Callable[[float], float]) -> "Told":
+        """Tell the same of a number that this one stands for; it may fall where this one rises."""
+        fixed = self.fixed
+        if fixed is not None:
+            values = [float(function(float(value))) for value in np.atleast_1d(fixed)]
+            fixed = values[0] if len(values) == 1 else tuple(values)
+        low, high = sorted(float(function(float(end))) for end in self.bounds or (1.0, 1.0))
+        start = None if self.start is None else float(function(float(self.start)))
+        return Told(fixed, None if self.bounds is None else (low, high), start)
+
+    def unknown(self, lowest: float, highest: float) -> Unknown:
+        """Make the unknown of a search, within these bounds unless told otherwise."""
+        if self.fixed is not None:
+            return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(self.fixed)))
+        return Unknown(None, *(self.bounds or (lowest, highest)), self.start)
 
 
 class Physical(eqx.Module):
@@ -153,6 +183,54 @@ class MicrofacetUnknowns(eqx.Module):
         if self.mu is None:
             return sigma, None
         return sigma, self.mu.start or float(np.clip(1.5, self.mu.lower, self.mu.upper))
+
+
+def unknowns_of(
+    lobe: Parametric,
+    told: Mapping[str, Told],
+    *,
+    matt: bool = False,
+    ks_per_channel: bool = False,
+    free_gains: int = 0,
+    free_scale: bool = False,
+) -> MicrofacetUnknowns:
+    """Put what is told of a model's own numbers, by their names, in the words of a search.
+
+    What is not told is free.  ``matt`` leaves the lobe black.  Raises ``ValueError`` that begins
+    with the name of a number whose start is outside its bounds, and for a name that there is none
+    of.
+    """
+    kind, whole = type(lobe), Told()
+    own = [*filter(None, kind.amplitude_names), kind.shape.name]
+    own += [kind.index.name] * (lobe.mu is not None)
+    for name in told:
+        if name not in own:
+            raise ValueError(f"{name}: the model has {', '.join(own)}")
+
+    def sought(name: str, stands_for: Callable[[float], float], ends: tuple[float, float]):
+        try:
+            return told.get(name, whole).through(stands_for).unknown(*ends)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+
+    black, reflectance = Unknown(fixed=(0.0,)), (0.0, float("inf"))
+    kd, ks = (
+        black if name is None else sought(name, float, reflectance) for name in kind.amplitude_names
+    )
+    rest = {"free_gains": free_gains, "free_scale": free_scale}
+    if matt:
+        return MicrofacetUnknowns(kd, black, Unknown(fixed=(0.1,)), None, **rest)
+    return MicrofacetUnknowns(
+        kd,
+        ks,
+        sought(kind.shape.name, kind.shape.width_of, SIGMA_BOUNDS),
+        None
+        if lobe.mu is None
+        else sought(kind.index.name, kind.index.index_of, index_bounds(kind)),
+        # What the model itself calls kd has a value for each channel.
+        ks_per_channel=ks_per_channel or kind.amplitude_names[1] == "kd",
+        **rest,
+    )
 
 
 def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) -> Float[Array, ""]:

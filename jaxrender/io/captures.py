@@ -10,7 +10,7 @@ the folder of pictures that the user names) unless the user allows more.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,9 +39,15 @@ class Frame(NamedTuple):
 
 
 class Capture(NamedTuple):
-    """The photographs of one object."""
+    """The photographs of one object, and what their cameras were read from."""
 
     frames: tuple[Frame, ...]
+    source: Path = Path("cameras")
+
+    def numbers_of(self, names: Iterable[str]) -> list[int]:
+        """Find frames by their names."""
+        known = [frame.name for frame in self.frames]
+        return [known.index(name) for name in names]
 
 
 def read_capture(
@@ -71,7 +77,8 @@ def read_capture(
         tuple(
             _frame(source, f"{path}: frame {i} ({entry['file_path']})", name, {**top, **entry})
             for i, (name, entry) in enumerate(zip(names, entries, strict=True))
-        )
+        ),
+        path,
     )
 
 

@@ -22,7 +22,7 @@
     where other panoramas show a direction; their conversion to our grid (host side)
 """
 
-from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.base import Light, LightNodes, LightSum
 from jaxrender.lighting.cells import Cells, condensed, partition
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.directional import DirectionalSources
@@ -59,6 +59,7 @@ __all__ = [
     "IsotropicIntensity",
     "Light",
     "LightNodes",
+    "LightSum",
     "LightSplit",
     "OvercastSky",
     "PointLight",

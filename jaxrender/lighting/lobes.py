@@ -4,18 +4,21 @@ An area source far away is such a lobe.  It is no image, so that photographs mad
 nothing to any grid.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
 from jaxrender.geometry.directions import normalise
 from jaxrender.harmonics.grids import LatLongGrid
+from jaxrender.lighting.base import Light, LightNodes
 from jaxrender.lighting.environment import Environment
 from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
+# Rows of the grid that a sum over nodes samples: at least so many, and so many within a width.
+_ROWS, _ROWS_PER_WIDTH = 64, 8
 
-class SmoothLobes(eqx.Module):
+
+class SmoothLobes(Light):
     """L(w) = sum_k radiance_k exp(-(1 - w . d_k) / (1 - cos width_k)): von Mises-Fisher lobes.
 
     At the angle ``width`` (radians) from its middle a lobe has fallen to 1/e.
@@ -40,6 +43,11 @@ class SmoothLobes(eqx.Module):
         sharpness = 1 / (1 - jnp.cos(jnp.asarray(self.widths)))
         fallen = jnp.einsum("...k,k->...k", towards - 1, sharpness)
         return jnp.exp(fallen) @ jnp.asarray(self.middle)
+
+    def nodes(self) -> LightNodes:
+        """Sample the lobes on a grid that has many rows within the narrowest one."""
+        finest = _ROWS_PER_WIDTH * np.pi / float(np.min(np.asarray(self.widths)))
+        return self.to_environment(max(_ROWS, int(np.ceil(finest)))).nodes()
 
     def to_environment(self, height: int) -> Environment:
         """Sample the lobes at the texels of an environment image."""

@@ -10,7 +10,13 @@ from typing import NamedTuple
 import h5netcdf
 import numpy as np
 
-from jaxrender.brdf import BRDF, ScatteredFit, WaveletBRDF, fit_isotropic_table
+from jaxrender.brdf import (
+    BRDF,
+    ScatteredFit,
+    WaveletBRDF,
+    fit_isotropic_table,
+    material_named,
+)
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
@@ -28,7 +34,6 @@ from jaxrender.io.utia import read_utia
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.render import material_of
 from jaxrender.pipelines.result import read_result
 
 _LOOKED_AT = 4096
@@ -182,7 +187,7 @@ def _result(folder: Path) -> Source:
         return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
     if "brdf" not in found:
         raise InputError(f"{folder}: a result of task {config.task} holds no material")
-    brdf = material_of(found["brdf"])
+    brdf = material_named(found["brdf"]["model"], found["brdf"])
     return Source(folder.name, brdf, _colours(brdf.amplitudes.shape[1]), (), (said,))
 
 

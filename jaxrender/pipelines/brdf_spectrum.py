@@ -11,10 +11,10 @@ from jaxrender.geometry import Shape, SurfaceSamples, fibonacci_sphere
 from jaxrender.harmonics import degrees
 from jaxrender.inverse import KnownLight, Observations, Outcome
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum, SpectrumBasis, fit_brdf_spectrum
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import write_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, SpectrumConfig
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import finite, pixels_of, write_variable

@@ -13,24 +13,12 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from jaxrender.brdf import BRDF, BRDFS, brdf_named
+from jaxrender.catalogue import MODELS
 from jaxrender.errors import InputError
 from jaxrender.shapes import Float
 from jaxrender.spectra import spectrum_of
 
 _MIRROR = "mirror"
-_PHYSICAL = {"fresnel": "half", "masking": "smith", "sigma": 0.2, "mu": None}
-# Names that a config has for variants of a model.
-_VARIANTS = {"ggx": "microfacet", "beckmann": "microfacet"}
-# What a name alone means.
-_DEFAULTS: dict[str, dict[str, Any]] = {
-    "ggx": {"distribution": "ggx", **_PHYSICAL},
-    "beckmann": {"distribution": "beckmann", **_PHYSICAL},
-    "phong": {"exponent": 32.0},
-    "blinn-phong": {"exponent": 128.0},
-    "microfacet": {"sigma": 0.1, "mu": None},
-}
-# The lobe alone, at amplitude one; Lambert's base, where it is not the model itself, left out.
-_AMPLITUDES = {"kd": 0.0, "ks": 1.0}
 # Where to cut a spectrum: what passes of any degree beyond is less than this part of the first.
 _NEGLIGIBLE = 1e-3
 _QUIET_DEGREES = 4
@@ -52,12 +40,7 @@ class Lobe(NamedTuple):
     @property
     def file_name(self) -> str:
         """The specification without what file systems mind."""
-        fixed = _DEFAULTS[self.model] if self.model in _VARIANTS else {}
-        given = {
-            name: value
-            for name, value in self.parameters.items()
-            if value is not None and (name == "sigma" or fixed.get(name) != value)
-        }
+        given = {name: value for name, value in self.parameters.items() if value is not None}
         texts = (v if isinstance(v, str) else f"{float(np.ravel(v)[0]):g}" for v in given.values())
         return "_".join([self.model, *(f"{name}_{text}" for name, text in zip(given, texts))])
 
@@ -87,31 +70,43 @@ def model_of(specification: str, option: str = "--brdf ") -> Lobe:
     place = f"{option}{specification}"
     model, _, rest = specification.partition(":")
     model = model.strip().lower()
-    known = [*BRDFS, *_VARIANTS, _MIRROR]
+    known = [*BRDFS, _MIRROR]
     if model not in known:
         near = difflib.get_close_matches(model, known, n=1)
         meant = f", did you mean {near[0]!r}?" if near else ";"
         raise InputError(
             f"{place}: no BRDF is named {model!r}{meant} choose one of {', '.join(known)}"
         )
-    parameters = dict(_DEFAULTS.get(model, {}))
-    kind = _VARIANTS.get(model, model)
+    parameters: dict[str, Any] = _typical(model)
     for pair in filter(None, (part.strip() for part in rest.split(","))):
         name, _, text = (part.strip() for part in pair.partition("="))
-        parameters[name] = _value(place, kind, (name, text))
+        parameters[name] = _value(place, model, (name, text))
     if model == _MIRROR:
         if parameters:
             raise InputError(f"{place}: a mirror has no parameters; leave them out")
         return Lobe(specification, model, parameters, None)
-    fields = {field.name for field in dataclasses.fields(BRDFS[kind])}
-    amplitudes = {name: np.array([value]) for name, value in _AMPLITUDES.items() if name in fields}
-    if model == "lambertian" or "ks" not in fields:
-        amplitudes["kd"] = np.ones(1)
     try:
-        brdf = brdf_named(kind, **{**amplitudes, **parameters})
+        brdf = brdf_named(model, **{**_amplitudes(model), **parameters})
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
     return Lobe(specification, model, parameters, brdf)
+
+
+def _typical(model: str) -> dict[str, Any]:
+    """Say what a name alone means: what is typical of the model, without an index."""
+    numbers = MODELS[model].numbers if model in MODELS else ()
+    searched = [number for number in numbers if number.part == "searched"]
+    return {number.name: None if number.may_be_none else number.typical for number in searched}
+
+
+def _amplitudes(model: str) -> dict[str, np.ndarray]:
+    """Take the lobe alone, at amplitude one; the base, where it is not the model itself, is out."""
+    if model in MODELS:
+        names = MODELS[model].names("amplitude")
+    else:
+        names = tuple(field.name for field in dataclasses.fields(BRDFS[model]))
+    alone = "ks" if "ks" in names else "kd"
+    return {name: np.full(1, float(name == alone)) for name in ("kd", "ks") if name in names}
 
 
 def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:

@@ -10,12 +10,12 @@ from jaxrender.geometry import Mesh, Shape
 from jaxrender.inverse import BRDFFit, KnownLight, Observations, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.exact_light import exact_forward
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import Finding, result_of, sentence_of, write_arrays
@@ -23,7 +23,6 @@ from jaxrender.pipelines.scene import (
     fault_of,
     lobe_of,
     settings_of,
-    sources_of_frame,
     unknowns_of,
 )
 from jaxrender.pipelines.shadows import (
@@ -78,7 +77,7 @@ class MaterialRecovery(Recovery):
         views = [photograph.view for photograph in finding.photographs]
 
         def light_of(number: int) -> ForwardModel | ShadowedModel:
-            own = sources_of_frame(finding.light, number)
+            own = finding.light.sources_of(number)
             if not isinstance(material, Glossy):
                 if finding.light.environment is None and not np.any(own.irradiance):
                     return ExactForward(own.nodes())

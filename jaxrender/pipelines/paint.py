@@ -31,7 +31,7 @@ class Painted(NamedTuple):
 
 def painted(recipe: RecipeConfig, directions: Float[np.ndarray, "place 3"]) -> Painted:
     """Look the paint of a recipe up in directions (unit vectors) from the middle of the object."""
-    first = np.array(recipe.brdf.kd, float), float(recipe.brdf.ks[0])
+    first = np.array(recipe.brdf.number("kd"), float), float(recipe.brdf.number("ks")[0])
     if recipe.texture is None:
         part, second = np.zeros(len(directions)), first
     else:
@@ -48,7 +48,7 @@ def _sigma(
     """Go from one roughness at the bottom to another at the top, evenly in its logarithm."""
     if recipe.texture is None or recipe.texture.sigma_above is None:
         return None
-    low, high = np.log(recipe.brdf.sigma), np.log(recipe.texture.sigma_above)
+    low, high = np.log(recipe.brdf.number("sigma")), np.log(recipe.texture.sigma_above)
     return np.asarray(np.exp(low + (high - low) * (1 + directions[:, 2]) / 2))
 
 
@@ -63,7 +63,7 @@ def render_painted(
     Where sigma varies the lobe has that of the place.
     """
     shape, light = seen
-    channels = len(recipe.brdf.kd)
+    channels = len(recipe.brdf.number("kd"))
     none, full = np.zeros(channels), np.ones(channels)
     gloss = lobe.with_amplitudes(none, full)
     diffuse = render_view(lobe.with_amplitudes(full, none), view, light)

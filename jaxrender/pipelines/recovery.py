@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxrender.pipelines.photographs import Photograph
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.shapes import Float
 
 

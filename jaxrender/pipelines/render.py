@@ -5,28 +5,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import SIMPLE_PARAMETRIC, Glossy, Microfacet, Parametric
+from jaxrender.brdf import Glossy
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.photographs import camera_samples
 from jaxrender.io import Capture, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.config import RunConfig, load_run_config
-from jaxrender.pipelines.config.brdf import distribution_of
 from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
 from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
-from jaxrender.pipelines.photographs import camera_samples
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import read_result
 from jaxrender.pipelines.scene import (
     fault_of,
     known_light,
     shape_of,
-    simple_material,
-    sources_of_frame,
 )
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.subject import Subject, subject_of
@@ -82,19 +79,6 @@ def render_config(
     return out
 
 
-def material_of(brdf: dict) -> Parametric:
-    """Build the material that a ``result.json`` holds."""
-    kd = np.array(brdf["kd"], float)
-    if brdf["model"] == "lambertian":
-        return Microfacet(kd, np.zeros_like(kd), 0.1, None)
-    if brdf["model"] in SIMPLE_PARAMETRIC:
-        return simple_material(brdf["model"], brdf)
-    ks = np.broadcast_to(np.array(brdf["ks"], float), kd.shape)
-    mu = None if brdf["mu"] == "none" else float(brdf["mu"])
-    choices = brdf["fresnel"], brdf["masking"], distribution_of(brdf["model"])
-    return Microfacet(kd, ks, float(brdf["sigma"]), mu, *choices)
-
-
 def _capture_of(config: RunConfig, cameras: Path | None) -> Capture:
     """Read the cameras of the result, or other ones."""
     if cameras is not None:
@@ -136,7 +120,7 @@ def _render_views(
     assert config.capture.geometry is not None
     capture = _capture_of(config, cameras)
     shape = shape_of(config.capture.geometry)
-    subject = subject_of(config, result, shape, material_of)
+    subject = subject_of(config, result, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(
             f"{result[0]}: --model dual is for a lobe about the reflected direction, which this "
@@ -152,7 +136,7 @@ def _render_views(
     shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
         view = observe(frame.camera, shape)
-        sources = sources_of_frame(light, number)
+        sources = light.sources_of(number)
         lit = light.environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
         image = np.zeros((*view.hit.shape, 4))
         image[..., 3] = view.hit

@@ -19,12 +19,12 @@ from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison, Score
 from jaxrender.inverse.forecast import MaterialForecast
+from jaxrender.inverse.own_words import OwnWords, called
 from jaxrender.inverse.passes import Stop, values_of
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.pipelines.deviation import write_covariance
-from jaxrender.pipelines.own_words import OwnWords, called
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
 

@@ -12,6 +12,13 @@ from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.inverse.observations import random_subset
+from jaxrender.inverse.photographs import (
+    Listener,
+    Photograph,
+    observations_of,
+    read_photographs,
+    trace_photographs,
+)
 from jaxrender.io import write_image
 from jaxrender.pipelines.brdf_spectrum import recover_spectrum
 from jaxrender.pipelines.caches import capture_folder, is_whole
@@ -27,17 +34,18 @@ from jaxrender.pipelines.config import (
 from jaxrender.pipelines.light import recover_light
 from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
-from jaxrender.pipelines.photographs import (
-    Photograph,
-    observations_of,
-    read_frames,
-    read_photographs,
-    trace_photographs,
-)
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import provenance_of, read_result, write_json
-from jaxrender.pipelines.scene import fault_of, input_files, known_light, shape_of, unknowns_of
+from jaxrender.pipelines.scene import (
+    capture_of,
+    fault_of,
+    input_files,
+    known_light,
+    reading_of,
+    shape_of,
+    unknowns_of,
+)
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
 from jaxrender.pipelines.texture import recover_surface
@@ -83,7 +91,7 @@ def fit(
         config = _with_photographs(config, clock, progress, dry_run)
         if config.capture.recipe is not None:
             return FitReport("dry run", folder, _would_render(config))
-        capture = read_frames(config.capture)
+        capture = capture_of(config.capture)
         inputs = _inputs(config, capture)
         digest = fingerprint(config, inputs)
         if prepare(folder, digest, force) is FolderState.FINISHED:
@@ -136,12 +144,11 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
         light = None
         if config.knows_light:
             light = known_light(config.lighting, [frame.name for frame in capture.frames])
-        images = read_photographs(config.capture, capture, progress)
+        listener, reading = Listener(progress.note, progress.advance), reading_of(config)
+        images = read_photographs(capture, reading, listener)
     with clock.stage("trace"):
         with fault_of(str(config.capture.transforms)):
-            photographs = trace_photographs(
-                config.capture, capture, images, shape, config.samples.min_cosine, progress
-            )
+            photographs = trace_photographs(capture, images, shape, reading, listener)
         light = _light_of_kept(light, capture, photographs)
         observations = observations_of(photographs)
         # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
@@ -164,13 +171,10 @@ def _light_of_kept(
     light: KnownLight | None, capture, photographs: list[Photograph]
 ) -> KnownLight | None:
     """Drop the sources of photographs that were skipped."""
-    if light is None or light.per_frame is None:
-        return light
-    kept = {photograph.frame.name for photograph in photographs}
-    lights = zip(capture.frames, light.per_frame)
-    per_frame = tuple(own for frame, own in lights if frame.name in kept)
+    if light is None:
+        return None
     with fault_of("lighting.per_frame"):
-        return KnownLight(light.environment, light.directional, per_frame)
+        return light.of_frames(capture.numbers_of(p.frame.name for p in photographs))
 
 
 def _check_samples(config: RunConfig, loaded: Loaded) -> None:

@@ -4,41 +4,40 @@ Configs are data that know no run-time class; here is where they meet.  What a c
 ``ValueError`` is, at this boundary, the config's fault, and said so as ``InputError``.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from jaxrender.brdf import (
-    SIMPLE_PARAMETRIC,
-    Microfacet,
+    PARAMETRIC,
     Parametric,
-    ShapeParameter,
-    simple_parametric_named,
+    lobe_named,
+    material_named,
 )
+from jaxrender.catalogue import MODELS
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
-from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown
-from jaxrender.inverse.unknowns import index_bounds, mu_unknown, sigma_unknown
-from jaxrender.io import read_environment, read_mesh, read_per_frame_lights
-from jaxrender.lighting import DirectionalSources, Environment
-from jaxrender.pipelines.config import RecipeConfig, RunConfig
-from jaxrender.pipelines.config.brdf import (
-    BrdfConfig,
-    chosen_numbers_of,
-    distribution_of,
+from jaxrender.imaging import NoiseModel, response_named
+from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, unknowns
+from jaxrender.inverse.photographs import Reading
+from jaxrender.inverse.unknowns import Told
+from jaxrender.io import (
+    Capture,
+    read_capture,
+    read_curve,
+    read_environment,
+    read_mesh,
+    read_per_frame_lights,
 )
+from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.pipelines.config import CaptureConfig, CurveConfig, RecipeConfig, RunConfig
+from jaxrender.pipelines.config.brdf import BrdfConfig
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
-from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
-
-# The index that the lobe of a fit is made with does not matter.
-_ANY_INDEX = 1.5
 
 
 @contextmanager
@@ -67,86 +66,68 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         return Mesh.ellipsoid(np.array(radii, float), subdivisions)
 
 
+def capture_of(config: CaptureConfig) -> Capture:
+    """Read a capture's cameras and file names."""
+    assert config.transforms is not None
+    return read_capture(config.transforms, images=config.images, allow_outside=config.allow_outside)
+
+
+def reading_of(config: RunConfig) -> Reading:
+    """Translate how pixels become radiance, and which are left out."""
+    capture, response = config.capture, None
+    if isinstance(capture.response, CurveConfig):
+        response = read_curve(capture.response.curve)
+    elif "response" in capture.model_fields_set:
+        response = response_named(capture.response)
+    return Reading(
+        response,
+        capture.invalid,
+        None if capture.saturation is None else float(capture.saturation),
+        capture.saturation_grow,
+        float(capture.black_level),
+        capture.erode,
+        capture.exposure,
+        float(config.samples.min_cosine),
+    )
+
+
 def true_material(brdf: RecipeBrdfConfig) -> Parametric:
-    """Build the material that a recipe states; Lambertian is a microfacet without specular part."""
-    if brdf.model in SIMPLE_PARAMETRIC:
-        return simple_material(brdf.model, dict(brdf))
-    mu = None if brdf.mu == "none" else float(brdf.mu)
+    """Build the material that a recipe states."""
     with fault_of("brdf"):
-        return Microfacet(
-            np.array(brdf.kd, float),
-            np.array(brdf.ks, float),
-            float(brdf.sigma),
-            mu,
-            brdf.fresnel,
-            brdf.masking,
-            distribution_of(brdf.model),
-        )
+        return material_named(brdf.model, dict(brdf))
 
 
 def lobe_of(brdf: BrdfConfig) -> Parametric:
     """Build the lobe of any model that is to be fitted; its numbers do not matter."""
-    if brdf.model not in SIMPLE_PARAMETRIC:
-        return variant_of(brdf)
-    chosen = {name: getattr(brdf, name) for name in chosen_numbers_of(brdf.model)}
-    lobe = simple_parametric_named(brdf.model, **chosen)
-    metal = getattr(brdf, lobe.index.name) == "none"
-    return lobe.with_roughness(lobe.sigma, None if metal else _ANY_INDEX)
-
-
-def simple_material(model: str, numbers: Mapping[str, Any]) -> Parametric:
-    """Build a material of a model without variants from its own numbers by name."""
-    chosen: dict[str, Any] = {name: float(numbers[name]) for name in chosen_numbers_of(model)}
-    lobe = simple_parametric_named(model, **chosen)
-    width = lobe.shape.width_of(float(numbers[lobe.shape.name]))
-    second = numbers[lobe.index.name] if lobe.has_index() else None
-    known = second not in (None, "none")
-    lobe = lobe.with_roughness(width, lobe.index.index_of(float(second)) if known else None)
-    shape = np.shape(numbers["kd"])
-    kd, ks = (
-        np.zeros(shape) if name is None else np.broadcast_to(np.array(numbers[name], float), shape)
-        for name in lobe.amplitude_names
-    )
-    return lobe.with_amplitudes(kd, ks)
-
-
-def variant_of(brdf: BrdfConfig) -> Microfacet:
-    """Build the microfacet lobe that is to be fitted; its numbers do not matter."""
-    mu = None if brdf.mu == "none" or brdf.model == "lambertian" else _ANY_INDEX
-    choices = brdf.fresnel, brdf.masking, distribution_of(brdf.model)
-    return Microfacet(np.zeros(3), np.zeros(3), 0.1, mu, *choices)
+    kind = PARAMETRIC.get(brdf.model)
+    metal = kind is not None and kind.has_index() and brdf.known(kind.index.name) is None
+    return lobe_named(brdf.model, metal=metal, **brdf.chosen())
 
 
 def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
     """Translate which parameters are free into the solver's unknowns."""
-    brdf, free_gains = config.brdf, photographs if config.solve.free_exposure else 0
-    if brdf.model == "lambertian":
-        return MicrofacetUnknowns(
-            kd=_unknown("kd", brdf.kd, Unknown),
-            ks=Unknown(fixed=(0.0,)),
-            sigma=Unknown(fixed=(0.1,)),
-            mu=None,
-            free_gains=free_gains,
+    brdf, model = config.brdf, MODELS[config.brdf.model]
+    known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}
+    told = {
+        name: Told(
+            parameter.fixed,
+            parameter.bounds,
+            None if parameter.start is None else float(np.mean(parameter.start)),
+        )
+        for name, parameter in known.items()
+        if parameter is not None
+    }
+    try:
+        return unknowns.unknowns_of(
+            lobe_of(brdf),
+            told,
+            matt=model.name == "lambertian",
+            ks_per_channel=brdf.ks_per_channel,
+            free_gains=photographs if config.solve.free_exposure else 0,
             free_scale=config.lighting.free_scale,
         )
-    model = SIMPLE_PARAMETRIC.get(brdf.model, Microfacet)
-    kd, ks = (
-        Unknown(fixed=(0.0,)) if name is None else _unknown(name, getattr(brdf, name), Unknown)
-        for name in model.amplitude_names
-    )
-    shape = model.shape
-    width = _as_width(getattr(brdf, shape.name), shape)
-    second = getattr(brdf, model.index.name) if model.has_index() else "none"
-    return MicrofacetUnknowns(
-        kd=kd,
-        ks=ks,
-        sigma=_unknown(shape.name, width, sigma_unknown),
-        mu=None if second == "none" else _second_unknown(second, model),
-        # What the model itself calls kd has a value for each channel.
-        ks_per_channel=brdf.ks_per_channel or model.amplitude_names[1] == "kd",
-        free_gains=free_gains,
-        free_scale=config.lighting.free_scale,
-    )
+    except ValueError as error:
+        raise InputError(f"brdf.{error}") from error
 
 
 def settings_of(config: RunConfig) -> FitSettings:
@@ -187,17 +168,6 @@ def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
         return KnownLight(environment, directional_of(lighting.directional), per_frame)
 
 
-def sources_of_frame(light: KnownLight, frame: int) -> DirectionalSources:
-    """Join the sources that all photographs share and those of one photograph, if any."""
-    if light.per_frame is None:
-        return light.directional
-    parts = (light.directional, light.per_frame[frame])
-    return DirectionalSources(
-        np.concatenate([part.directions for part in parts]),
-        np.concatenate([part.irradiance for part in parts]),
-    )
-
-
 def directional_of(sources: tuple[DirectionalConfig, ...]) -> DirectionalSources:
     """Build directional sources."""
     with fault_of("lighting.directional"):
@@ -233,46 +203,3 @@ def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
 
     collect(config.model_dump(exclude={"output"}))
     return [path for path in found if path.is_file()]
-
-
-def _as_width(parameter: Parameter, shape: ShapeParameter) -> Parameter:
-    """Say what is known of a model's own number as what is known of its lobe's width."""
-    if shape.scale == shape.power == 1:
-        return parameter
-
-    given = parameter.model_dump()
-    if given == "free":
-        return parameter
-    widths = {
-        key: float(shape.width_of(float(value))) for key, value in given.items() if key != "bounds"
-    }
-    ends = sorted(float(shape.width_of(float(bound))) for bound in given.get("bounds", ()))
-    return Parameter.model_validate(widths | ({"bounds": tuple(ends)} if ends else {}))
-
-
-def _second_unknown(parameter: Parameter, model: type[Parametric]) -> Unknown:
-    """Say what is known of a model's own second number as what is known of an index."""
-    ends = () if model.index.highest is None else index_bounds(model)
-    if parameter.free and parameter.bounds is None and parameter.start is None:
-        return mu_unknown(*ends)
-    given = {
-        key: [float(model.index.index_of(float(number))) for number in np.atleast_1d(value)]
-        for key, value in parameter.model_dump().items()
-        if value is not None
-    }
-    if ends and "start" in given and "bounds" not in given:
-        given["bounds"] = list(ends)
-    shown = {key: value[0] if len(value) == 1 else tuple(value) for key, value in given.items()}
-    return _unknown(model.index.name, Parameter.model_validate(shown), mu_unknown)
-
-
-def _unknown(name: str, parameter: Parameter, make) -> Unknown:
-    if parameter.fixed is not None:
-        return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(parameter.fixed)))
-    given = {}
-    if parameter.bounds is not None:
-        given["lower"], given["upper"] = (float(bound) for bound in parameter.bounds)
-    if parameter.start is not None:
-        given["start"] = float(np.mean(parameter.start))
-    with fault_of(f"brdf.{name}"):
-        return make(**given)

@@ -7,7 +7,7 @@ from typing import Any
 import h5netcdf
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import Parametric, material_named
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import surface_sites
@@ -144,13 +144,11 @@ class TexturedSubject(Subject):
         return image
 
 
-def subject_of(
-    config: RunConfig, result: tuple[Path, dict[str, Any]], shape: Shape, material
-) -> Subject:
-    """Make what a result folder holds; ``material`` makes one of its ``brdf`` section."""
+def subject_of(config: RunConfig, result: tuple[Path, dict[str, Any]], shape: Shape) -> Subject:
+    """Make what a result folder holds."""
     folder, found = result
     if config.task == "texture":
         return TexturedSubject(config, folder, shape)
     if config.task == "brdf-spectrum":
         return SpectrumSubject(folder)
-    return UniformSubject(material(found["brdf"]))
+    return UniformSubject(material_named(found["brdf"]["model"], found["brdf"]))

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from ruamel.yaml import YAML
 
+from jaxrender.catalogue import MODELS
 from jaxrender.errors import InputError
 from jaxrender.geometry import (
     Mesh,
@@ -29,7 +30,6 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, to_latlong
 from jaxrender.pipelines.config import RecipeConfig
-from jaxrender.pipelines.config.brdf import FACET_MODELS, chosen_numbers_of, numbers_of
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
@@ -234,14 +234,12 @@ def _write_config(
     if isinstance(shape, Mesh):
         write_mesh(folder / "shape.ply", shape)
         geometry = {"mesh": "shape.ply"}
-    brdf: dict = {"model": recipe.brdf.model}
-    if recipe.brdf.model != "lambertian":
-        brdf |= {"ks_per_channel": len(set(recipe.brdf.ks)) > 1}
-    if recipe.brdf.model in FACET_MODELS:
-        brdf |= {"fresnel": recipe.brdf.fresnel, "masking": recipe.brdf.masking}
-    if "mu" in numbers_of(recipe.brdf.model) and recipe.brdf.mu == "none":
-        brdf["mu"] = "none"
-    brdf |= {name: getattr(recipe.brdf, name) for name in chosen_numbers_of(recipe.brdf.model)}
+    truth, model = dict(recipe.brdf), MODELS[recipe.brdf.model]
+    brdf: dict = {"model": model.name}
+    if model.has_gloss:
+        brdf["ks_per_channel"] = len(set(truth["ks"])) > 1
+    brdf |= {name: truth[name] for name in (*model.options, *model.names("stated"))}
+    brdf |= {name: "none" for name in model.names("searched") if truth[name] == "none"}
     config = {
         "task": "brdf" if recipe.texture is None else "texture",
         "capture": {"transforms": "transforms.json", "geometry": geometry},

@@ -24,8 +24,8 @@
     light and BRDF as wavelet trees (L 6.3)
 ``tracing``
     paths, luminaires nearby, the virtual gonioreflectometer (L 3, 5, 8)
-``render`` ``sensitivity``
-    camera to image with either model; its derivatives by the material
+``render`` ``lit`` ``sensitivity``
+    camera to image with either model; under any light, exactly; its derivatives by the material
 
 Every model returns *columns*: the radiance of each lobe of the BRDF at amplitude one, so that
 radiance = columns times amplitudes is linear in what a fit can eliminate.
@@ -80,6 +80,7 @@ from jaxrender.reflection.irradiance import (
     quadratic_constants,
     quadratic_irradiance,
 )
+from jaxrender.reflection.lit import forward_of, render_lit
 from jaxrender.reflection.polar_nodes import polar_nodes_for
 from jaxrender.reflection.prefilter import reflection_map_by_sum, reflection_maps
 from jaxrender.reflection.render import (
@@ -170,6 +171,7 @@ __all__ = [
     "reflect_about_mirror",
     "reflect_slow_light",
     "facet_coefficients",
+    "forward_of",
     "reflect_by_facets",
     "convolve_flatland",
     "evaluate_flatland",
@@ -216,6 +218,7 @@ __all__ = [
     "polar_nodes_for",
     "radiance",
     "render",
+    "render_lit",
     "render_samples",
     "render_view",
     "render_views",

@@ -9,7 +9,7 @@ from jax.core import Tracer
 
 from jaxrender.harmonics import analyse, coefficient_count, real_basis
 from jaxrender.lighting import DirectionalSources, Environment
-from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.base import Light, LightNodes, LightSum
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.sky import ClearSky, OvercastSky
 from jaxrender.shapes import Array, Coefficients, Float
@@ -21,7 +21,8 @@ def light_coefficients(light: Light, band_limit: int) -> Float[Array, "coefficie
 
     Environments by the quadrature of their own grid, which is exact up to its band limit (higher:
     ``ValueError``); skies by their own integrals; light given by coefficients by cutting or
-    filling them up; directional sources, and any other light, as the point masses that they are.
+    filling them up; directional sources, and any other light, as the point masses that they are; a
+    sum of lights part by part.
     """
     if isinstance(light, Environment):
         return analyse(light.grid, jnp.asarray(light.radiance), band_limit)
@@ -33,6 +34,9 @@ def light_coefficients(light: Light, band_limit: int) -> Float[Array, "coefficie
         missing = max(coefficient_count(band_limit) - light.coefficients.shape[0], 0)
         filled = jnp.pad(jnp.asarray(light.coefficients), ((0, missing), (0, 0)))
         return filled[: coefficient_count(band_limit)]
+    if isinstance(light, LightSum):
+        parts = [light_coefficients(part, band_limit) for part in light.parts]
+        return jnp.sum(jnp.stack(parts), axis=0)
     nodes = light.nodes()
     if isinstance(light, DirectionalSources) and not isinstance(light.directions, Tracer):
         nodes = _filled_up(nodes)

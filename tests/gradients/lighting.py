@@ -193,6 +193,7 @@ EXCEPTIONS = {
     "Flaps": "numbers; what they cut is in the rows of PointLight",
     "Light": "what a light is: its rows are those of the kinds of light",
     "LightNodes": "numbers, no function",
+    "LightSum": "its parts one after the other",
     "Sky": "what a sky is: its rows are those of the two skies",
     "light_of_ball": "reads a photograph on the host, by SciPy's look-up",
     "panorama_named": "of a name",

@@ -127,13 +127,25 @@ def _images(brdf, view, model):
     return tuple(reflection.render_views(brdf, [view, view], model))
 
 
-def _from_camera(kd, ks, sigma, mu, irradiance):
-    # Its own geometry is in double precision, and so is the image; a view may be in single.
-    parts = (part.astype(np.float64) for part in (kd, ks, sigma, mu, irradiance))
-    kd, ks, sigma, mu, energy = parts
-    model = ExactForward(LightNodes(LAMPS, energy))
-    image = reflection.render(Microfacet(kd, ks, sigma, mu), CAMERA, BALL, model)
-    return image.astype(irradiance.dtype)
+def _from_camera(picture):
+    """An image of the ball by material and lamps."""
+
+    def call(kd, ks, sigma, mu, irradiance):
+        # Its own geometry is in double precision, and so is the image; a view may be in single.
+        parts = (part.astype(np.float64) for part in (kd, ks, sigma, mu, irradiance))
+        kd, ks, sigma, mu, energy = parts
+        image = picture(Microfacet(kd, ks, sigma, mu), energy)
+        return image.astype(irradiance.dtype)
+
+    return call
+
+
+def _by_nodes(brdf, energy):
+    return reflection.render(brdf, CAMERA, BALL, ExactForward(LightNodes(LAMPS, energy)))
+
+
+def _by_a_light(brdf, energy):
+    return reflection.render_lit(brdf, DirectionalSources(LAMPS, energy), BALL, CAMERA)
 
 
 FRAMES = {"frames": FrameNodes(Unit(LAMPS[:, None]), np.ones((2, 1, 2)), Still(np.array([0, 1])))}
@@ -371,11 +383,8 @@ ROWS = [
             ("sensitivities", reflection.sensitivities),
         )
     ),
-    Row(
-        "render",
-        _from_camera,
-        {**MATERIAL, "irradiance": LIGHT["irradiance"]},
-    ),
+    Row("render", _from_camera(_by_nodes), {**MATERIAL, "irradiance": LIGHT["irradiance"]}),
+    Row("render_lit", _from_camera(_by_a_light), {**MATERIAL, "irradiance": LIGHT["irradiance"]}),
     Row(
         "render_widths",
         lambda samples, widths, ks, mu, directions, irradiance: reflection.render_widths(
@@ -551,6 +560,7 @@ EXCEPTIONS = {
     "reflect_by_facets.slow": "a constant by intent: it is drawn as an image that is looked up in",
     **dict.fromkeys(("cast_shadows", "visible_nodes", "transfer_vectors"), _SIGHT),
     **dict.fromkeys(("ShadowedDual", "ShadowedForward", "ShadowedModel"), _SIGHT),
+    "forward_of": "chooses a model, whose rows those are; test_lit differentiates by the light",
     "ForwardModel": "what a model is: its rows are those of the two",
     "Shrm": "what a map is: its rows are those of the two",
     **dict.fromkeys(

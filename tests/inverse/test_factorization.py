@@ -128,6 +128,7 @@ def test_material_and_lamp_are_found(found):
     assert all(found.identifiable.values())
 
 
+@pytest.mark.slow
 def test_the_light_is_found(found):
     """The first nine coefficients, lamp included, by a quadrature that knows of no fit."""
     from jaxrender.harmonics import LatLongGrid, analyse, real_basis

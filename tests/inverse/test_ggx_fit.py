@@ -80,6 +80,7 @@ def test_variants_are_of_the_same_distribution(fit):
     assert {other.distribution for other in others} == {"ggx"}
 
 
+@pytest.mark.slow
 def test_unknown_light():
     samples, _ = ball_samples(1500, 0.15, seed=1)
     lamp = DirectionalSources(LAMP[None], ENERGY[None])

@@ -62,6 +62,7 @@ def test_material_and_lamp_are_found():
         assert np.all((ratio > 0.7) & (ratio < 1.4)), (name, ratio)
 
 
+@pytest.mark.slow
 def test_the_right_model_predicts_what_was_held_out():
     asked = (Asked("phong", MODELS["phong"]), Asked("ward", MODELS["ward"]))
     found = compare_factorizations(photographs(MODELS["ward"]), asked, SETTINGS)

@@ -74,6 +74,7 @@ def test_what_is_stated_of_the_light_holds_for_all_degrees(lambertian):
     assert np.all(off[odd] < STATED_ERRORS * stated[odd])
 
 
+@pytest.mark.slow
 def test_grooves_tell_an_odd_degree_and_their_roughness(grooved):
     assert_lamp_is_found(grooved)
     assert grooved.scene.told[3] > 0.9
@@ -84,6 +85,7 @@ def test_grooves_tell_an_odd_degree_and_their_roughness(grooved):
     np.testing.assert_array_equal(grooved.parameters.value.kd, 0)
 
 
+@pytest.mark.slow
 def test_the_roughness_of_grooves_is_foreseen(grooved):
     light = KnownLight(AREA.to_environment(32), SUN)
     observed = photographs(GROOVED)

@@ -214,6 +214,7 @@ def test_a_concave_object_hides_light_from_itself(statue):
     np.testing.assert_allclose(own[:, 1], found.columns(guess).specular @ light, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_brushed_metal_on_a_concave_object_under_unknown_light(statue):
     observations, nodes = statue
     truth = AnisotropicWard(np.array([0.6, 0.5, 0.4]), np.array([0.4, 0.5, 0.6]), 0.15, 0.35)

@@ -157,6 +157,7 @@ def test_a_reciprocal_grid_pools_both_orders():
     assert np.any(one[2] != apart.cells(apart.coordinates(outgoing, incoming))[2])
 
 
+@pytest.mark.slow
 def test_a_model_is_averaged_over_the_cell():
     """Cells of t_h as wide as the lobe: the mean over the cell, not the value in its middle."""
     samples = brdf_samples(photographs(LAMPS), LAMPS, NOISE)

@@ -89,6 +89,7 @@ def test_errors_with_a_view_are_those_of_a_forecast_of_both(head_on):
         assert error == pytest.approx(twin.relative_error(name), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_fit_with_the_suggested_lamp_achieves_what_was_predicted(head_on):
     best, *_ = suggest_lamps(head_on, PROBLEM, fibonacci_sphere(24), count=2)
     assert max(best.errors.values()) < WITHIN

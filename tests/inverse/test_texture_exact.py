@@ -53,6 +53,7 @@ def fit(ball):
     return fit_texture(measured, Forward(search, exact, exact), unknowns, settings)
 
 
+@pytest.mark.slow
 def test_the_lobe_is_recovered(fit):
     assert fit.outcome is Outcome.CONVERGED
     assert abs(fit.sigma - SIGMA) < WITHIN * fit.sigma_error + LIGHT_BIAS * SIGMA
@@ -61,6 +62,7 @@ def test_the_lobe_is_recovered(fit):
     assert fit.noise.relative == pytest.approx(0.01, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_texture_is_recovered_where_it_is_not_marked(fit, ball):
     good = ~fit.texture.kd_marked
     assert good.mean() > 0.9
@@ -69,6 +71,7 @@ def test_the_texture_is_recovered_where_it_is_not_marked(fit, ball):
     assert np.sqrt(np.mean((fit.texture.ks / ball.ks - 1)[good] ** 2)) < 0.05
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_their_standard_errors(fit, ball):
     seen = np.isfinite(fit.texture.kd_error).all(axis=1) & ~fit.texture.kd_marked
     scores = ((fit.texture.kd - ball.kd) / fit.texture.kd_error)[seen]
@@ -76,6 +79,7 @@ def test_errors_are_as_large_as_their_standard_errors(fit, ball):
     assert 0.88 < np.sqrt(np.mean(scores**2)) < 1.15
 
 
+@pytest.mark.slow
 def test_the_bad_sites_are_the_marked_ones(fit, ball):
     seen = fit.texture.seen > 0
     error = np.abs(fit.texture.kd / ball.kd - 1).max(axis=1)[seen]
@@ -91,6 +95,7 @@ def area_under_curve(score, bad):
     return np.mean(score[bad][:, None] > score[~bad][None, :])
 
 
+@pytest.mark.slow
 def test_unseen_sites_are_unknown_and_marked(fit):
     unseen = fit.texture.seen == 0
     assert unseen.sum() == fit.texture.seen.size - np.count_nonzero(fit.texture.seen)

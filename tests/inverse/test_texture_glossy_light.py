@@ -58,6 +58,7 @@ def glossy(shot):
     return problem, recover_glossy(problem, FIXED, mean_ks=mean)
 
 
+@pytest.mark.slow
 def test_the_light_is_found_by_what_moves_with_the_view(glossy, truth):
     light = glossy[1].light
     scale = np.sum(light.coefficients * truth) / np.sum(truth**2)
@@ -69,6 +70,7 @@ def test_the_light_is_found_by_what_moves_with_the_view(glossy, truth):
     assert (light.relative_error_by_degree[:3] < 0.1).all()
 
 
+@pytest.mark.slow
 def test_the_texture_follows_from_the_light(glossy):
     kd, ks = texture()
     problem, found = glossy
@@ -79,6 +81,7 @@ def test_the_texture_follows_from_the_light(glossy):
     assert np.isnan(found.kd[problem.measured.seen == 0]).all()
 
 
+@pytest.mark.slow
 def test_diffuse_constants_have_no_part_in_the_light(shot, glossy):
     ks = texture()[1]
     measured = glossy[0].measured
@@ -115,6 +118,7 @@ def _columns(samples):
     return diffuse_basis(samples, 5), harmonic_columns(samples, LOBE, (5, False))
 
 
+@pytest.mark.slow
 def test_roughness_and_index_are_within_their_errors(glossy):
     """K_s varies by a third, which one K_s for all would take for roughness (10 % off)."""
     light = recover_glossy(glossy[0], MicrofacetUnknowns()).light
@@ -126,6 +130,7 @@ def test_roughness_and_index_are_within_their_errors(glossy):
     assert light.mu_error < 0.05 * (MU - 1)
 
 
+@pytest.mark.slow
 def test_errors_of_light_and_texture(glossy, truth):
     kd, ks = texture()
     problem, found = glossy

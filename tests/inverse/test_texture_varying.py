@@ -90,6 +90,7 @@ def test_what_cannot_vary_is_refused(scene):
         recover_texture(*args, field=field, exact=False)
 
 
+@pytest.mark.slow
 def test_a_sigma_for_each_sample(scene):
     """Every model, against one sample after the other."""
     few = scene[0].take(np.array([0, 500, 1100]))

@@ -27,6 +27,7 @@ def test_the_table_says_what_is_well_posed(panorama, capsys):
     assert figure.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_uniform_light_tells_the_mean_alone(tmp_path, capsys):
     write_image(tmp_path / "grey.exr", np.ones((32, 64, 3)))
     assert main(["analyze", str(tmp_path / "grey.exr"), "--band-limit", "8"]) == 0

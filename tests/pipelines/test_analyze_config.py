@@ -61,6 +61,7 @@ def test_uniform_light_seen_head_on(planned, capsys):
     assert figure.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_recipe_is_not_rendered(tmp_path, capsys):
     (tmp_path / "recipe.yaml").write_text(
         "geometry: {sphere: {radius: 1}}\n"

@@ -32,9 +32,9 @@ from jaxrender.brdf import (
     material_named,
 )
 from jaxrender.catalogue import MODELS
+from jaxrender.inverse.own_words import OwnWords
 from jaxrender.pipelines.config import BrdfConfig, RunConfig, SolveConfig
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
-from jaxrender.pipelines.own_words import OwnWords
 from jaxrender.pipelines.scene import lobe_of, true_material, unknowns_of
 
 

@@ -14,15 +14,15 @@ from small_captures import Ball, edit_json, write_ball
 from jaxrender.errors import InputError
 from jaxrender.geometry import Sphere
 from jaxrender.imaging import SRGB, erode
-from jaxrender.io import read_image, write_image
-from jaxrender.pipelines.config import CaptureConfig
-from jaxrender.pipelines.photographs import (
+from jaxrender.inverse.photographs import (
+    Listener,
     observations_of,
-    read_frames,
     read_photographs,
     trace_photographs,
 )
-from jaxrender.pipelines.progress import SilentProgress
+from jaxrender.io import read_image, write_image
+from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.scene import capture_of, reading_of
 
 BALL = Sphere(np.zeros(3), 1.0)
 # A half step of 8 bits, through the steepest part of the sRGB curve (slope 2.3 at 1).
@@ -33,17 +33,6 @@ FLOAT32 = 1e-6
 LOOKING_AWAY = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -50], [0, 0, 0, 1]]
 
 
-class Notes(SilentProgress):
-    """Keeps what is said."""
-
-    def __init__(self):
-        super().__init__()
-        self.said = []
-
-    def note(self, text):
-        self.said.append(text)
-
-
 @pytest.fixture
 def capture(tmp_path):
     """Three photographs of 24 x 24 pixels without noise."""
@@ -52,14 +41,13 @@ def capture(tmp_path):
 
 
 def load(folder, min_cosine=0.15, **given):
-    config = CaptureConfig.model_validate(
-        {"transforms": folder / "transforms.json", "geometry": {"sphere": {}}, **given}
-    )
-    notes = Notes()
-    frames = read_frames(config)
-    images = read_photographs(config, frames, notes)
-    photographs = trace_photographs(config, frames, images, BALL, min_cosine, notes)
-    return photographs, notes.said
+    capture = {"transforms": folder / "transforms.json", "geometry": {"sphere": {}}, **given}
+    samples = {"min_cosine": min_cosine}
+    config = RunConfig.model_validate({"task": "factorize", "capture": capture, "samples": samples})
+    said, frames, reading = [], capture_of(config.capture), reading_of(config)
+    listener = Listener(said.append)
+    images = read_photographs(frames, reading, listener)
+    return trace_photographs(frames, images, BALL, reading, listener), said
 
 
 def truth(folder, number):

@@ -27,7 +27,6 @@ from jaxrender.pipelines.scene import (
     lobe_of,
     settings_of,
     shape_of,
-    sources_of_frame,
     true_material,
     unknowns_of,
 )
@@ -153,16 +152,14 @@ def test_sources_of_photographs_are_added_to_the_shared_ones(tmp_path):
         {"directional": [UP], "per_frame": tmp_path / "lights.txt"}
     )
     light = known_light(lighting, ["a", "b"])
-    sources = sources_of_frame(light, 1)
+    sources = light.sources_of(1)
     np.testing.assert_array_equal(sources.directions, [[0, 0, 1], [0, 1, 0]])
     np.testing.assert_array_equal(sources.irradiance, [[1, 2, 3], [1, 1, 1]])
     shared = known_light(LightingConfig.model_validate({"directional": [UP, TO_X]}), ["a"])
-    np.testing.assert_array_equal(
-        sources_of_frame(shared, 0).directions, shared.directional.directions
-    )
+    np.testing.assert_array_equal(shared.sources_of(0).directions, shared.directional.directions)
     # A photograph in the dark is no mistake.
     dark = light.__class__(None, DirectionalSources.none(), (DirectionalSources.none(), sources))
-    assert sources_of_frame(dark, 0).directions.shape == (0, 3)
+    assert dark.sources_of(0).directions.shape == (0, 3)
 
 
 def test_input_files_are_those_that_exist(tmp_path):

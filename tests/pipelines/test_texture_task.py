@@ -339,6 +339,7 @@ def test_sigma_varies_over_the_ball(varying):
     assert result["residual"]["relative_rms"] < 1.5 * NOISE
 
 
+@pytest.mark.slow
 def test_the_texture_is_found_with_its_sigma(varying):
     _, folder, _ = varying
     texture = arrays(folder)
@@ -353,6 +354,7 @@ def test_the_texture_is_found_with_its_sigma(varying):
     assert np.isinf(texture["sigma_error"][unseen]).all()
 
 
+@pytest.mark.slow
 def test_maps_of_sigma_are_written_and_shown(varying):
     _, folder, result = varying
     maps = arrays(folder)
@@ -365,6 +367,7 @@ def test_maps_of_sigma_are_written_and_shown(varying):
     assert "standard error of sigma" in page
 
 
+@pytest.mark.slow
 def test_a_varying_sigma_renders_again(varying, tmp_path):
     """Prediction and rendering both go by the map: the photograph, to the noise."""
     capture, folder, _ = varying

@@ -34,7 +34,11 @@ FRAMES = FrameNodes(
 ROOM = lit_room(32, finest=128)
 LIGHT = dual_light(take(ROOM, candidates(ROOM, 0.15), 20, 0.15), SOURCES, 12, FRAMES)
 RANGE = (0.1, 0.3)
-VARIANTS = [("exit", "none", 1.5), ("half", "smith", 1.5), ("exit", "none", None)]
+VARIANTS = [
+    ("exit", "none", 1.5),
+    pytest.param(("half", "smith", 1.5), marks=pytest.mark.slow),
+    ("exit", "none", None),
+]
 
 
 @lru_cache

@@ -11,8 +11,8 @@
     where a fit stands; lamps found and dropped; what the exact integral corrects; these in turn
 ``account``
     gauges and error bars
-``recover`` ``prediction``
-    the whole of it; what other samples show by what was found
+``recover`` ``prediction`` ``given``
+    the whole of it; what other samples show by what was found; what is known beforehand
 ``gram`` ``stream``
     one pass over any number of pixels into matrices from which every outer evaluation follows
 ``nested`` ``roughness``
@@ -20,6 +20,7 @@
 """
 
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
+from jaxrender.inverse.factorization.given import in_units_of, known_of, reflectances_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
 from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
@@ -32,5 +33,8 @@ __all__ = [
     "RecoveredScene",
     "Round",
     "factorize",
+    "in_units_of",
+    "known_of",
     "predict",
+    "reflectances_of",
 ]

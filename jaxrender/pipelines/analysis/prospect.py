@@ -10,15 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.geometry import Camera, Shape
+from jaxrender.imaging import Linear
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast import Situation
 from jaxrender.inverse.observations import random_subset
+from jaxrender.inverse.photographs import Listener, Reading, observations_of, trace_photographs
 from jaxrender.io import Capture, Frame, Image, read_capture
 from jaxrender.lighting import DirectionalSources, Environment, SmoothLobes, to_latlong
 from jaxrender.pipelines.config import RecipeConfig, RunConfig, load_recipe
-from jaxrender.pipelines.photographs import observations_of, trace_photographs
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.scene import (
     directional_of,
@@ -62,28 +63,14 @@ def prospect_of(config: RunConfig, progress: Progress) -> Prospect:
     recipe = None if config.capture.recipe is None else load_recipe(config.capture.recipe)
     shape, capture = _shape_and_cameras(config, recipe)
     light, given = _light(config, recipe, capture)
-    plain = config.capture.model_copy(
-        update={
-            "transforms": config.capture.transforms or config.capture.recipe,
-            "exposure": "given",
-            "response": "linear",
-            "saturation": None,
-            "black_level": 0.0,
-        }
-    )
+    reading = Reading(Linear(), erode=config.capture.erode, min_cosine=config.samples.min_cosine)
     blanks = [_blank(frame.camera) for frame in capture.frames]
-    place = str(plain.transforms)
-    with fault_of(place):
-        photographs = trace_photographs(
-            plain, capture, blanks, shape, config.samples.min_cosine, progress
-        )
+    with fault_of(str(capture.source)):
+        listener = Listener(progress.note, progress.advance)
+        photographs = trace_photographs(capture, blanks, shape, reading, listener)
     kept = [photograph.frame for photograph in photographs]
-    if light.per_frame is not None:
-        names = {frame.name for frame in kept}
-        own = zip(capture.frames, light.per_frame)
-        lit = tuple(sources for frame, sources in own if frame.name in names)
-        with fault_of("lighting.per_frame"):
-            light = KnownLight(light.environment, light.directional, lit)
+    with fault_of("lighting.per_frame"):
+        light = light.of_frames(capture.numbers_of(frame.name for frame in kept))
     observations = random_subset(
         observations_of(photographs), config.samples.count, config.samples.seed
     )
@@ -104,8 +91,9 @@ def _shape_and_cameras(config: RunConfig, recipe: RecipeConfig | None) -> tuple[
             require_images=False,
         )
         frames = tuple(_without_missing_mask(frame) for frame in capture.frames)
-        return shape_of(config.capture.geometry), Capture(frames)
+        return shape_of(config.capture.geometry), Capture(frames, capture.source)
     place = config.capture.recipe
+    assert place is not None
     shape = shape_of(config.capture.geometry or recipe.geometry)
     centre = np.asarray(shape_of(recipe.geometry).bounds()).mean(axis=0)
     with fault_of(f"{place}: views.elevation_degrees {recipe.views.elevation_degrees:g}"):
@@ -114,7 +102,7 @@ def _shape_and_cameras(config: RunConfig, recipe: RecipeConfig | None) -> tuple[
         Frame(f"view_{number:03d}", camera, Path(f"view_{number:03d}"), None, None)
         for number, camera in enumerate(cameras)
     )
-    return shape, Capture(frames)
+    return shape, Capture(frames, place)
 
 
 def _without_missing_mask(frame: Frame) -> Frame:

@@ -8,10 +8,10 @@ from jaxrender.brdf import Parametric
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
 from jaxrender.inverse.next_best import Suggestion
+from jaxrender.inverse.own_words import called
 from jaxrender.inverse.posedness import RECOVERABLE
 from jaxrender.inverse.uncertainty import Uncertain, in_own_units
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options
-from jaxrender.pipelines.own_words import called
 
 _CHANNELS = ("red", "green", "blue")
 _DEGREES_SHOWN = (*range(9), 10, 12, 14, 16, 18, 20)

@@ -17,9 +17,8 @@ from jaxrender.pipelines.batch.task import Failure, Job
 from jaxrender.pipelines.config import CaptureConfig, RunConfig, load_recipe
 from jaxrender.pipelines.config.sweep import Sweep
 from jaxrender.pipelines.output import fingerprint, fingerprint_of, result_folder
-from jaxrender.pipelines.photographs import read_frames
 from jaxrender.pipelines.result import read_result, write_json
-from jaxrender.pipelines.scene import input_files
+from jaxrender.pipelines.scene import capture_of, input_files
 
 # Hexadecimal digits of a name: two of 1e5 runs share one by accident with probability 3e-10.
 _NAME_LENGTH = 16
@@ -102,7 +101,7 @@ class _Data:
     def _photographs(self, capture: CaptureConfig) -> list[Path]:
         key = capture.model_dump_json()
         if key not in self._captures:
-            frames = read_frames(capture).frames
+            frames = capture_of(capture).frames
             masks = [frame.mask_path for frame in frames if frame.mask_path is not None]
             self._captures[key] = [*(frame.image_path for frame in frames), *masks]
         return self._captures[key]

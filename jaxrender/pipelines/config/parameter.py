@@ -9,6 +9,7 @@ from pydantic import GetJsonSchemaHandler, model_serializer, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from jaxrender.catalogue import Interval as Domain
 from jaxrender.pipelines.config.values import Accepts, Number, Section
 
 Triple = tuple[Number, Number, Number]
@@ -101,26 +102,13 @@ class Parameter(Section):
         return {"anyOf": shorthands, "description": cls.__doc__}
 
 
-def numbers_above(limit: float) -> Callable[[Parameter], Parameter]:
-    """A check that every number named for a parameter lies above a limit."""
-    return _checked(lambda number: number > limit, f"above {limit:g}")
+def numbers_inside(domain: Domain) -> Callable[[Parameter], Parameter]:
+    """A check that every number named for a parameter lies in an interval."""
 
-
-def numbers_at_least(limit: float) -> Callable[[Parameter], Parameter]:
-    """A check that no number named for a parameter lies below a limit."""
-    return _checked(lambda number: number >= limit, f"at least {limit:g}")
-
-
-def numbers_at_most(limit: float) -> Callable[[Parameter], Parameter]:
-    """A check that no number named for a parameter lies above a limit."""
-    return _checked(lambda number: number <= limit, f"at most {limit:g}")
-
-
-def _checked(passes: Callable[[float], bool], rule: str) -> Callable[[Parameter], Parameter]:
     def check(parameter: Parameter) -> Parameter:
-        wrong = [number for number in parameter.numbers if not passes(number)]
+        wrong = [number for number in parameter.numbers if not domain.holds(number)]
         if wrong:
-            raise ValueError(f"found {wrong[0]:g}; every value here must be {rule}")
+            raise ValueError(f"found {wrong[0]:g}; every value here must be {domain.words}")
         return parameter
 
     return check

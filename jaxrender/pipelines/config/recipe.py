@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, create_model, model_validator
 
+from jaxrender.catalogue import MODELS, NAMES, described, numbers_named
 from jaxrender.pipelines.config.brdf import (
-    BY_INTEGRAL,
     Fresnel,
-    Height,
     Masking,
     Model,
-    Spacing,
-    numbers_of,
     refuse_foreign_keys,
-    refuse_roughest,
+    refuse_outside,
+    stated,
     with_defaults_of_model,
 )
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, EnvironmentConfig
 from jaxrender.pipelines.config.values import (
-    Accepts,
     Count,
     Direction,
     Elevation,
@@ -35,51 +32,20 @@ from jaxrender.pipelines.config.values import (
     WholeNumber,
 )
 
-TrueIndex = Annotated[
-    float, Strict(), Field(gt=1, allow_inf_nan=False), Accepts("a number above 1")
-]
-SlopeRoughness = Annotated[
-    float, Strict(), Field(gt=0, le=1, allow_inf_nan=False), Accepts("a number above 0, up to 1")
-]
 
-
-class RecipeBrdfConfig(Section):
+class _RecipeBrdf(Section):
     """The true material; one with gloss needs every number that its model has."""
 
     model: Model = "microfacet"
     """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
-    kd: Rgb
-    """Diffuse BRDF value (albedo / pi), 1/sr."""
-    ks: Rgb = (0.0, 0.0, 0.0)
-    """Specular weight: times the Fresnel reflectance of torrance-sparrow, cook-torrance and
-    he-torrance (1 for a clean surface), times the power of lafortune's and kajiya-kay's cosine
-    (in 1/sr)."""
-    sigma: Positive = 0.1
-    """Surface roughness; of ggx what is called alpha, up to 1; of oren-nayar the deviation of the
-    grooves' angle, in radians."""
-    roughness: SlopeRoughness = 0.2
-    """Of ward, cook-torrance and he-torrance the slopes' deviation times the root of 2, of
-    torrance-sparrow the facets' angle in radians at 1/e; of anisotropic-ward along the tangent,
-    which is the meridian about +Z.  Up to 1."""
-    roughness_y: SlopeRoughness = 0.2
-    """Of anisotropic-ward the roughness across the tangent; up to 1."""
-    exponent: Positive = 50.0
-    """Exponent of phong and lafortune (cosine to R), blinn-phong and poulin-fournier (cosine to the
-    half vector), kajiya-kay (cosine to the cone into which a fibre along the meridian reflects)."""
-    c_z: Positive = 1.0
-    """C_z of lafortune's lobe (-1, -1, C_z): 1 is about R, less is nearer to the horizon."""
-    deviation: Positive = 0.5
-    """Of he-torrance the deviation of the surface's heights, in wavelengths."""
-    spacing: Spacing = 2.0
-    """Of poulin-fournier the distance between the cylinders' axes in radii, at least 2."""
-    height: Height = 1.0
-    """Of poulin-fournier how far the cylinders rise, in radii: 1 is half a cylinder."""
-    mu: Literal["none"] | TrueIndex = 1.5
-    """Refractive index; none for metals (F = 1)."""
     fresnel: Fresnel = "exit"
     """Fresnel at the exit angle (default of microfacet) or to the half vector (ggx, beckmann)."""
     masking: Masking = "none"
     """Masking and shadowing between facets: none (default of microfacet) or smith (the others')."""
+
+    def number(self, name: str) -> Any:
+        """Look a number up: of an amplitude one for each channel, or the word none."""
+        return getattr(self, name)
 
     @model_validator(mode="before")
     @classmethod
@@ -87,14 +53,41 @@ class RecipeBrdfConfig(Section):
         return with_defaults_of_model(given)
 
     @model_validator(mode="after")
-    def _complete(self) -> RecipeBrdfConfig:
-        refuse_foreign_keys(self)
-        refuse_roughest(self.model, self.sigma)
-        missing = set(numbers_of(self.model)) - self.model_fields_set
+    def _complete(self) -> _RecipeBrdf:
+        refuse_foreign_keys(self, [self.model])
+        entry = MODELS[self.model]
+        for name in entry.names("searched"):
+            value = self.number(name)
+            refuse_outside(self.model, name, () if value == "none" else (value,))
+        missing = {*entry.names("amplitude", "searched")} - self.model_fields_set
         if missing:
             names = ", ".join(sorted(missing))
             raise ValueError(f"a {self.model} recipe states its whole truth; missing: {names}")
         return self
+
+
+def _truth(name: str) -> tuple[Any, Any]:
+    """Make the type of a key that states a number, and its default with what it means."""
+    number, text = next(iter(numbers_named(name).values())), described(name)
+    if name == "kd":
+        return Rgb, Field(description=text)
+    if number.part == "amplitude":
+        return Rgb, Field(default=(0.0, 0.0, 0.0), description=text)
+    kind = stated(name)
+    if number.may_be_none:
+        kind = Literal["none"] | kind
+    return kind, Field(default=number.typical, description=text)
+
+
+if TYPE_CHECKING:
+    RecipeBrdfConfig = _RecipeBrdf
+else:
+    RecipeBrdfConfig = create_model(
+        "RecipeBrdfConfig",
+        __base__=_RecipeBrdf,
+        __doc__=_RecipeBrdf.__doc__,
+        **{name: _truth(name) for name in NAMES},
+    )
 
 
 class RecipePaintConfig(Section):
@@ -195,21 +188,25 @@ class RecipeConfig(Section):
     """Seed of the noise."""
 
     @model_validator(mode="after")
-    def _paint_has_one_ks(self) -> RecipeConfig:
-        if self.texture is not None and len(set(self.brdf.ks)) > 1:
+    def _can_be_painted(self) -> RecipeConfig:
+        brdf, paint = self.brdf, self.texture
+        if paint is None:
+            return self
+        model = MODELS[brdf.model]
+        if len(set(brdf.number("ks"))) > 1:
             raise ValueError("a painted material has one ks for all channels; give brdf.ks once")
-        if self.texture is not None and self.brdf.model in BY_INTEGRAL:
+        if not model.about_mirror:
             raise ValueError(
-                f"found texture with model {self.brdf.model}; choose a model with a lobe about the "
+                f"found texture with model {brdf.model}; choose a model with a lobe about the "
                 "reflected direction"
             )
-        if self.texture is not None and self.brdf.model == "lambertian" and self.texture.ks:
-            raise ValueError("found texture.ks with model lambertian, which has only kd; give 0")
-        if self.texture is not None and self.texture.sigma_above is not None:
-            if "sigma" not in numbers_of(self.brdf.model):
+        if not model.has_gloss and paint.ks:
+            raise ValueError(f"found texture.ks with model {brdf.model}, which has only kd; give 0")
+        if paint.sigma_above is not None:
+            if "sigma" not in model.names("searched"):
                 raise ValueError(
-                    f"found texture.sigma_above with model {self.brdf.model}, which has no sigma; "
+                    f"found texture.sigma_above with model {brdf.model}, which has no sigma; "
                     "remove it"
                 )
-            refuse_roughest(self.brdf.model, self.texture.sigma_above)
+            refuse_outside(brdf.model, "sigma", (paint.sigma_above,))
         return self

@@ -6,14 +6,8 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import (
-    BY_INTEGRAL,
-    FACET_MODELS,
-    GLOSSY,
-    MATT,
-    BrdfConfig,
-    numbers_of,
-)
+from jaxrender.catalogue import MODELS
+from jaxrender.pipelines.config.brdf import FACET_MODELS, GLOSSY, BrdfConfig
 from jaxrender.pipelines.config.capture import CaptureConfig
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
@@ -110,7 +104,7 @@ class RunConfig(Section):
         for key, task in (("texture", "texture"), ("spectrum", "brdf-spectrum")):
             if getattr(self, key) is not None and self.task != task:
                 raise ValueError(f"found {key} with task {self.task}; remove it, or task: {task}")
-        by_integral = [model for model in brdf.models if model in BY_INTEGRAL]
+        by_integral = [name for name in brdf.models if not MODELS[name].about_mirror]
         if by_integral and (self.solve.interreflection or self.solve.model != "dual"):
             key = "interreflection" if self.solve.interreflection else "model"
             raise ValueError(
@@ -126,15 +120,15 @@ class RunConfig(Section):
         _refuse_for_unknown_light(self)
         if self.solve.free_exposure:
             raise ValueError(f"task {self.task} needs known exposures; remove solve.free_exposure")
-        numbers = ("kd", *numbers_of(brdf.model))
-        given = {name: getattr(brdf, name) for name in dict.fromkeys(numbers)}
-        given = {name: value == "none" or not value.free for name, value in given.items()}
+        model = MODELS[brdf.model]
+        known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}
+        given = {name: value is None or not value.free for name, value in known.items()}
         if self.task == "lighting" and not all(given.values()):
             missing = ", ".join(name for name, is_given in given.items() if not is_given)
             raise ValueError(
                 f"task lighting needs a known material; fix {missing}, or choose task: factorize"
             )
-        if self.task == "factorize" and given["kd"] and brdf.model in MATT:
+        if self.task == "factorize" and given["kd"] and not model.has_gloss:
             raise ValueError(
                 "of a matt body under unknown light the product of light and kd shows, not kd; "
                 "leave kd free, or choose task: lighting"
@@ -155,7 +149,8 @@ def _refuse_for_unknown_light(config: RunConfig) -> None:
         if getattr(own, name) != type(own).model_fields[name].default:
             raise ValueError(f"task {config.task} {why}; remove {key}, or choose task: brdf")
     for name in ("kd", "ks"):
-        parameter = getattr(config.brdf, name)
+        parameter = config.brdf.known(name)
+        assert parameter is not None
         if parameter.bounds is not None or parameter.start is not None:
             raise ValueError(
                 f"task {config.task} finds only the ratio of kd and ks, without bounds or start; "
@@ -166,7 +161,7 @@ def _refuse_for_unknown_light(config: RunConfig) -> None:
 def _refuse_for_texture(config: RunConfig) -> None:
     """Refuse what a material for every texel cannot be combined with."""
     brdf, solve, lighting = config.brdf, config.solve, config.lighting
-    if not (brdf.kd.free and brdf.ks.free):
+    if not all(_is_free(brdf, name) for name in ("kd", "ks")):
         raise ValueError("kd and ks are the texture that is sought; leave both free")
     faults = {
         "brdf.ks_per_channel": (brdf.ks_per_channel, "has one ks for all channels"),
@@ -183,6 +178,11 @@ def _refuse_for_texture(config: RunConfig) -> None:
         raise ValueError("found lighting with texture.unknown_light; remove one of them")
 
 
+def _is_free(brdf: BrdfConfig, name: str) -> bool:
+    known = brdf.known(name)
+    return known is not None and known.free
+
+
 def _refuse_for_varying_sigma(config: RunConfig) -> None:
     """Refuse what a sigma that varies over the surface cannot be combined with."""
     brdf, solve = config.brdf, config.solve
@@ -190,7 +190,7 @@ def _refuse_for_varying_sigma(config: RunConfig) -> None:
     faults = {
         "texture.unknown_light": (config.texture.unknown_light, "needs a light that is known"),
         "brdf.model": (brdf.model == "lambertian", "needs a model that has gloss"),
-        "brdf.sigma": (not brdf.sigma.free, "leaves sigma free"),
+        "brdf.sigma": (not _is_free(brdf, "sigma"), "leaves sigma free"),
         "solve.refine": (solve.refine != "exact", "is found on the integral"),
         "solve.method": (solve.method != "variable-projection", "is more than the simplex finds"),
     }

@@ -13,6 +13,7 @@ from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import Factorization, Observations, factorize
 from jaxrender.inverse.comparison import Comparison, compare_factorizations, divided
 from jaxrender.inverse.factorization import Round, predict
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import write_environment
 from jaxrender.lighting import Environment
 from jaxrender.pipelines.clock import Clock
@@ -26,7 +27,6 @@ from jaxrender.pipelines.light.asked import (
 )
 from jaxrender.pipelines.light.files import light_images, write_light, write_samples
 from jaxrender.pipelines.light.result import Recovered, result_of
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import sentence_of

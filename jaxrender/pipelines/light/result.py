@@ -7,9 +7,9 @@ import numpy as np
 from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse import Factorization
 from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.own_words import OwnWords
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.uncertainty import in_own_units
-from jaxrender.pipelines.own_words import OwnWords
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.result import finite, pixels_of, ranking_of
 from jaxrender.shapes import Float
 

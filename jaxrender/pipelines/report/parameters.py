@@ -5,28 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxrender.catalogue import MODELS, Model
 from jaxrender.inverse.conditioning import GRAZING_COSINE
-from jaxrender.pipelines.report.contents import Contents, ReportContents
+from jaxrender.pipelines.report.contents import Contents, ReportContents, SpectrumContents
 from jaxrender.pipelines.report.display import hex_colour
 from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numbers, percent, shown
 
-_MEANINGS = {
-    "kd": ("K", "d", "matt reflectance [1/sr]; times π it is the albedo"),
-    "ks": ("K", "s", "strength of the gloss"),
-    "sigma": ("σ", "", "roughness: how wide the highlight is [radians]"),
-    "roughness": ("α", "", "roughness: how wide the highlight is"),
-    "roughness_y": ("α", "y", "roughness across the tangent: how long the highlight is that way"),
-    "exponent": ("s", "", "exponent: the larger, the narrower the highlight"),
-    "c_z": ("C", "z", "how far the highlight is off the mirror direction: 1 is not at all"),
-    "spacing": ("d", "", "distance between the fibres' axes, in their radii"),
-    "height": ("h", "", "how far the fibres rise, in their radii"),
-    "deviation": ("σ₀", "λ", "how rough the surface is, in wavelengths of the light"),
-    "mu": ("μ", "", "refractive index: how much brighter the gloss gets at grazing angles"),
-}
-# What a name means in a model where it means something else.
-_OWN_MEANINGS = {("oren-nayar", "sigma"): "roughness: how steep the grooves are [radians]"}
-_SHAPES = ("sigma", "roughness", "exponent")
-_THESIS = ("kd", "ks", "sigma", "mu")
 _RGB = ("red", "green", "blue")
 
 
@@ -88,19 +72,28 @@ class Evidence(NamedTuple):
     letter: str = "σ"
 
 
+def model_of(contents: Contents) -> Model:
+    """Find the model that was fitted; the thesis's where the result does not say."""
+    lambertian = contents.fit is not None and contents.is_lambertian
+    named = contents.result.get("brdf", {}).get("model")
+    return MODELS[named or ("lambertian" if lambertian else "microfacet")]
+
+
 def parameters(contents: Contents) -> tuple[Parameter, ...]:
-    """List the parameters that the material has, in the order of T 6.2."""
-    given = contents.result.get("brdf", {})
-    names = [name for name in _MEANINGS if name in given]
+    """List the numbers that the material has, in the order of its model; none of a BRDF as such."""
+    if isinstance(contents, SpectrumContents):
+        return ()
+    given, own = contents.result.get("brdf", {}), model_of(contents)
+    names = [number.name for number in own.numbers if number.name in given]
     if not names and contents.fit is not None:
-        names = ["kd"] if contents.is_lambertian else list(_THESIS)
+        names = own.names("amplitude", "searched")
     return tuple(_parameter(contents, name) for name in names)
 
 
 def _parameter(contents: Contents, name: str) -> Parameter:
     result = contents.result
-    letter, index, meaning = _MEANINGS[name]
-    meaning = _OWN_MEANINGS.get((str(result.get("brdf", {}).get("model")), name), meaning)
+    number = model_of(contents).number(name)
+    meaning = number.meaning
     lines = _lines(contents, name)
     verdict = {True: "yes", False: "no", None: "fixed"}[_flag(result, "identifiable", name)]
     if not lines:
@@ -109,7 +102,9 @@ def _parameter(contents: Contents, name: str) -> Parameter:
     sensitive = {True: "yes", False: "no", None: MISSING}[_flag(result, "model_sensitive", name)]
     albedo = np.pi * np.array(_values(contents, "value", name))
     swatch = hex_colour(albedo) if name == "kd" and albedo.size and _is_absolute(result) else None
-    return Parameter(letter, index, meaning, lines, swatch, verdict, tuple(reasons), sensitive)
+    return Parameter(
+        number.letter, number.index, meaning, lines, swatch, verdict, tuple(reasons), sensitive
+    )
 
 
 def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
@@ -184,7 +179,8 @@ def variants(contents: ReportContents) -> Variants | None:
     found = contents.result.get("variants") or []
     if not found:
         return None
-    names = tuple(name for name in _MEANINGS if any(numbers(v.get(name)) for v in found))
+    own = model_of(contents).numbers
+    names = tuple(n.name for n in own if any(numbers(v.get(n.name)) for v in found))
     rows = tuple(
         VariantRow(
             str(variant.get("fresnel", MISSING)),
@@ -198,7 +194,7 @@ def variants(contents: ReportContents) -> Variants | None:
         )
         for variant in found
     )
-    return Variants(tuple("".join(_MEANINGS[name][:2]) for name in names), rows)
+    return Variants(tuple(n.letter + n.index for n in own if n.name in names), rows)
 
 
 def _chi_squared(difference: Any) -> str:
@@ -209,10 +205,13 @@ def _chi_squared(difference: Any) -> str:
 
 def evidence(contents: ReportContents) -> Evidence | None:
     """Compare the standard errors of sigma; None where there is no sigma to speak of."""
-    known = [name for name in _SHAPES if _flag(contents.result, "identifiable", name) is not None]
-    if contents.is_lambertian or not known or contents.fit.evidence is None:
+    model, own = model_of(contents), contents.fit.evidence
+    # The first number that is searched for is the lobe's width, or what stands for it.
+    shape = next(iter(model.names("searched")), "")
+    known = shape and _flag(contents.result, "identifiable", shape) is not None
+    if contents.is_lambertian or not known or own is None:
         return None
-    own, letter = contents.fit.evidence, _MEANINGS[known[0]][0]
+    letter = model.number(shape).letter
     given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}
     names = {
         "all": "all samples",

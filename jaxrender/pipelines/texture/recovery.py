@@ -9,15 +9,15 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import prepare_light
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import Texture
 from jaxrender.io import write_environment
 from jaxrender.lighting import positive_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, TextureConfig
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.scene import fault_of, sources_of_frame
+from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.texture.files import (
     map_images,
@@ -177,7 +177,7 @@ class TextureRecovery(Recovery):
         prepared = prepare_light(light, self.observations, brdf, split, None, transfer=transfer)
 
         def model(number: int) -> ForwardModel | ShadowedModel:
-            sources = sources_of_frame(light, number)
+            sources = light.sources_of(number)
             dual = dual_light(prepared.split, sources, prepared.dual.band_limit)
             field = self.known.transfer
             if field is None:

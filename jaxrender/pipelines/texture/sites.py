@@ -14,9 +14,9 @@ from jaxrender.geometry.texels import (
     texel_coordinates,
     texel_sites,
 )
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import read_image
 from jaxrender.pipelines.config import TextureConfig
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.shapes import Bool, Float, Int
 
 # Pixels that an automatic size leaves to a texel on average, and the sizes that it chooses from.

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of
+from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import Texture
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.photographs import Photograph
 from jaxrender.pipelines.result import finite, pixels_of
 from jaxrender.pipelines.texture.sites import SurfaceSites
 from jaxrender.pipelines.texture.surface import IDENTIFIABLE_WITHIN, NORMAL_90, Region, Surface
@@ -91,7 +91,7 @@ def _lobe(config: RunConfig, surface: Surface) -> dict[str, Any]:
     if brdf.model == "lambertian":
         return {}
     values: dict[str, Any] = {"sigma": _alone([region.sigma for region in regions])}
-    metal = brdf.mu == "none"
+    metal = brdf.known("mu") is None
     values["mu"] = "none" if metal else _alone([region.mu for region in regions])
     return values | {"fresnel": brdf.fresnel, "masking": brdf.masking}
 
@@ -102,8 +102,8 @@ def _errors(config: RunConfig, surface: Surface) -> dict[str, Any]:
     if config.brdf.model == "lambertian":
         return sections
     for name in ("sigma", "mu"):
-        parameter = getattr(config.brdf, name)
-        if parameter == "none":
+        parameter = config.brdf.known(name)
+        if parameter is None:
             continue
         values = [getattr(region, name) for region in surface.regions]
         errors = [getattr(region, f"{name}_error") for region in surface.regions]

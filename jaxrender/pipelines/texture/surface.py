@@ -10,7 +10,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.texture import SigmaMap, Texture
 from jaxrender.pipelines.config import BrdfConfig
-from jaxrender.pipelines.scene import variant_of
+from jaxrender.pipelines.scene import lobe_of
 from jaxrender.reflection import ForwardModel, ShadowedModel, render_samples, render_widths
 from jaxrender.shapes import Float, Int
 
@@ -74,7 +74,7 @@ class Lobes(NamedTuple):
 
 def facets_of(brdf: BrdfConfig) -> Microfacet:
     """Build the lobe that is sought, one of facets (the config allows no other)."""
-    variant = variant_of(brdf)
+    variant = lobe_of(brdf)
     assert isinstance(variant, Microfacet)
     return variant
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Microfacet, Parametric
+from jaxrender.brdf import Parametric
+from jaxrender.catalogue import MODELS
 from jaxrender.inverse.uncertainty import Parameters
-from jaxrender.pipelines.config.brdf import chosen_numbers_of
 
 _SEARCHED = ("kd", "ks", "sigma", "mu")
 
@@ -47,11 +47,9 @@ class OwnWords(NamedTuple):
 
     def choices(self) -> dict[str, Any]:
         """Name what no fit searches for: Fresnel angle and masking, or numbers that are stated."""
-        if self.model == "lambertian":
-            return {}
-        if isinstance(self.brdf, Microfacet):
-            return {"fresnel": self.brdf.fresnel, "masking": self.brdf.masking}
-        return {name: float(getattr(self.brdf, name)) for name in chosen_numbers_of(self.model)}
+        model = MODELS[self.model]
+        stated = {name: float(getattr(self.brdf, name)) for name in model.names("stated")}
+        return stated | {name: getattr(self.brdf, name) for name in model.options}
 
     def intervals(self, lower: Parameters, upper: Parameters) -> dict[str, Any]:
         """Lay out each interval as [low, high], or one for each channel."""

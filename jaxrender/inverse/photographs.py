@@ -1,6 +1,11 @@
-"""Photographs into observations: read, traced, linearised, every unusable pixel accounted for."""
+"""Photographs into observations: read, traced, linearised, every unusable pixel accounted for.
 
-from typing import NamedTuple
+Messages call the rules of reading by the keys that a config has for them.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -8,6 +13,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView, observe
 from jaxrender.imaging import (
     Curve,
+    Linear,
     Response,
     Selection,
     below_black,
@@ -17,22 +23,43 @@ from jaxrender.imaging import (
     to_radiance,
     usable_pixels,
 )
-from jaxrender.inverse import Observations
-from jaxrender.io import (
-    Capture,
-    Frame,
-    Image,
-    read_capture,
-    read_curve,
-    read_mask,
-    read_photograph,
-)
-from jaxrender.pipelines.config.capture import CaptureConfig
-from jaxrender.pipelines.progress import Progress
+from jaxrender.inverse.observations import Observations
+from jaxrender.io import Capture, Frame, Image, read_capture, read_mask, read_photograph
 from jaxrender.shapes import Bool, Float
 
 # Integer formats clip at their largest value: within half a step of it a pixel is saturated.
 _FULL_SCALE = 0.998
+
+
+class Reading(NamedTuple):
+    """How pixels become radiance, and which are left out.
+
+    ``response`` None: none is stated, so that pictures of integers are refused and all others taken
+    to be linear.  ``invalid``: what is done with pixels that are negative or not finite.  Pixels at
+    or above ``saturation`` (None: those at full scale of pictures of integers) are left out, with
+    ``saturation_grow`` pixels around them; and those below ``black_level``, ``erode`` pixels at
+    silhouettes, and views more grazing than ``min_cosine``.  ``exposure``: whether exposures are
+    those given with the cameras, or of the pictures' metadata.
+    """
+
+    response: Response | None = None
+    invalid: Literal["refuse", "mask"] = "refuse"
+    saturation: float | None = None
+    saturation_grow: int = 0
+    black_level: float = 0.0
+    erode: int = 2
+    exposure: Literal["given", "metadata"] = "given"
+    min_cosine: float = 0.15
+
+
+class Listener(NamedTuple):
+    """Who is told what is done: in words, and how much of it is done, from 0 to 1."""
+
+    note: Callable[[str], None] = lambda text: None
+    advance: Callable[[float], None] = lambda part: None
+
+
+SILENT = Listener()
 
 
 class Photograph(NamedTuple):
@@ -45,68 +72,103 @@ class Photograph(NamedTuple):
     selection: Selection
 
 
-def read_frames(capture: CaptureConfig) -> Capture:
-    """Read a capture's cameras and file names."""
-    assert capture.transforms is not None
-    return read_capture(
-        capture.transforms, images=capture.images, allow_outside=capture.allow_outside
-    )
-
-
-def read_photographs(config: CaptureConfig, capture: Capture, progress: Progress) -> list[Image]:
-    """Read every photograph; invalid pixels are refused or masked as the config says."""
+def read_photographs(
+    capture: Capture, reading: Reading, listener: Listener = SILENT
+) -> list[Image]:
+    """Read every photograph; invalid pixels are refused or masked as the reading says."""
     images = []
     for number, frame in enumerate(capture.frames):
-        image = read_photograph(frame, config.invalid)
-        _check_response_stated(config, frame, image)
+        image = read_photograph(frame, reading.invalid)
+        if image.metadata["is_integer"] and reading.response is None:
+            raise InputError(
+                f"{frame.image_path}: integer pixel values are radiance only after the camera's "
+                "response is undone; state capture.response: srgb (what cameras write), linear, or "
+                "{curve: FILE}"
+            )
         masked = int(np.count_nonzero(image.invalid))
         if masked:
-            progress.note(
+            listener.note(
                 f"{frame.image_path}: masked {masked} of {image.invalid.size} pixels that are "
                 "negative or not finite"
             )
         images.append(image)
-        progress.advance((number + 1) / len(capture.frames))
+        listener.advance((number + 1) / len(capture.frames))
     return images
 
 
 def trace_photographs(
-    config: CaptureConfig,
     capture: Capture,
     images: list[Image],
     shape: Shape,
-    min_cosine: float,
-    progress: Progress,
+    reading: Reading,
+    listener: Listener = SILENT,
 ) -> list[Photograph]:
     """Find the surface behind every pixel and select the usable ones.
 
     A photograph that sees nothing of the object, or has no usable pixel, is skipped with a warning;
     raises ``InputError`` when that leaves none.
     """
-    response = _response(config)
     found = []
     for number, (frame, image) in enumerate(zip(capture.frames, images)):
         view = observe(frame.camera, shape)
         if not view.hit.any():
-            progress.note(
+            listener.note(
                 f"{frame.image_path}: warning: its camera does not see the object; skipped"
             )
             continue
-        found.append(_photograph(config, frame, image, view, (response, min_cosine)))
-        progress.advance((number + 1) / len(images))
+        found.append(_photograph(reading, frame, image, view))
+        listener.advance((number + 1) / len(images))
+    place = capture.source
     if not found:
         raise InputError(
-            f"{config.transforms}: no camera sees the object: check the poses (camera-to-world, "
+            f"{place}: no camera sees the object: check the poses (camera-to-world, "
             "x right, y up, looking along -z) and the position and scale of capture.geometry"
         )
     if not any(photograph.selection.usable.any() for photograph in found):
         rules = _removed(found)
         raise InputError(
-            f"{config.transforms}: the cameras see the object but no pixel is usable; "
+            f"{place}: the cameras see the object but no pixel is usable; "
             f"removed: {rules}; loosen capture.erode, capture.saturation, capture.black_level, "
             "samples.min_cosine or the masks"
         )
-    return [photograph for photograph in found if _is_usable(photograph, progress)]
+    return [photograph for photograph in found if _is_usable(photograph, listener)]
+
+
+class LoadedCapture(NamedTuple):
+    """A capture with its pictures, to be seen on a shape."""
+
+    capture: Capture
+    images: list[Image]
+    reading: Reading
+
+    def photographs(self, shape: Shape, listener: Listener = SILENT) -> list[Photograph]:
+        """Find the surface behind every pixel; raises ``InputError`` as ``trace_photographs``."""
+        return trace_photographs(self.capture, self.images, shape, self.reading, listener)
+
+    def observations(self, shape: Shape) -> Observations:
+        """Gather all usable pixels; raises ``InputError`` as ``trace_photographs`` does."""
+        return observations_of(self.photographs(shape))
+
+
+def load_capture(
+    transforms: str | Path,
+    images: str | Path | None = None,
+    *,
+    response: str | Response | None = None,
+    allow_outside: bool = False,
+    **rules: Any,
+) -> LoadedCapture:
+    """Read photographs and their cameras from a ``transforms.json``.
+
+    ``images`` is the folder in which they are looked up instead of the file's own.  ``response`` is
+    ``linear``, ``srgb`` or a measured ``Curve``; pictures of integers need it.  ``rules`` are the
+    other fields of ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with
+    it, and ``ValueError`` for a response that there is none of.
+    """
+    known = response_named(response) if isinstance(response, str) else response
+    reading = Reading(known, **rules)
+    capture = read_capture(transforms, images, allow_outside=allow_outside)
+    return LoadedCapture(capture, read_photographs(capture, reading), reading)
 
 
 def camera_samples(view: SurfaceView) -> SurfaceSamples:
@@ -133,63 +195,47 @@ def observations_of(photographs: list[Photograph]) -> Observations:
     )
 
 
-def _photograph(
-    config: CaptureConfig,
-    frame: Frame,
-    image: Image,
-    view: SurfaceView,
-    rules: tuple[Response, float],
-) -> Photograph:
-    response, min_cosine = rules
+def _photograph(reading: Reading, frame: Frame, image: Image, view: SurfaceView) -> Photograph:
     covered = view.hit.copy()
     if image.alpha is not None:
         covered &= image.alpha >= _FULL_SCALE
     mask = read_mask(frame)
     if mask is not None:
         covered &= mask
-    level = config.saturation
+    level = reading.saturation
     if level is None:
         level = _FULL_SCALE if image.metadata.get("is_integer") else np.inf
     rejected = {
-        "silhouette": ~erode(covered, config.erode),
+        "silhouette": ~erode(covered, reading.erode),
         "invalid": image.invalid,
-        "saturated": saturated(image.pixels, float(level), config.saturation_grow),
-        "black": below_black(image.pixels, float(config.black_level)),
-        "grazing": view.exit_cosines < min_cosine,
+        "saturated": saturated(image.pixels, float(level), reading.saturation_grow),
+        "black": below_black(image.pixels, float(reading.black_level)),
+        "grazing": view.exit_cosines < reading.min_cosine,
     }
     selection = usable_pixels(view.hit, rejected)
     exposure = frame.exposure
-    if config.exposure == "metadata":
+    if reading.exposure == "metadata":
         exposure = image.metadata.get("exposure_time")
         if exposure is None:
             raise InputError(
                 f"{frame.image_path}: no exposure time in its metadata; "
                 "give frames[].exposure and capture.exposure: given"
             )
-    radiance = _linearised(response, frame, image, selection.usable)
+    radiance = _linearised(reading.response or Linear(), frame, image, selection.usable)
     if exposure is not None:
         radiance = to_radiance(radiance, float(exposure))
     return Photograph(frame, radiance, view, covered, selection)
 
 
-def _is_usable(photograph: Photograph, progress: Progress) -> bool:
+def _is_usable(photograph: Photograph, listener: Listener) -> bool:
     """Whether any pixel is left; a photograph without could have no exposure of its own."""
     if photograph.selection.usable.any():
         return True
-    progress.note(
+    listener.note(
         f"{photograph.frame.image_path}: warning: no pixel is usable (removed: "
         f"{_removed([photograph])}); skipped"
     )
     return False
-
-
-def _check_response_stated(config: CaptureConfig, frame: Frame, image: Image) -> None:
-    if image.metadata["is_integer"] and "response" not in config.model_fields_set:
-        raise InputError(
-            f"{frame.image_path}: integer pixel values are radiance only after the camera's "
-            "response is undone; state capture.response: srgb (what cameras write), linear, or "
-            "{curve: FILE}"
-        )
 
 
 def _linearised(
@@ -210,12 +256,6 @@ def _linearised(
             )
         values = np.clip(values, low, high)
     return np.asarray(response.linearise(values), float)
-
-
-def _response(config: CaptureConfig) -> Response:
-    if isinstance(config.response, str):
-        return response_named(config.response)
-    return read_curve(config.response.curve)
 
 
 def _removed(photographs: list[Photograph]) -> str:

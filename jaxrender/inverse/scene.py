@@ -1,0 +1,290 @@
+"""A scene and its estimate: light, material and shape, and what of them photographs are to tell.
+
+    scene = Scene(unknown("ggx", sigma=(0.02, 0.5)), shape, light)
+    estimate = fit(scene, capture)
+
+A material may be unknown with bounds, values or nothing told of its numbers; a light that is left
+out is unknown.  What is known of either, the fit is told; what it cannot honour is refused.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Parametric, lobe_named
+from jaxrender.catalogue import MODELS
+from jaxrender.geometry import Shape
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.brdf import BRDFFit, fit_brdf
+from jaxrender.inverse.factorization import (
+    Factorization,
+    FactorSettings,
+    factorize,
+    in_units_of,
+    known_of,
+    reflectances_of,
+)
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.leverage import draw, leverage, sharpness
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.own_words import OwnWords
+from jaxrender.inverse.passes import FitSettings
+from jaxrender.inverse.photographs import LoadedCapture
+from jaxrender.inverse.shadowing import with_transfer
+from jaxrender.inverse.uncertainty import in_own_units
+from jaxrender.inverse.unknowns import MicrofacetUnknowns, Told, unknowns_of
+from jaxrender.lighting import DirectionalSources, HarmonicLight, Light
+from jaxrender.shapes import Float
+
+# So many samples of the pixels are fitted.
+_SAMPLES = 12_000
+_CHANNELS = 3
+
+
+class UnknownMaterial(NamedTuple):
+    """A material to be found: its model, and what is told of its numbers.
+
+    ``model`` is a name of the catalogue, or "" of a model of one's own.
+    """
+
+    model: str
+    lobe: Parametric
+    told: Mapping[str, Told]
+    ks_per_channel: bool = False
+
+    def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> MicrofacetUnknowns:
+        """Put this in the words of a search.  Raises ``ValueError`` as ``unknowns_of`` does."""
+        return unknowns_of(
+            self.lobe,
+            self.told,
+            matt=self.model == "lambertian",
+            ks_per_channel=self.ks_per_channel,
+            free_gains=free_gains,
+            free_scale=free_scale,
+        )
+
+
+def unknown(
+    model: str | Parametric, *, ks_per_channel: bool = False, **numbers: Any
+) -> UnknownMaterial:
+    """Say what is known of a material by its model's own numbers; what is left out is free.
+
+    Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
+    ``Told`` with a start besides, or None for an index that there is none of (a metal).  What a
+    model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a material
+    of a model of one's own, whose numbers do not matter.
+
+    Raises ``ValueError`` for a model, a number or a choice that there is none of.
+    """
+    if isinstance(model, Parametric):
+        material = UnknownMaterial("", model, _told(numbers), ks_per_channel)
+    else:
+        entry = MODELS.get(model)
+        chosen = () if entry is None else (*entry.options, *entry.names("stated"))
+        choices = {name: numbers.pop(name) for name in chosen if name in numbers}
+        without = [name for name, value in numbers.items() if value is None]
+        lobe = lobe_named(model, metal=bool(without), **choices)
+        for name in without:
+            if not (lobe.has_index() and lobe.index.name == name):
+                raise ValueError(f"{name}=None: only an index may be left out, by a metal")
+            del numbers[name]
+        material = UnknownMaterial(model, lobe, _told(numbers), ks_per_channel)
+    material.unknowns()
+    return material
+
+
+def _told(numbers: Mapping[str, Any]) -> dict[str, Told]:
+    """Read what is told of each number."""
+    found = {}
+    for name, value in numbers.items():
+        if isinstance(value, Told):
+            found[name] = value
+            continue
+        values = tuple(float(part) for part in np.atleast_1d(np.asarray(value, float)))
+        if len(values) not in (1, 2, _CHANNELS):
+            raise ValueError(f"{name} has {len(values)} values; give one, two bounds, or three")
+        if len(values) == 2:
+            low, high = values
+            if not low < high:
+                raise ValueError(f"{name} has the bounds {values}; the first must be the smaller")
+            found[name] = Told(bounds=(low, high))
+        else:
+            found[name] = Told(fixed=values)
+    return found
+
+
+class Scene(NamedTuple):
+    """What photographs are of.
+
+    ``light`` None: it is unknown, and found with the material.  ``per_frame`` are sources of single
+    photographs.  ``free_exposure`` says that exposures are unknown, ``free_scale`` that the light
+    is known up to one factor.
+    """
+
+    material: UnknownMaterial
+    shape: Shape
+    light: Light | None = None
+    per_frame: tuple[DirectionalSources, ...] | None = None
+    free_exposure: bool = False
+    free_scale: bool = False
+
+
+class Estimate(NamedTuple):
+    """What a fit found, by the material's own numbers, and how well it is known.
+
+    ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
+    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
+    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
+    the fit itself.
+    """
+
+    model: str
+    material: Parametric
+    light: Light
+    values: dict[str, Float[np.ndarray, "..."]]
+    standard_error: dict[str, Float[np.ndarray, "..."]]
+    interval90: dict[str, Float[np.ndarray, "..."]]
+    identifiable: dict[str, bool]
+    outcome: Outcome
+    reasons: tuple[str, ...]
+    noise: NoiseModel
+    relative_rms: float
+    details: BRDFFit | Factorization
+
+    def __str__(self) -> str:
+        """Print a table of the numbers, and what is to be known about them."""
+        rows = [f"{self.model or type(self.material).__name__}: {self.outcome.sentence}"]
+        for name, value in self.values.items():
+            told = "" if self.identifiable.get(name, True) else "  not identifiable"
+            low, high = (_shown(self.interval90[name][..., end]) for end in (0, 1))
+            rows.append(f"  {name:<12} {_shown(value)}  90 %: {low} to {high}{told}")
+        rows.append(f"  residual {100 * self.relative_rms:.3g} %")
+        return "\n".join([*rows, *(f"  {reason}" for reason in self.reasons)])
+
+
+def _shown(values: float | Float[np.ndarray, "..."]) -> str:
+    return " ".join(f"{value:.4g}" for value in np.ravel(values))
+
+
+def fit(
+    scene: Scene,
+    photographs: LoadedCapture | Observations,
+    settings: FitSettings | FactorSettings | None = None,
+    count: int = _SAMPLES,
+    seed: int = 0,
+) -> Estimate:
+    """Find what is unknown of a scene from photographs of it (T 6.4).
+
+    Of all usable pixels ``count`` are drawn, where they tell most.  ``settings`` are
+    ``FactorSettings`` where the light is unknown, else ``FitSettings``.
+
+    Raises ``ValueError`` for settings of the other kind, for what an unknown light leaves no room
+    for, and as ``fit_brdf`` and ``factorize`` do; ``InputError`` for photographs that no fit can
+    use.
+    """
+    dark = scene.light is None and scene.per_frame is None
+    if dark and isinstance(settings, FitSettings):
+        raise ValueError("FitSettings; where the light is unknown give FactorSettings")
+    if not dark and isinstance(settings, FactorSettings):
+        raise ValueError("FactorSettings; where the light is known give FitSettings")
+    if isinstance(photographs, Observations):
+        pool = photographs
+    else:
+        pool = photographs.observations(scene.shape)
+    draws = count, seed
+    if isinstance(settings, FactorSettings) or (dark and settings is None):
+        return _with_the_light(scene, pool, settings or FactorSettings(), draws)
+    return _under_known_light(scene, pool, settings or FitSettings(), draws)
+
+
+def _under_known_light(
+    scene: Scene, pool: Observations, settings: FitSettings, draws: tuple[int, int]
+) -> Estimate:
+    """Find the material, and what else is unknown of the photographs."""
+    if scene.light is None:
+        known = KnownLight(None, DirectionalSources.none(pool.radiance.shape[1]), scene.per_frame)
+    else:
+        known = KnownLight.of(scene.light, scene.per_frame)
+    frames = int(np.max(np.asarray(pool.frame), initial=-1)) + 1
+    if known.per_frame is not None and len(known.per_frame) < frames:
+        raise ValueError(
+            f"lights of {len(known.per_frame)} photographs for {frames}; give one for each"
+        )
+    material = scene.material
+    unknowns = material.unknowns(frames if scene.free_exposure else 0, scene.free_scale)
+    drawn = draw(pool, leverage(pool, known), *draws).observations
+    convex = scene.shape.is_convex()
+    if not convex:
+        drawn = with_transfer(drawn, scene.shape, known.diffuse_degrees)
+    found = fit_brdf(
+        drawn,
+        known,
+        unknowns,
+        material.lobe,
+        settings,
+        shape=scene.shape,
+        pool=pool if convex else None,
+    )
+    light = scene.light or known.directional
+    final = found.final
+    return _estimate(material, found, light, final.noise, _relative_rms(final))
+
+
+def _with_the_light(
+    scene: Scene, pool: Observations, settings: FactorSettings, draws: tuple[int, int]
+) -> Estimate:
+    """Find light and material together."""
+    if scene.free_exposure or scene.free_scale:
+        raise ValueError(
+            "under unknown light exposures are to be known, and its scale is found; leave out "
+            "free_exposure and free_scale"
+        )
+    material = scene.material
+    unknowns = material.unknowns()
+    channels = pool.radiance.shape[1]
+    matt = None if material.model not in MODELS else not MODELS[material.model].has_gloss
+    known = known_of(unknowns, channels, matt=bool(matt))
+    drawn = draw(pool, sharpness(pool), *draws).observations
+    found = factorize(drawn, material.lobe, settings, known, shape=scene.shape)
+    given = reflectances_of(unknowns, channels)
+    if given is not None:
+        found = in_units_of(found, *given)
+    light = HarmonicLight(found.scene.slow) + found.scene.sources
+    return _estimate(material, found, light, found.noise, found.relative_rms)
+
+
+def _relative_rms(final) -> float:
+    left = np.asarray(final.observations.radiance) - np.asarray(final.fit.predicted)
+    return float(np.sqrt(np.sum(left**2) / np.sum(np.asarray(final.observations.radiance) ** 2)))
+
+
+def _estimate(
+    material: UnknownMaterial,
+    found: BRDFFit | Factorization,
+    light: Light,
+    noise: NoiseModel,
+    relative_rms: float,
+) -> Estimate:
+    """Say what was found by the model's own numbers."""
+    words = OwnWords(material.model, found.brdf)
+    own = in_own_units(found.parameters, found.brdf)
+
+    def numbers(plain: dict[str, Any]) -> dict[str, Float[np.ndarray, "..."]]:
+        return {name: np.asarray(value) for name, value in plain.items()}
+
+    return Estimate(
+        material.model,
+        found.brdf,
+        light,
+        numbers(words.values(own.value)),
+        numbers(words.values(own.standard_error)),
+        numbers(words.intervals(own.lower, own.upper)),
+        dict(found.identifiable),
+        found.outcome,
+        found.reasons,
+        noise,
+        relative_rms,
+        found,
+    )

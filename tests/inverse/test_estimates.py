@@ -1,0 +1,173 @@
+"""From a scene with unknowns to an estimate.
+
+- Under any known light, a sky and a lamp here, the material comes back within its errors, by the
+  numbers of its own model; what is fixed stays, bounds are kept.
+- With the light unknown the ratios come back; with all of a material known, the light in its units.
+- One light for each photograph, and photographs of unknown exposure.
+- What is told wrongly is refused by its name.
+"""
+
+import numpy as np
+import pytest
+
+from jaxrender.brdf import brdf_named
+from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, look_at, observe
+from jaxrender.inverse import FactorSettings, FitSettings, Observations, Scene, Told, fit, unknown
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    HarmonicLight,
+    Light,
+    OvercastSky,
+    SmoothLobes,
+)
+from jaxrender.reflection import forward_of, render_samples
+
+BALL = Sphere()
+KD, KS = np.array([0.2, 0.1, 0.15]), np.full(3, 0.12)
+PHONG = brdf_named("phong", kd=KD, ks=KS, exponent=30.0)
+LAMPS = DirectionalSources(
+    np.array([[0.2, 0.6, 0.8], [0.9, -0.5, 0.3]]), np.array([[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]])
+)
+SKY = OvercastSky(np.array([0.3, 0.3, 0.4]))
+QUICK = FitSettings(starts=2, refine=False)
+
+
+def photographs(material, lights, noise=0.005, views=3, gains=(1.0, 1.0, 1.0)):
+    """Pixels of a ball from several sides, each photograph under its light."""
+    rng, rows = np.random.default_rng(0), []
+    for number in range(views):
+        place = 10 * np.array([np.cos(number), np.sin(number), 0.3])
+        pose = look_at(place, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+        view = observe(Pinhole(28, 28, pose, fl_x=110.0), BALL)
+        seen = view.hit & (view.exit_cosines > 0.15)
+        samples = SurfaceSamples(view.normals[seen], view.outgoing[seen])
+        model = forward_of(lights[number % len(lights)], BALL)
+        radiance = gains[number] * np.asarray(render_samples(material, samples, model))
+        radiance *= 1 + noise * rng.normal(size=radiance.shape)
+        rows.append((*samples, radiance, np.full(len(radiance), number)))
+    normals, outgoing, radiance, frame = (np.concatenate(part) for part in zip(*rows))
+    return Observations(SurfaceSamples(normals, outgoing), radiance, frame)
+
+
+def off(estimate, name, truth):
+    return np.max(np.abs(estimate.values[name] - truth) / estimate.standard_error[name])
+
+
+def test_a_sky_and_a_lamp_light_a_fit():
+    seen = photographs(PHONG, [SKY + LAMPS])
+    scene = Scene(unknown("phong", exponent=(5, 200)), BALL, SKY + LAMPS)
+    found = fit(scene, seen, QUICK)
+    assert set(found.values) == {"kd", "ks", "exponent"} == set(found.identifiable)
+    np.testing.assert_allclose(found.values["kd"], KD, rtol=0.03)
+    assert found.values["exponent"] == pytest.approx(30, rel=0.05)
+    low, high = found.interval90["exponent"]
+    assert low < found.values["exponent"] < high
+    assert found.material.exponent == pytest.approx(found.values["exponent"])
+    assert found.light is scene.light
+    assert "exponent" in str(found)
+    assert "90 %" in str(found)
+
+
+def test_what_is_told_stays():
+    seen = photographs(PHONG, [LAMPS])
+    told = {"kd": tuple(KD), "exponent": Told(bounds=(40, 90), start=50)}
+    found = fit(Scene(unknown("phong", **told), BALL, LAMPS), seen, QUICK)
+    np.testing.assert_array_equal(found.values["kd"], KD)
+    assert found.outcome.value == "at_bound"
+    assert found.values["exponent"] == pytest.approx(40, rel=0.01)
+
+
+def test_a_material_of_a_class_of_ones_own():
+    seen = photographs(PHONG, [LAMPS])
+    found = fit(Scene(unknown(PHONG, exponent=(5, 200)), BALL, LAMPS), seen, QUICK)
+    assert off(found, "exponent", 30) < 4
+    assert str(found).startswith("Phong")
+
+
+def test_lights_of_single_photographs_and_unknown_exposures():
+    lights = tuple(
+        DirectionalSources(np.array([[np.cos(a), np.sin(a), 0.5]]), np.full((1, 3), 2.0))
+        for a in (0.3, 1.3, 2.3)
+    )
+    seen = photographs(PHONG, lights, gains=(1.0, 1.3, 0.8))
+    scene = Scene(unknown("phong"), BALL, per_frame=lights, free_exposure=True)
+    found = fit(scene, seen, QUICK)
+    np.testing.assert_allclose(found.details.parameters.value.gains, [1, 1.3, 0.8], rtol=0.01)
+    with pytest.raises(ValueError, match="lights of 1 photographs for 3"):
+        fit(Scene(unknown("phong"), BALL, per_frame=lights[:1]), seen, QUICK)
+
+
+@pytest.mark.slow
+def test_light_and_material_are_found_together():
+    seen = photographs(PHONG, [SmoothLobes(np.eye(3), np.full(3, 0.6), np.eye(3) + 0.2) + LAMPS])
+    quick = FactorSettings(band_limit=6, most_sources=4)
+    found = fit(Scene(unknown("phong"), BALL), seen, quick)
+    np.testing.assert_allclose(found.values["ks"], KS / (KD + KS), atol=0.02)
+    assert found.values["exponent"] == pytest.approx(30, rel=0.1)
+    assert isinstance(found.light, Light)
+    known = unknown("phong", kd=tuple(KD), ks=KS[0], exponent=30.0)
+    lit = fit(Scene(known, BALL), seen, quick)
+    np.testing.assert_array_equal(lit.values["kd"], KD)
+    # The light is in the material's own units now.
+    ratio = np.asarray(lit.light.nodes().irradiance).sum(0)
+    ratio /= np.asarray(found.light.nodes().irradiance).sum(0)
+    np.testing.assert_allclose(ratio, 1 / (KD + KS), rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("model", "numbers", "fault"),
+    [
+        ("phnog", {}, "did you mean 'phong'"),
+        ("phong", {"sigma": 0.2}, "sigma: the model has kd, ks, exponent"),
+        ("phong", {"exponent": None}, "exponent=None: only an index may be left out"),
+        ("phong", {"exponent": (90, 40)}, "exponent has the bounds"),
+        ("phong", {"exponent": (1, 2, 3, 4)}, "exponent has 4 values"),
+        ("phong", {"exponent": Told(bounds=(5, 9), start=20)}, "exponent: start"),
+        ("ggx", {"masking": "v"}, "masking='v': choose one of none, smith"),
+    ],
+)
+def test_what_is_told_wrongly(model, numbers, fault):
+    with pytest.raises(ValueError, match=fault):
+        unknown(model, **numbers)
+
+
+def test_what_an_unknown_light_leaves_no_room_for():
+    seen = photographs(PHONG, [LAMPS], views=1)
+    with pytest.raises(ValueError, match="leave out free_exposure"):
+        fit(Scene(unknown("phong"), BALL, free_scale=True), seen)
+    with pytest.raises(ValueError, match="FitSettings; where the light is unknown give Factor"):
+        fit(Scene(unknown("phong"), BALL), seen, QUICK)
+    with pytest.raises(ValueError, match="FactorSettings; where the light is known give Fit"):
+        fit(Scene(unknown("phong"), BALL, LAMPS), seen, FactorSettings())
+
+
+def test_metals_and_choices():
+    metal = unknown("ggx", mu=None, masking="none")
+    assert metal.lobe.mu is None
+    assert metal.lobe.masking == "none"
+    assert unknown("lafortune", c_z=0.9).lobe.c_z == pytest.approx(0.9)
+    assert unknown("oren-nayar", kd=0.2).unknowns().ks.fixed == (0.2,)
+    assert unknown("lambertian").unknowns().names == ()
+
+
+def test_any_light_is_sorted_into_image_and_sources():
+    probe = Environment(np.ones((16, 32, 3)))
+    known = KnownLight.of(probe + LAMPS + SKY + LAMPS)
+    assert known.directional.directions.shape == (4, 3)
+    expected = 1 + np.asarray(SKY.to_environment(16).radiance)
+    np.testing.assert_allclose(known.environment.radiance, expected, rtol=1e-6)
+    assert KnownLight.of(LAMPS).environment is None
+    assert KnownLight.of(SKY, height=32).environment.grid.shape == (32, 64)
+    slow = HarmonicLight(np.array([[4.0]] + [[0.5]] * 3))
+    assert KnownLight.of(slow).environment.grid.shape == (128, 256)
+    with pytest.raises(ValueError, match="images of 8 and 16 rows"):
+        KnownLight.of(probe + Environment(np.ones((8, 16, 3))))
+
+    class Odd(Light):
+        def nodes(self):
+            return LAMPS.nodes()
+
+    with pytest.raises(ValueError, match="a Odd lights no fit; give environments"):
+        KnownLight.of(Odd())

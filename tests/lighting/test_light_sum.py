@@ -1,0 +1,60 @@
+"""A sum of lights is a light.
+
+- Its nodes are those of its parts, its coefficients their sum; sums of sums are flat.
+- What is no light, and lights of different colours, are refused.
+- Lobes as point masses have their integral.
+"""
+
+import numpy as np
+import pytest
+
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    HarmonicLight,
+    LightSum,
+    OvercastSky,
+    SmoothLobes,
+)
+from jaxrender.spectra import light_coefficients
+
+SKY = OvercastSky(np.array([0.5, 0.6, 0.7]))
+LAMP = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
+PROBE = Environment(np.random.default_rng(0).uniform(size=(16, 32, 3)))
+LOBES = SmoothLobes(np.array([[1.0, 1.0, 1.0]]), np.array([0.3]), np.array([[2.0, 1.0, 0.5]]))
+
+
+def test_nodes_and_coefficients_add_up():
+    light = PROBE + LAMP + SKY
+    assert isinstance(light, LightSum)
+    assert light.parts == (PROBE, LAMP, SKY)
+    counts = [len(part.nodes().directions) for part in light.parts]
+    nodes = light.nodes()
+    assert len(nodes.directions) == sum(counts)
+    np.testing.assert_array_equal(nodes.irradiance[counts[0]], LAMP.irradiance[0])
+    expected = sum(np.asarray(light_coefficients(part, 6)) for part in light.parts)
+    np.testing.assert_allclose(light_coefficients(light, 6), expected, atol=1e-12)
+
+
+def test_sums_of_sums_are_flat():
+    one = (PROBE + LAMP) + (SKY + LAMP)
+    assert one.parts == (PROBE, LAMP, SKY, LAMP)
+    assert (PROBE + one).parts == (PROBE, *one.parts)
+
+
+def test_a_lobe_is_the_point_masses_that_it_integrates_to():
+    """int exp(-(1 - c) / k) = 2 pi k (1 - exp(-2 / k)), k = 1 - cos width."""
+    k = 1 - np.cos(0.3)
+    expected = 2 * np.pi * k * (1 - np.exp(-2 / k)) * np.asarray(LOBES.middle[0])
+    np.testing.assert_allclose(LOBES.nodes().irradiance.sum(axis=0), expected, rtol=1e-6)
+    assert (LOBES + LAMP).parts == (LOBES, LAMP)
+
+
+def test_what_cannot_be_added():
+    with pytest.raises(TypeError):
+        PROBE + 1.0
+    with pytest.raises(ValueError, match="no lights"):
+        LightSum(())
+    grey = HarmonicLight(np.ones((4, 1)))
+    with pytest.raises(ValueError, match="lights of 1 and 3 channels"):
+        (grey + LAMP).nodes()
