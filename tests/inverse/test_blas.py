@@ -5,6 +5,7 @@
 """
 
 import numpy as np
+import pytest
 from inverse_problems import ball_samples
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -17,6 +18,7 @@ def threads() -> set[int]:
     return {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
 
 
+@pytest.mark.slow
 def test_while_a_factorization_runs():
     samples, _ = ball_samples(100, 0.2, seed=0)
     grey = 1 + 0.3 * np.asarray(samples.normals)[:, 2:] * np.ones((1, 3))

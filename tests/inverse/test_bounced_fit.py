@@ -59,6 +59,7 @@ def fit(observations, shape, bounces):
     return fit_brdf(observations, LIGHT, MATT, BLACK, settings, shape=shape)
 
 
+@pytest.mark.slow
 def test_bounces_are_told_from_albedo():
     mesh = bowl()
     observations = photographed(mesh)

@@ -74,6 +74,7 @@ def test_the_refined_fit_is_within_its_stated_errors(fit):
     assert np.all(errors < 0.02 * TRUTH)
 
 
+@pytest.mark.slow
 def test_a_robust_loss_states_what_it_costs(fit, light, exact):
     """On Gaussian noise a twentieth of the efficiency; its weights alone would state less error."""
     noisy = with_noise(exact, 0.01, 0.002)

@@ -54,6 +54,7 @@ def fit():
     return fit_brdf(noisy, known_light(), MicrofacetUnknowns(), ggx(), SETTINGS)
 
 
+@pytest.mark.slow
 def test_known_light_finds_the_material(fit):
     truth = parameter_vector(ggx())
     value = parameter_vector(fit.parameters.value)
@@ -65,11 +66,13 @@ def test_known_light_finds_the_material(fit):
     assert (fit.brdf.distribution, fit.brdf.fresnel, fit.brdf.masking) == ("ggx", "half", "smith")
 
 
+@pytest.mark.slow
 def test_the_frequency_fit_is_near(fit):
     before = parameter_vector(values_of(fit.frequency))
     assert np.all(np.abs(before / parameter_vector(ggx()) - 1) < FREQUENCY)
 
 
+@pytest.mark.slow
 def test_variants_are_of_the_same_distribution(fit):
     others = _others(fit.brdf)
     assert {(other.fresnel, other.masking) for other in others} == {

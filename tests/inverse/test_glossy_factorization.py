@@ -35,6 +35,7 @@ STATED_ERRORS = 4
 
 
 # Each model compiles for some ten seconds; one without an index is found where two are compared.
+@pytest.mark.slow
 def test_material_and_lamp_are_found():
     truth = MODELS["torrance-sparrow"]
     observed = photographs(truth)

@@ -113,7 +113,15 @@ def test_another_model_speaks_its_own_words(capture):
 
 @pytest.mark.parametrize(
     ("task", "brdf", "scale"),
-    [("lighting", f", kd: [{KD[0]}, {KD[1]}, {KD[2]}]", np.ones(3)), ("factorize", "", KD)],
+    [
+        pytest.param(
+            "lighting",
+            f", kd: [{KD[0]}, {KD[1]}, {KD[2]}]",
+            np.ones(3),
+            marks=pytest.mark.slow,
+        ),
+        ("factorize", "", KD),
+    ],
     ids=["lighting", "factorize"],
 )
 def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):

@@ -75,6 +75,7 @@ def fit(capture, *overrides, code=0):
 # ---------------------------------------------------------------- the truth comes back
 
 
+@pytest.mark.slow
 def test_moving_light_gives_the_material_without_an_environment(tmp_path_factory):
     result = read_result(moving_light(tmp_path_factory) / "out")
     assert_true_material(result)
