@@ -64,7 +64,7 @@ class KnownLight(eqx.Module):
     def __check_init__(self):
         if not isinstance(self.environment, Environment | None):
             kind = type(self.environment).__name__
-            raise ValueError(f"a {kind} is no image of an environment; give KnownLight.of(light)")
+            raise ValueError(f"environment is a {kind}, not an image; use KnownLight.of(light)")
         parts = [self.environment, self.directional, *(self.per_frame or ())]
         energy = sum(float(np.sum(p.nodes().irradiance)) for p in parts if p is not None)
         if not energy > 0:
@@ -99,8 +99,9 @@ class KnownLight(eqx.Module):
             sample = getattr(part, "to_environment", None)
             if sample is None:
                 raise ValueError(
-                    f"a {type(part).__name__} lights no fit; give environments, directional "
-                    "sources, skies, smooth lobes, or light given by coefficients"
+                    f"a fit cannot use a light of the kind {type(part).__name__}; give "
+                    "environments, directional sources, skies, smooth lobes, or light by its "
+                    "coefficients"
                 )
             images.append(sample(rows[0] if rows else _SAMPLED_ROWS))
         environment = None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Parametric, lobe_named
-from jaxrender.catalogue import MODELS
+from jaxrender.catalogue import MODELS, Number
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
@@ -31,7 +31,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import FitSettings
-from jaxrender.inverse.photographs import LoadedCapture
+from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
 from jaxrender.inverse.shadowing import with_transfer
 from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.inverse.unknowns import MicrofacetUnknowns, Told, unknowns_of
@@ -69,7 +69,7 @@ class UnknownMaterial(NamedTuple):
 def unknown(
     model: str | Parametric, *, ks_per_channel: bool = False, **numbers: Any
 ) -> UnknownMaterial:
-    """Say what is known of a material by its model's own numbers; what is left out is free.
+    """Say what you know of a material, by the numbers of its model; what is left out is free.
 
     Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
     ``Told`` with a start besides, or None for an index that there is none of (a metal).  What a
@@ -90,9 +90,26 @@ def unknown(
             if not (lobe.has_index() and lobe.index.name == name):
                 raise ValueError(f"{name}=None: only an index may be left out, by a metal")
             del numbers[name]
-        material = UnknownMaterial(model, lobe, _told(numbers), ks_per_channel)
+        told = _told(numbers)
+        for number in MODELS[model].numbers:
+            if number.name in told:
+                _check_domain(number, told[number.name])
+        material = UnknownMaterial(model, lobe, told, ks_per_channel)
+    for name, one in material.told.items():
+        several = name in material.lobe.amplitude_names and (name != "ks" or ks_per_channel)
+        if isinstance(one.fixed, tuple) and len(one.fixed) > 1 and not several:
+            hint = ", or ks_per_channel=True" if name == "ks" else ""
+            raise ValueError(f"{name} is one number for all channels; give one{hint}")
     material.unknowns()
     return material
+
+
+def _check_domain(number: Number, told: Told) -> None:
+    """Refuse what lies outside the interval of a model's number."""
+    given = (told.fixed, told.start, *(told.bounds or ()))
+    for value in (float(v) for part in given if part is not None for v in np.atleast_1d(part)):
+        if not number.domain.holds(value):
+            raise ValueError(f"{number.name}={value:g}: it must be {number.domain.words}")
 
 
 def _told(numbers: Mapping[str, Any]) -> dict[str, Told]:
@@ -186,14 +203,33 @@ def fit(
     """
     dark = scene.light is None and scene.per_frame is None
     if dark and isinstance(settings, FitSettings):
-        raise ValueError("FitSettings; where the light is unknown give FactorSettings")
+        raise ValueError("FitSettings are for a known light; give FactorSettings")
     if not dark and isinstance(settings, FactorSettings):
-        raise ValueError("FactorSettings; where the light is known give FitSettings")
+        raise ValueError("FactorSettings are for an unknown light; give FitSettings")
+    notes: list[str] = []
     if isinstance(photographs, Observations):
         pool = photographs
     else:
-        pool = photographs.observations(scene.shape)
-    draws = count, seed
+        seen = photographs.photographs(scene.shape, Listener(notes.append))
+        pool = observations_of(seen)
+        if scene.per_frame is not None:
+            # A photograph may have been skipped; the lights of the others are still their own.
+            capture, lights = photographs.capture, scene.per_frame
+            _check_lights(lights, len(capture.frames))
+            kept = capture.numbers_of(photograph.frame.name for photograph in seen)
+            scene = scene._replace(per_frame=tuple(lights[number] for number in kept))
+    estimate = _found(scene, pool, settings, (count, seed))
+    return estimate._replace(reasons=(*estimate.reasons, *notes))
+
+
+def _found(
+    scene: Scene,
+    pool: Observations,
+    settings: FitSettings | FactorSettings | None,
+    draws: tuple[int, int],
+) -> Estimate:
+    """Choose the fit by whether the light is known."""
+    dark = scene.light is None and scene.per_frame is None
     if isinstance(settings, FactorSettings) or (dark and settings is None):
         return _with_the_light(scene, pool, settings or FactorSettings(), draws)
     return _under_known_light(scene, pool, settings or FitSettings(), draws)
@@ -208,10 +244,8 @@ def _under_known_light(
     else:
         known = KnownLight.of(scene.light, scene.per_frame)
     frames = int(np.max(np.asarray(pool.frame), initial=-1)) + 1
-    if known.per_frame is not None and len(known.per_frame) < frames:
-        raise ValueError(
-            f"lights of {len(known.per_frame)} photographs for {frames}; give one for each"
-        )
+    if known.per_frame is not None:
+        _check_lights(known.per_frame, frames)
     material = scene.material
     unknowns = material.unknowns(frames if scene.free_exposure else 0, scene.free_scale)
     drawn = draw(pool, leverage(pool, known), *draws).observations
@@ -228,8 +262,14 @@ def _under_known_light(
         pool=pool if convex else None,
     )
     light = scene.light or known.directional
-    final = found.final
-    return _estimate(material, found, light, final.noise, _relative_rms(final))
+    return _estimate(material, found, light, (found.final.noise, found.final.relative_rms))
+
+
+def _check_lights(per_frame: tuple[DirectionalSources, ...], photographs: int) -> None:
+    if len(per_frame) < photographs:
+        raise ValueError(
+            f"per_frame lights {len(per_frame)} photographs of {photographs}; give each its sources"
+        )
 
 
 def _with_the_light(
@@ -252,22 +292,16 @@ def _with_the_light(
     if given is not None:
         found = in_units_of(found, *given)
     light = HarmonicLight(found.scene.slow) + found.scene.sources
-    return _estimate(material, found, light, found.noise, found.relative_rms)
-
-
-def _relative_rms(final) -> float:
-    left = np.asarray(final.observations.radiance) - np.asarray(final.fit.predicted)
-    return float(np.sqrt(np.sum(left**2) / np.sum(np.asarray(final.observations.radiance) ** 2)))
+    return _estimate(material, found, light, (found.noise, found.relative_rms))
 
 
 def _estimate(
     material: UnknownMaterial,
     found: BRDFFit | Factorization,
     light: Light,
-    noise: NoiseModel,
-    relative_rms: float,
+    left: tuple[NoiseModel, float],
 ) -> Estimate:
-    """Say what was found by the model's own numbers."""
+    """Say what was found by the model's own numbers; ``left`` is its noise and its residual."""
     words = OwnWords(material.model, found.brdf)
     own = in_own_units(found.parameters, found.brdf)
 
@@ -284,7 +318,6 @@ def _estimate(
         dict(found.identifiable),
         found.outcome,
         found.reasons,
-        noise,
-        relative_rms,
+        *left,
         found,
     )

@@ -37,7 +37,7 @@ class Light(eqx.Module):
         return (self,)
 
     def __add__(self, other: "Light") -> "Light":
-        """Shine both."""
+        """Add two lights."""
         return LightSum((*self.parts, *other.parts)) if isinstance(other, Light) else NotImplemented
 
 
@@ -48,7 +48,7 @@ class LightSum(Light):
 
     def __check_init__(self):
         if not self.lights:
-            raise ValueError("a sum of no lights; give at least one")
+            raise ValueError("a LightSum without lights; give at least one")
 
     @property
     def parts(self) -> tuple[Light, ...]:

@@ -1,5 +1,6 @@
 """A material under any light: the forward model that a light asks for, and pictures by it."""
 
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -29,7 +30,7 @@ def forward_of(light: Light, shape: Shape) -> ForwardModel | ShadowedModel:
         return ExactForward(_lit(light.nodes()))
     joined = SmoothLobes(
         *(
-            np.concatenate([np.asarray(getattr(lobe, name)) for lobe in lobes])
+            jnp.concatenate([jnp.asarray(getattr(lobe, name)) for lobe in lobes])
             for name in ("directions", "widths", "middle")
         )
     )

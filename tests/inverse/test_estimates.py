@@ -3,17 +3,29 @@
 - Under any known light, a sky and a lamp here, the material comes back within its errors, by the
   numbers of its own model; what is fixed stays, bounds are kept.
 - With the light unknown the ratios come back; with all of a material known, the light in its units.
-- One light for each photograph, and photographs of unknown exposure.
+- One light for each photograph, also where one is skipped, and photographs of unknown exposure.
 - What is told wrongly is refused by its name.
 """
+
+import json
 
 import numpy as np
 import pytest
 
 from jaxrender.brdf import brdf_named
 from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, look_at, observe
-from jaxrender.inverse import FactorSettings, FitSettings, Observations, Scene, Told, fit, unknown
+from jaxrender.inverse import (
+    FactorSettings,
+    FitSettings,
+    Observations,
+    Scene,
+    Told,
+    fit,
+    load_capture,
+    unknown,
+)
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.io import write_image
 from jaxrender.lighting import (
     DirectionalSources,
     Environment,
@@ -22,7 +34,7 @@ from jaxrender.lighting import (
     OvercastSky,
     SmoothLobes,
 )
-from jaxrender.reflection import forward_of, render_samples
+from jaxrender.reflection import forward_of, render, render_samples
 
 BALL = Sphere()
 KD, KS = np.array([0.2, 0.1, 0.15]), np.full(3, 0.12)
@@ -66,6 +78,8 @@ def test_a_sky_and_a_lamp_light_a_fit():
     assert low < found.values["exponent"] < high
     assert found.material.exponent == pytest.approx(found.values["exponent"])
     assert found.light is scene.light
+    # The residual is the noise that was put in.
+    assert found.relative_rms == pytest.approx(0.005, rel=0.1)
     assert "exponent" in str(found)
     assert "90 %" in str(found)
 
@@ -95,7 +109,7 @@ def test_lights_of_single_photographs_and_unknown_exposures():
     scene = Scene(unknown("phong"), BALL, per_frame=lights, free_exposure=True)
     found = fit(scene, seen, QUICK)
     np.testing.assert_allclose(found.details.parameters.value.gains, [1, 1.3, 0.8], rtol=0.01)
-    with pytest.raises(ValueError, match="lights of 1 photographs for 3"):
+    with pytest.raises(ValueError, match="per_frame lights 1 photographs of 3"):
         fit(Scene(unknown("phong"), BALL, per_frame=lights[:1]), seen, QUICK)
 
 
@@ -125,6 +139,11 @@ def test_light_and_material_are_found_together():
         ("phong", {"exponent": (90, 40)}, "exponent has the bounds"),
         ("phong", {"exponent": (1, 2, 3, 4)}, "exponent has 4 values"),
         ("phong", {"exponent": Told(bounds=(5, 9), start=20)}, "exponent: start"),
+        ("phong", {"exponent": (5, 10, 20)}, "exponent is one number for all channels; give one$"),
+        ("phong", {"ks": (0.1, 0.2, 0.3)}, "give one, or ks_per_channel=True"),
+        ("ggx", {"sigma": (0.5, 2)}, "sigma=2: it must be above 0 and at most 1"),
+        ("ggx", {"mu": 0.9}, "mu=0.9: it must be above 1"),
+        ("ggx", {"sigma": Told(bounds=(0, 1))}, "sigma=0: it must be above 0"),
         ("ggx", {"masking": "v"}, "masking='v': choose one of none, smith"),
     ],
 )
@@ -137,9 +156,9 @@ def test_what_an_unknown_light_leaves_no_room_for():
     seen = photographs(PHONG, [LAMPS], views=1)
     with pytest.raises(ValueError, match="leave out free_exposure"):
         fit(Scene(unknown("phong"), BALL, free_scale=True), seen)
-    with pytest.raises(ValueError, match="FitSettings; where the light is unknown give Factor"):
+    with pytest.raises(ValueError, match="FitSettings are for a known light"):
         fit(Scene(unknown("phong"), BALL), seen, QUICK)
-    with pytest.raises(ValueError, match="FactorSettings; where the light is known give Fit"):
+    with pytest.raises(ValueError, match="FactorSettings are for an unknown light"):
         fit(Scene(unknown("phong"), BALL, LAMPS), seen, FactorSettings())
 
 
@@ -169,5 +188,39 @@ def test_any_light_is_sorted_into_image_and_sources():
         def nodes(self):
             return LAMPS.nodes()
 
-    with pytest.raises(ValueError, match="a Odd lights no fit; give environments"):
+    with pytest.raises(ValueError, match="a light of the kind Odd; give"):
         KnownLight.of(Odd())
+
+
+def ball_files(folder, lights, looks_away=None):
+    """Write the photographs of a ball, one light each; one camera may look away from it."""
+    frames, rng = [], np.random.default_rng(0)
+    for number, light in enumerate(lights):
+        place = 10 * np.array([np.cos(number), np.sin(number), 0.3])
+        pose = look_at(place, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+        camera = Pinhole(28, 28, pose, fl_x=110.0)
+        image = np.asarray(render(PHONG, camera, BALL, forward_of(light, BALL)))
+        image *= 1 + 0.005 * rng.normal(size=image.shape)
+        write_image(folder / f"{number}.exr", image)
+        if number == looks_away:
+            pose = look_at(place, 2 * place, np.array([0.0, 0.0, 1.0]))
+        frames.append({"file_path": f"{number}.exr", "transform_matrix": pose.tolist()})
+    intrinsics = {"w": 28, "h": 28, "fl_x": 110.0}
+    (folder / "transforms.json").write_text(json.dumps({**intrinsics, "frames": frames}))
+    return load_capture(folder / "transforms.json")
+
+
+def test_lights_stay_with_their_photographs(tmp_path):
+    """Where the first one is skipped, the others still have their own lights."""
+    lights = tuple(
+        DirectionalSources(np.array([[np.cos(a), np.sin(a), 0.5]]), np.full((1, 3), 2.0))
+        for a in (2.5, 1.3, 2.3)
+    )
+    capture = ball_files(tmp_path, lights, looks_away=0)
+    scene = Scene(unknown("phong"), BALL, per_frame=lights)
+    found = fit(scene, capture, QUICK)
+    assert found.values["exponent"] == pytest.approx(30, rel=0.05)
+    assert found.relative_rms < 0.01
+    assert "0.exr: warning: its camera does not see the object; skipped" in found.reasons[-1]
+    with pytest.raises(ValueError, match="per_frame lights 2 photographs of 3"):
+        fit(scene._replace(per_frame=lights[1:]), capture, QUICK)

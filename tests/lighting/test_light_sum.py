@@ -53,7 +53,7 @@ def test_a_lobe_is_the_point_masses_that_it_integrates_to():
 def test_what_cannot_be_added():
     with pytest.raises(TypeError):
         PROBE + 1.0
-    with pytest.raises(ValueError, match="no lights"):
+    with pytest.raises(ValueError, match="without lights"):
         LightSum(())
     grey = HarmonicLight(np.ones((4, 1)))
     with pytest.raises(ValueError, match="lights of 1 and 3 channels"):

@@ -60,6 +60,12 @@ PATHS = {
     "sigma": (0.3, lambda s: render_lit(ggx(s), LAMP, BALL, CAMERA)),
     "kd": (KD, lambda kd: render_lit(ggx(kd=kd), LAMP, BALL, CAMERA)),
     "coefficients": (SLOW, lambda c: render_lit(ggx(), HarmonicLight(c) + LAMP, BALL, CAMERA)),
+    "lobes": (
+        np.asarray(LOBES.middle),
+        lambda m: render_lit(
+            ggx(), LAMP + SmoothLobes(LOBES.directions, LOBES.widths, m), BALL, CAMERA
+        ),
+    ),
     "direction": (
         np.array([[0.7, 0.6, 0.8]]),
         lambda d: render_lit(ggx(), DirectionalSources(d, LAMP.irradiance), BALL, CAMERA),

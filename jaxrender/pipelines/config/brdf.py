@@ -66,10 +66,10 @@ def _entry(name: str) -> tuple[Any, Any]:
 def stated(name: str) -> Any:
     """Make the type of a key that is a plain number in the interval of its models."""
     domain = anywhere(name)
-    ends: dict[str, float] = {"gt" if domain.text[0] == "(" else "ge": domain.low}
+    ends: dict[str, Any] = {"gt" if domain.text[0] == "(" else "ge": domain.low}
     if domain.high < float("inf"):
         ends["lt" if domain.text[-1] == ")" else "le"] = domain.high
-    bounds = Field(allow_inf_nan=False, **ends)  # type: ignore[call-overload]
+    bounds = Field(allow_inf_nan=False, **ends)
     return Annotated[float, Strict(), bounds, Accepts(f"a number {domain.words}")]
 
 
