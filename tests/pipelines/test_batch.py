@@ -5,7 +5,8 @@
 - An interrupt leaves finished runs, an index, no debris, and the same command goes on.
 - Photographs that runs share are rendered once, also by two processes at a time.
 - The index has parameters as coordinates, values, intervals, outcomes; it appears whole or not.
-- One batch at a time in a folder; exit codes 0, 1 with --strict, 2, 130.
+- One batch at a time in a folder, that of a dead process does not count; exit codes 0, 1 with
+  --strict, 2, 130.
 - On dask: spawned processes with the caller's precision; the run of a killed one is done again.
 """
 
@@ -14,8 +15,9 @@ import json
 import os
 import shutil
 import signal
-import threading
-import time
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -30,7 +32,6 @@ from jaxrender.pipelines.batch import index as index_module
 from jaxrender.pipelines.batch import task as task_module
 from jaxrender.pipelines.batch import workers as workers_module
 from jaxrender.pipelines.batch.index import Row, write_index
-from jaxrender.pipelines.batch.locks import Held, exclusive
 from jaxrender.pipelines.batch.plan import State, plan_of
 from jaxrender.pipelines.batch.workers import InProcess
 from jaxrender.pipelines.config.sweep import load_sweep
@@ -292,8 +293,15 @@ def test_a_folder_that_is_not_ours(place, fits, capsys):
 
 def test_one_batch_at_a_time(place, fits, capsys):
     assert jaxrender("batch", "sweep.yaml") == 0
-    with exclusive(place / "out/batch.lock", wait=False):
+    hold = "import filelock; held = filelock.FileLock('out/batch.lock').acquire(); print(); input()"
+    command, pipe = [sys.executable, "-c", hold], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
         assert "out: another batch is at work there" in refused(capsys)
+        other.kill()
+        other.wait()
+        assert jaxrender("batch", "sweep.yaml") == 0
 
 
 def test_data_that_cannot_be_read_is_said_before_anything_runs(place, fits, capsys):
@@ -386,27 +394,13 @@ def test_photographs_that_fail_are_the_error_of_their_runs(place, fits, recipes)
     assert "the light is zero" in opened().error.values[2]
 
 
-def test_a_lock_is_held_by_one_and_waited_for(tmp_path):
-    path, order = tmp_path / "new" / "lock", []
+def test_photographs_are_rendered_once_by_two_at_a_time(place, recipes):
+    def render(_):
+        return task_module.render_photographs(place / "a.yaml", print)
 
-    def waiting():
-        with exclusive(path, wait=True):
-            order.append("second")
-
-    other = threading.Thread(target=waiting)
-    with exclusive(path, wait=False):
-        with pytest.raises(Held), exclusive(path, wait=False):
-            pass
-        other.start()
-        time.sleep(0.3)
-        order.append("first")
-    other.join(timeout=60)
-    assert order == ["first", "second"]
-    # After an error, too, the lock is free.
-    with pytest.raises(KeyError), exclusive(path, wait=False):
-        raise KeyError
-    with exclusive(path, wait=False):
-        pass
+    with ThreadPoolExecutor(2) as both:
+        assert list(both.map(render, range(2))) == [None, None]
+    assert recipes == ["a.yaml"]
 
 
 # ---------------------------------------------------------------- the index

@@ -2,8 +2,7 @@
 
 :mod:`.plan` names the runs and sees what is there already, :mod:`.task` is what a worker does,
 :mod:`.workers` are the processes that do it, :mod:`.batch` goes from a sweep to its folder,
-:mod:`.folder` is that folder, :mod:`.index` the table of all runs in it, :mod:`.locks` keeps
-processes apart.
+:mod:`.folder` is that folder, :mod:`.index` the table of all runs in it.
 """
 
 from jaxrender.pipelines.batch.batch import BatchReport, list_runs, run_batch

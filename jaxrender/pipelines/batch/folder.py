@@ -8,10 +8,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from jaxrender import __version__
 from jaxrender.errors import InputError
 from jaxrender.pipelines.batch.index import INDEX_STEM
-from jaxrender.pipelines.batch.locks import Held, exclusive
 from jaxrender.pipelines.batch.plan import Planned
 from jaxrender.pipelines.config.sweep import Sweep
 from jaxrender.pipelines.result import write_json
@@ -31,17 +32,17 @@ def our_folder(sweep: Sweep) -> Iterator[None]:
         # The marker comes first: a folder with the lock alone would be nobody's.
         marker = {"made_by": _MAKER, "version": __version__, "sweep": str(sweep.path.absolute())}
         write_json(folder / MARKER, marker)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: cannot be written to: {error.strerror}; choose another output"
-        ) from None
-    try:
-        with exclusive(folder / _LOCK, wait=False):
-            yield
-    except Held:
+        held = FileLock(folder / _LOCK).acquire(blocking=False)
+    except Timeout:
         raise InputError(
             f"{folder}: another batch is at work there; wait for it, or choose another output"
         ) from None
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written to or locked: {error.strerror}; choose another output"
+        ) from None
+    with held:
+        yield
 
 
 def check_ours(folder: Path) -> None:

@@ -13,8 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from filelock import FileLock
+
 from jaxrender.errors import InputError
-from jaxrender.pipelines.batch.locks import exclusive
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.config import RunConfig, load_recipe
 from jaxrender.pipelines.run import fit
@@ -89,6 +90,7 @@ def _photographs(path: Path) -> None:
     place = capture_folder(recipe, path)
     if is_whole(recipe, place):
         return
-    with exclusive(place.with_name(f"{place.name}.lock"), wait=True):
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(place.with_name(f"{place.name}.lock")):
         if not is_whole(recipe, place):
             synthesise(recipe, path, place, force=True)
