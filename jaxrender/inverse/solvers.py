@@ -2,7 +2,8 @@
 
 Least squares in unconstrained variables by optimistix's Levenberg-Marquardt, its linear algebra by
 lineax; the thesis's simplex by optimistix's Nelder-Mead; small box-bounded quadratics by jaxopt's
-coordinate descent.  Every function here can be called inside ``jit`` and ``vmap``.
+coordinate descent, imported when a program first needs it.  Every function here can be called
+inside ``jit`` and ``vmap``.
 """
 
 import warnings
@@ -15,11 +16,6 @@ import lineax as lx
 import optimistix as optx
 
 from jaxrender.shapes import Array, Bool, Float, Int
-
-with warnings.catch_warnings():
-    # jaxopt announces its own end on import; DESIGN keeps it for what nothing else offers.
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import jaxopt
 
 _MAX_STEPS = 64
 # The first damping of Levenberg-Marquardt is 1 beside the squared Jacobian.  Residuals this much
@@ -117,6 +113,10 @@ def _solve_at_bounds(free, matrix, vector, lower, upper) -> Float[Array, "unknow
 
 def _values_held_at_bounds(matrix, vector, lower, upper) -> Float[Array, "unknown"]:
     """Find which unknowns end at a bound (their value there), NaN for the others."""
+    with warnings.catch_warnings():
+        # jaxopt is archived and says so on import; optimistix and lineax take no bounds.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import jaxopt
     scale = 1 / jnp.sqrt(jnp.diag(matrix))
     scaled = matrix * scale[:, None] * scale[None, :]
     descent = jaxopt.BoxCDQP(maxiter=_BOX_SWEEPS, tol=1e-10, implicit_diff=False)

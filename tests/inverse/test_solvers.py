@@ -4,8 +4,12 @@
   active, however the unknowns are scaled.
 - Its derivative is that of the free unknowns alone, right where bounds are active and where not.
 - Levenberg-Marquardt ends where SciPy's does; the simplex ends there too.
+- jaxopt, which is archived upstream, is imported by nothing but the box-bounded quadratic.
 - A search without unknowns is its start; one that runs out of steps says so.
 """
+
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -94,6 +98,11 @@ def test_box_gradient_is_that_of_finite_differences(bound):
     if bound == 0:
         assert np.any(np.asarray(along(0.0)) == 0)
         assert np.any(np.asarray(slope) == 0)
+
+
+def test_the_package_alone_does_not_import_jaxopt():
+    code = "import sys, jaxrender.inverse; sys.exit('jaxopt' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def misfit(point, args):
