@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import ConvexHull, QhullError
+from trimesh.geometry import faces_to_edges
+from trimesh.graph import is_watertight
 
 # Volume that the convex hull may add to a convex mesh: rounding only.
 _HULL_SLACK = 1e-9
@@ -15,12 +17,7 @@ _WITNESS_SLACK = 1e-6
 def is_closed(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> bool:
     """Whether every edge is used once in either direction (vertices at one place are one)."""
     _, merged = np.unique(vertices, axis=0, return_inverse=True)
-    faces = merged[faces]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    keys = edges[:, 0] * len(vertices) + edges[:, 1]
-    opposite = edges[:, 1] * len(vertices) + edges[:, 0]
-    unique = np.unique(keys)
-    return len(unique) == len(keys) and np.array_equal(unique, np.unique(opposite))
+    return all(is_watertight(faces_to_edges(merged[faces])))
 
 
 def is_convex(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> bool:

@@ -7,6 +7,7 @@ faces' angles, which on a 32 x 32 sphere errs by 0.1 degree where area weights e
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from trimesh.grouping import unique_rows
 
 from jaxrender.geometry import convexity
 from jaxrender.geometry.hits import Hits, Shape, no_hits, unit_rays
@@ -52,7 +53,8 @@ class Mesh(Shape):
         if flat.all():
             raise ValueError(f"all {len(faces)} faces have zero area: the mesh has no surface")
         kept = np.flatnonzero(~flat)
-        kept = kept[_first_of_each(faces[kept])]
+        # The first of each set of three vertices.
+        kept = kept[np.sort(unique_rows(np.sort(faces[kept], axis=1))[0])]
         self.faces = faces[kept]
         self.dropped_faces = len(faces) - len(self.faces)
         if normals is None:
@@ -206,16 +208,6 @@ def _is_flat(triangles: np.ndarray) -> np.ndarray:
     edges = np.roll(triangles, -1, axis=1) - triangles
     longest = np.einsum("fki,fki->fk", edges, edges).max(axis=1)
     return np.linalg.norm(_doubled_area(triangles), axis=1) <= _FLAT * longest
-
-
-def _first_of_each(faces: np.ndarray) -> np.ndarray:
-    """Where each set of three vertices comes first."""
-    ordered = np.sort(faces, axis=1)
-    by_vertices = np.lexsort(ordered.T)  # stable: repetitions stay in their order
-    repeats = (np.diff(ordered[by_vertices], axis=0) == 0).all(axis=1)
-    keep = np.ones(len(faces), bool)
-    keep[by_vertices[1:][repeats]] = False
-    return keep
 
 
 def _unit_or_zero(vectors: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial.transform import Rotation
 
 from jaxrender.geometry.hits import Shape
 from jaxrender.geometry.mesh import Mesh, angle_weighted_normals
@@ -116,13 +117,8 @@ def random_rotations(count: int, seed: int) -> Float[np.ndarray, "rotation 3 3"]
     A rotated set of fixed directions then has every direction uniformly distributed, so sums over
     it are unbiased, and sets of different rotations err independently.
     """
-    w, x, y, z = _unit(np.random.default_rng(seed).normal(size=(count, 4))).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    quaternions = np.random.default_rng(seed).normal(size=(count, 4))
+    return Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
 
 
 def _checked(directions: Float[AnyArray, "ray 3"]) -> Float[np.ndarray, "ray 3"]:
@@ -138,7 +134,3 @@ def _starts(shape: Shape, places: SurfacePlaces) -> tuple[np.ndarray, np.ndarray
     normals = np.asarray(places.geometric_normals, np.float64)
     origins = np.asarray(places.points, np.float64) + _OFFSET * shape.diagonal() * normals
     return origins, normals
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import ndtr
+from scipy.stats import truncnorm
 
 from jaxrender.shapes import AnyArray, checked
 
 # Residuals beyond this many standard deviations are outliers.  At 3.5 a Gaussian sample loses
 # 0.05 % of its values, which _KEPT_VARIANCE makes up for.
 _CUT = 3.5
+_KEPT_VARIANCE = float(np.asarray(truncnorm.var(-_CUT, _CUT)))
 _MIN_SAMPLES = 10
 _BINS = 16
 _MAX_SWEEPS = 100
@@ -139,12 +140,3 @@ def _fit(target: np.ndarray, intensity: np.ndarray, weights: np.ndarray) -> _Var
         squared = spread + total * mean**2
         return _Variances(float(weights @ (intensity * target) / squared), 0.0)
     return _Variances(float(slope), float(floor))
-
-
-def _kept_variance(cut: float) -> float:
-    """Variance of a standard Gaussian cut off at +-cut: 1 - 2 k phi(k) / (2 Phi(k) - 1)."""
-    density = math.exp(-(cut**2) / 2) / math.sqrt(2 * math.pi)
-    return 1 - 2 * cut * density / (2 * float(ndtr(cut)) - 1)
-
-
-_KEPT_VARIANCE = _kept_variance(_CUT)

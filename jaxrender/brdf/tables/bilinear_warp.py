@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
@@ -55,8 +56,9 @@ class BilinearWarp(eqx.Module):
         if not (np.isfinite(values).all() and np.all(values >= 0)):
             raise ValueError("a density is negative or not finite: it is neither")
         exact = values.astype(float)
-        along = _cumulative(exact)
-        below = _cumulative(along[..., -1])
+        rows, columns = values.shape[1:]
+        along = cumulative_trapezoid(exact, dx=1 / (columns - 1), initial=0)
+        below = cumulative_trapezoid(along[..., -1], dx=1 / (rows - 1), initial=0)
         total = below[:, -1]
         if not np.all(total > 0):
             raise ValueError(f"table {int(np.argmin(total > 0))} is zero everywhere")
@@ -125,13 +127,6 @@ def _product(chosen: tuple[Blend, ...], nodes: tuple[Float[AnyArray, "_"], ...])
     for side, at in zip(chosen[1:], nodes[1:], strict=True):
         index, weight = index * at.size + side.index, weight * side.weight
     return Blend(index, weight)
-
-
-def _cumulative(values: Float[np.ndarray, "... node"]) -> Float[np.ndarray, "... node"]:
-    """Integrate what is linear between nodes on [0, 1], from 0 up to each of them."""
-    pieces = (values[..., 1:] + values[..., :-1]) / (2 * (values.shape[-1] - 1))
-    start = np.zeros((*values.shape[:-1], 1))
-    return np.concatenate([start, np.cumsum(pieces, axis=-1)], axis=-1)
 
 
 def _cell(position: Float[Array, "*batch"], count: int) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
 from jaxrender.harmonics import LatLongGrid, real_basis
@@ -81,5 +82,4 @@ def _laplacian(grid: LatLongGrid) -> sparse.csr_array:
     ]
     one, other, strength = (np.concatenate([p[k].ravel() for p in pairs]) for k in range(3))
     links = sparse.coo_array((strength, (one, other)), (rows * columns,) * 2)
-    links = (links + links.T).tocsr()
-    return (sparse.diags_array(np.asarray(links.sum(axis=1)).ravel()) - links).tocsr()
+    return sparse.csr_array(csgraph.laplacian(links + links.T))

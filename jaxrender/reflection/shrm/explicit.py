@@ -8,7 +8,6 @@
     the whole four-dimensional light field B(R, o'), and the way back
 """
 
-import itertools
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from trimesh import creation
 
 from jaxrender.harmonics import (
     LatLongGrid,
@@ -51,22 +51,15 @@ class IcosahedralMaps(eqx.Module):
 
 
 def icosahedron_vertices() -> Float[np.ndarray, "12 3"]:
-    """The twelve viewers: all (0, +-1, +-g), turned around cyclically, g the golden ratio."""
-    golden = (1 + np.sqrt(5)) / 2
-    pairs = [(0.0, one, two) for one in (1.0, -1.0) for two in (golden, -golden)]
-    rolled = [np.roll(pair, k) for k in range(3) for pair in pairs]
-    return np.array(rolled) / np.hypot(1.0, golden)
+    """The twelve viewers, unit vectors along (0, +-1, +-g) and its turns, g the golden ratio."""
+    return np.array(creation.icosahedron().vertices)
 
 
 @lru_cache(maxsize=1)
 def _faces() -> tuple[Int[np.ndarray, "20 3"], Float[np.ndarray, "20 3 3"]]:
     """The icosahedron's faces, and for each the matrix from a direction to shares."""
-    vertices = icosahedron_vertices()
-    adjacent = vertices @ vertices.T > 0.4
-    triples = itertools.combinations(range(12), 3)
-    faces = [t for t in triples if all(adjacent[a, b] for a, b in itertools.combinations(t, 2))]
-    corners = np.swapaxes(vertices[np.array(faces)], 1, 2)
-    return np.array(faces), np.linalg.inv(corners)
+    faces = np.array(creation.icosahedron().faces)
+    return faces, np.linalg.inv(np.swapaxes(icosahedron_vertices()[faces], 1, 2))
 
 
 def blending_shares(directions: Directions) -> Float[Array, "*batch 12"]:
