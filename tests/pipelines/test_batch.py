@@ -304,6 +304,13 @@ def test_one_batch_at_a_time(place, fits, capsys):
         assert jaxrender("batch", "sweep.yaml") == 0
 
 
+def test_a_folder_that_cannot_be_locked(place, fits, capsys):
+    (place / "out/batch.lock").mkdir(parents=True)
+    write_json(place / "out/batch.json", {"made_by": "jaxrender"})
+    assert "out: cannot be written to or locked: Is a directory; choose" in refused(capsys)
+    assert fits.done == []
+
+
 def test_data_that_cannot_be_read_is_said_before_anything_runs(place, fits, capsys):
     (place / "sweep.yaml").write_text(
         "base: capture/config.yaml\nlist: [{}, {capture.transforms: no.json}]\noutput: out\n"
