@@ -34,7 +34,7 @@ from scipy.optimize import OptimizeResult, least_squares, minimize
 
 from jaxrender.brdf import Microfacet
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import KnownLight, MicrofacetUnknowns
+from jaxrender.inverse import KnownLight, unknowns_of
 from jaxrender.inverse.elimination import Data, Fit, Problem, search
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.models import TabulatedModel
@@ -43,7 +43,7 @@ from jaxrender.reflection import RoughnessTable, roughness_table
 
 SAMPLES, CHANNELS = 12_000, 3
 MATERIAL = Microfacet(np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.14, 1.62)
-START = (1.4 * 0.14, 1.2 * 1.62)
+NAMES, START = ("sigma", "mu"), (1.4 * 0.14, 1.2 * 1.62)
 NOISE = NoiseModel(0.01, 1e-4)
 # What is demanded: times faster than Levenberg-Marquardt, and than the simplex.
 DEMANDED = {"float64": (4, 30), "float32": (10, 80)}
@@ -187,18 +187,19 @@ def ours(table: RoughnessTable, data: Data, dtype) -> Contestant:
         return x.astype(dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x
 
     table, data = jax.tree.map(cast, (table, data))
-    unknowns = MicrofacetUnknowns()
+    unknowns = unknowns_of(MATERIAL)
     problem = Problem.of(unknowns, CHANNELS, dtype)
-    start = unknowns.pack(*START)[None].astype(dtype)
+    start = unknowns.pack(dict(zip(NAMES, START)))[None].astype(dtype)
+    model = TabulatedModel(MATERIAL, table)
 
     def call() -> Fit:
-        return jax.block_until_ready(search(problem, TabulatedModel(table), data, start))
+        return jax.block_until_ready(search(problem, model, data, start))
 
     def read(fit: Fit) -> tuple[np.ndarray, str]:
-        found = unknowns.unpack(fit.solution.point)
+        found = unknowns.unpack(fit.solution.point).numbers
         remark = f"{int(fit.solution.steps)} steps"
         remark += "" if bool(fit.solution.converged) else ", NOT CONVERGED"
-        return np.array([float(found.sigma), float(found.mu)]), remark
+        return np.array([float(found[name]) for name in NAMES]), remark
 
     return Contestant(call, read)
 

@@ -23,7 +23,7 @@ import scenes
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Unknown
+from jaxrender.inverse import FitSettings, Told, unknowns_of
 from jaxrender.inverse.elimination import Data, Problem, search
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
@@ -32,7 +32,7 @@ from jaxrender.lighting import Environment, LightNodes
 
 SAMPLES, ROWS = 2000, 64
 MATERIAL = Microfacet(np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.14, 1.62)
-START = (1.08 * 0.14, 1.04 * 1.62)
+START = {"sigma": 1.08 * 0.14, "mu": 1.04 * 1.62}
 NOISE = NoiseModel(0.01, 1e-4)
 # What is demanded, in seconds.
 DEMANDED = 2.0
@@ -52,18 +52,16 @@ def scene() -> tuple[Observations, LightNodes]:
 
 def begin(model: ExactModel, observations: Observations) -> Stop:
     """Stand where a biased frequency fit would have left us."""
-    unknowns = MicrofacetUnknowns()
+    unknowns = unknowns_of(MATERIAL)
     problem = Problem.of(unknowns, observations.radiance.shape[1])
-    sigma, mu = (jnp.asarray(value) for value in START)
-    near = LinearisedModel.about(model, sigma, mu)
+    near = LinearisedModel.about(model, jax.tree.map(jnp.asarray, START))
     radiance = np.asarray(observations.radiance)
     weights = 1 / NOISE.standard_deviation(radiance)
     data = Data(radiance, weights, np.asarray(observations.frame))
-    held = Problem.of(
-        MicrofacetUnknowns(sigma=_fixed(START[0]), mu=_fixed(START[1])), radiance.shape[1]
-    )
+    told = {name: Told(fixed=value) for name, value in START.items()}
+    held = Problem.of(unknowns_of(MATERIAL, told), radiance.shape[1])
     fit = search(held, near, data, held.unknowns.starts(1))
-    point = jnp.asarray(unknowns.pack(*START))
+    point = jnp.asarray(unknowns.pack(START))
     fit = fit._replace(solution=fit.solution._replace(point=point))
     return Stop(fit, problem, near, data, observations, NOISE)
 
@@ -72,7 +70,7 @@ def numpy_columns(observations: Observations, light: LightNodes) -> np.ndarray:
     """Sum T 6.2 over all directions in plain NumPy: the columns of kd and ks."""
     incoming, irradiance = (np.asarray(a) for a in light)
     normals, outgoing = (np.asarray(a) for a in observations.samples)
-    sigma, mu = START
+    sigma, mu = START["sigma"], START["mu"]
     found = np.zeros((len(normals), 2, irradiance.shape[1]))
     for first in range(0, len(normals), AT_ONCE):
         n, o = normals[first : first + AT_ONCE], outgoing[first : first + AT_ONCE]
@@ -111,11 +109,11 @@ def main():
         f", float64; {SAMPLES} samples x {light.directions.shape[0]} directions"
     )
     model = ExactModel(MATERIAL, observations.samples, (light,))
-    sigma, mu = (jnp.asarray(value) for value in START)
+    start = jax.tree.map(jnp.asarray, START)
     columns = eqx.filter_jit(ExactModel.columns)
-    ours = timed(lambda: columns(model, sigma, mu), runs)
+    ours = timed(lambda: columns(model, start), runs)
     twin = timed(lambda: numpy_columns(observations, light), 2)
-    both = np.stack([np.asarray(c) for c in columns(model, sigma, mu)], axis=1)
+    both = np.stack([np.asarray(c) for c in columns(model, start)], axis=1)
     off = np.max(np.abs(both / numpy_columns(observations, light) - 1))
     print(f"\ncolumns once         cold {ours[0]:6.2f} s   warm {ours[1]:6.3f} s ({ours[2]:.3f})")
     print(
@@ -138,12 +136,8 @@ def main():
     found = values_of(refine())
     for name in ("kd", "ks", "sigma", "mu"):
         truth = np.asarray(getattr(MATERIAL, name))
-        error = 100 * np.max(np.abs(np.asarray(getattr(found, name)) / truth - 1))
+        error = 100 * np.max(np.abs(np.asarray(found.of(name)) / truth - 1))
         print(f"  {name:6s} off by {error:.2f} %")
-
-
-def _fixed(value: float) -> Unknown:
-    return Unknown(fixed=(value,))
 
 
 def _fresnel(mu: float, cosines: np.ndarray) -> np.ndarray:

@@ -28,13 +28,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView, observe
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import erode
-from jaxrender.inverse import (
-    FitSettings,
-    KnownLight,
-    MicrofacetUnknowns,
-    Observations,
-    fit_brdf,
-)
+from jaxrender.inverse import FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.observations import random_subset
 from jaxrender.io import read_environment, read_mesh
@@ -98,8 +92,8 @@ def known_light(
     do not rule.
     """
     light = KnownLight(scenes.coarser(what.light), DirectionalSources.none())
-    unknowns = MicrofacetUnknowns(mu=None, ks_per_channel=True)
     truth = mitsuba_scenes.material(what.distribution)
+    unknowns = unknowns_of(truth, ks_per_channel=True)
     some = random_subset(seen, SAMPLES, 0)
     settings = FitSettings(starts=4, loss="huber")
     fit = fit_brdf(some, light, unknowns, truth, settings, shape=shape)

@@ -18,26 +18,26 @@ import numpy as np
 import scenes
 from scipy.stats import binom
 
-from jaxrender.brdf import AnisotropicWard, HeTorranceLobe, KajiyaKay, Microfacet, OrenNayarLobe
+from jaxrender.brdf import (
+    AnisotropicWard,
+    HeTorranceLobe,
+    KajiyaKay,
+    Microfacet,
+    OrenNayarLobe,
+    Parametric,
+)
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Unknown, fit_brdf
-from jaxrender.inverse.uncertainty import Parameters, in_own_units
-from jaxrender.inverse.unknowns import index_bounds, mu_unknown
+from jaxrender.inverse import FitSettings, KnownLight, fit_brdf, unknowns_of
+from jaxrender.inverse.uncertainty import Parameters
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 
 KD, KS, NONE = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), np.zeros(3)
 MODELS = {
-    "microfacet": (Microfacet(KD, KS, 0.16, 1.62), MicrofacetUnknowns()),
-    "anisotropic-ward": (
-        AnisotropicWard(KD, KS, 0.12, 0.35),
-        MicrofacetUnknowns(mu=mu_unknown(*index_bounds(AnisotropicWard))),
-    ),
-    "he-torrance": (HeTorranceLobe(KD, KS, 0.16), MicrofacetUnknowns(mu=None)),
-    "kajiya-kay": (KajiyaKay(KD, KS, 30.0), MicrofacetUnknowns(mu=None)),
-    "oren-nayar": (
-        OrenNayarLobe(NONE, KD, 0.5),
-        MicrofacetUnknowns(kd=Unknown(fixed=(0.0,)), mu=None, ks_per_channel=True),
-    ),
+    "microfacet": Microfacet(KD, KS, 0.16, 1.62),
+    "anisotropic-ward": AnisotropicWard(KD, KS, 0.12, 0.35),
+    "he-torrance": HeTorranceLobe(KD, KS, 0.16),
+    "kajiya-kay": KajiyaKay(KD, KS, 30.0),
+    "oren-nayar": OrenNayarLobe(NONE, KD, 0.5),
 }
 LIGHTS = SmoothLobes(
     scenes.unit(np.array([[1.0, 0.3, 0.8], [-0.6, 0.9, 0.4], [-0.4, -1.0, 0.2]])),
@@ -53,12 +53,12 @@ ROWS = 64
 LEVEL, BAND = 0.9, 0.999
 
 
-def flat(parameters, material) -> dict[str, float]:
+def flat(parameters: Parameters, material: Parametric) -> dict[str, float]:
     """List what the material has, by its own names: an amplitude of each channel, or one of all."""
     found = {}
-    for searched in ("kd", "ks", "sigma", "mu"):
-        name, values = material.called(searched), np.ravel(getattr(parameters, searched))
-        if name is None or (searched == "mu" and material.mu is None):
+    for searched in ("kd", "ks", *material.numbers):
+        name, values = material.called(searched), np.ravel(parameters.of(searched))
+        if name is None:
             continue
         own = name == "kd"
         labels = [f"{name} {c}" for c in ("red", "green", "blue")] if own else [name]
@@ -80,16 +80,16 @@ def main():
     seeds, first = arguments.seeds, arguments.first
     jax.config.update("jax_enable_x64", True)
     samples, view = scenes.ring_samples(SAMPLES, LOWEST_COSINE, 0)
-    material, unknowns = MODELS[arguments.model]
+    material = MODELS[arguments.model]
     exact = scenes.photograph_function(LIGHTS.radiance, material, samples, view, LAMPS)
     light = KnownLight(LIGHTS.to_environment(ROWS), LAMPS)
     noise = NoiseModel(NOISE, FLOOR * float(exact.radiance.mean()))
     settings = FitSettings(refine_samples=REFINED_SAMPLES)
-    number = float(getattr(material, material.shape.name))
-    second = np.nan if material.mu is None else float(getattr(material, material.index.name))
     one = np.ones(())
-    truth = flat(Parameters(material.kd, material.ks, number, second, one[None], one), material)
+    true_parameters = Parameters(material.kd, material.ks, material.numbers, one[None], one)
+    truth = flat(true_parameters, material)
     kind = material.with_roughness(0.1, None if material.mu is None else 1.5)
+    unknowns = unknowns_of(kind)
     inside, scores = [], []
     start = time.perf_counter()
     for seed in range(seeds):
@@ -97,9 +97,8 @@ def main():
             radiance=noise.add(exact.radiance, np.random.default_rng(5000 + first + seed))
         )
         fit = fit_brdf(noisy, light, unknowns, kind, settings._replace(seed=seed))
-        own = in_own_units(fit.parameters, material)
         value, low, high, error = (
-            np.array(list(flat(part, material).values())) for part in own[:4]
+            np.array(list(flat(part, material).values())) for part in fit.parameters[:4]
         )
         true = np.array(list(truth.values()))
         inside.append((low <= true) & (true <= high))

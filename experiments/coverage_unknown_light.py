@@ -118,9 +118,9 @@ def numbers_of(fit: Factorization, with_material: bool) -> dict[str, Counted]:
                 float(value.ks[k]) - truth, float(error.ks[k]), inside
             )
         for name, truth in (("sigma", SIGMA), ("mu", MU)):
-            inside = bool(getattr(low, name) <= truth <= getattr(high, name))
-            off = float(getattr(value, name)) - truth
-            numbers[name] = Counted(off, float(getattr(error, name)), inside)
+            inside = bool(low.of(name) <= truth <= high.of(name))
+            off = float(value.of(name)) - truth
+            numbers[name] = Counted(off, float(error.of(name)), inside)
     scene = fit.scene
     slow = np.zeros_like(scene.slow)
     slow[: len(AREA)] = AREA * TOTAL

@@ -95,7 +95,8 @@ def main():
     print(_row("nested, corrected, lobe over exit angles", nested.ks, mu, averaged.sigma, rms))
     print(_row("factorize, the design's trial", (0.331,), 1.501, 0.1198, 0.0101))
     found = ours.relative_rms
-    print(_row("factorize", value.ks, float(value.mu), float(value.sigma), found))
+    mu, sigma = (float(value.of(name)) for name in ("mu", "sigma"))
+    print(_row("factorize", value.ks, mu, sigma, found))
     print(f"nested {middle - start:.1f} s with photographs, factorize {end - middle:.1f} s, cold")
 
 

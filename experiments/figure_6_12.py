@@ -28,7 +28,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, look_at, observe
 from jaxrender.geometry.texels import sphere_coordinates, texel_coordinates, texel_sites
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import KnownLight, MicrofacetUnknowns, Observations
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.texture import (
     TextureFit,
     TextureSettings,
@@ -168,7 +168,6 @@ def main():
         image[0] * image[1],
         light,
         variant,
-        unknowns=MicrofacetUnknowns(),
         settings=settings,
     )
     print(f"fitted in {time.perf_counter() - made:.0f} s")

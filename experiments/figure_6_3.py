@@ -21,7 +21,7 @@ import numpy as np
 from teflon import moving_source_table, teflon, under_complex_light
 
 from jaxrender.brdf import Microfacet
-from jaxrender.inverse import KnownLight, MicrofacetUnknowns, fit_brdf
+from jaxrender.inverse import KnownLight, fit_brdf, unknowns_of
 from jaxrender.inverse.brdf_table.moving_source import fit_table, table_error
 from jaxrender.inverse.brdf_table.table import BRDFTable
 from jaxrender.inverse.uncertainty import Uncertain
@@ -58,7 +58,7 @@ def print_errors(name: str, parameters: Uncertain, truth: Microfacet):
     parts = []
     for field in ("kd", "ks", "sigma", "mu"):
         value, error = (
-            np.mean(getattr(part, field)) for part in (parameters.value, parameters.standard_error)
+            np.mean(part.of(field)) for part in (parameters.value, parameters.standard_error)
         )
         off = float(value - np.mean(getattr(truth, field)))
         relative = 100 * off / np.mean(getattr(truth, field))
@@ -81,10 +81,11 @@ def main():
         scene = scene._replace(material=truth)
     table = moving_source_table(scene, arguments.size)
     print(f"table: {table.count.sum()} pixels in {np.count_nonzero(table.filled)} cells")
-    to_data = fit_table(table, MicrofacetUnknowns(), model)
+    unknowns = unknowns_of(model)
+    to_data = fit_table(table, unknowns, model)
     observations = under_complex_light(scene, arguments.views)
     light = KnownLight(scene.area.to_environment(64), scene.lamp)
-    ours = fit_brdf(observations, light, MicrofacetUnknowns(), model)
+    ours = fit_brdf(observations, light, unknowns, model)
     columns = [column(brdf, table) for brdf in (ours.brdf, to_data.brdf, scene.material)]
     print(f"\n{'':12s} {'--- thesis ---':>19s}   {'--- here ---':>26s}")
     print(

@@ -27,7 +27,7 @@ from sculpture_scene import Pictures, Stage, joined, off_by, pictures, total_of
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid, synthesise
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Observations, fit_brdf
+from jaxrender.inverse import FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
 from jaxrender.inverse.factorization import Factorization, RecoveredScene, factorize
 from jaxrender.lighting import LightNodes
 from jaxrender.pipelines import load_recipe
@@ -51,7 +51,7 @@ def known_light(stage: Stage, seen: Observations) -> Microfacet:
     """Recover the material under an image of 64 rows and the sources (T 6.4.2)."""
     light = KnownLight(stage.area.to_environment(64), stage.sources)
     settings = FitSettings(starts=4)
-    unknowns = MicrofacetUnknowns()
+    unknowns = unknowns_of(stage.material)
     found = fit_brdf(seen, light, unknowns, stage.material, settings, shape=stage.mesh).brdf
     assert isinstance(found, Microfacet)
     return found

@@ -18,10 +18,10 @@ import jax
 import numpy as np
 import scenes
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import Microfacet, Parametric
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, MicrofacetUnknowns, fit_brdf
-from jaxrender.inverse.passes import values_of
+from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, fit_brdf, unknowns_of
+from jaxrender.inverse.coarse_fit import material_of
 from jaxrender.io import read_environment
 from jaxrender.lighting import DirectionalSources
 
@@ -50,7 +50,7 @@ class Row(NamedTuple):
     spread: dict[str, float]
 
 
-def errors(found, material: Microfacet) -> dict[str, float]:
+def errors(found: Parametric, material: Microfacet) -> dict[str, float]:
     """Compute the largest relative error over channels, per cent."""
     truth = {name: np.asarray(getattr(material, name), float) for name in NAMES}
     return {
@@ -65,8 +65,7 @@ def limits(fit: BRDFFit, material: Microfacet) -> tuple[dict[str, float], dict[s
         name: 100
         * float(
             np.max(
-                getattr(fit.parameters.standard_error, name)
-                / np.asarray(getattr(material, name), float)
+                fit.parameters.standard_error.of(name) / np.asarray(getattr(material, name), float)
             )
         )
         for name in NAMES
@@ -80,8 +79,8 @@ def run_case(scene: scenes.Scene, seed: int, sharp: bool) -> Row:
     exact = scenes.photograph(scene.fine.nodes(), scene.material, samples, view)
     light = KnownLight(scenes.coarser(scene.fine), DirectionalSources.none())
     settings = FitSettings(refine=False)
-    fit = fit_brdf(exact, light, MicrofacetUnknowns(), scene.material, settings)
-    before = errors(values_of(fit.frequency), scene.material)
+    fit = fit_brdf(exact, light, unknowns_of(scene.material), scene.material, settings)
+    before = errors(material_of(fit.frequency, scene.material), scene.material)
     needed = fit.light.needed
     count, split_error = (needed.count, 100 * needed.error) if needed else (0, 0.0)
     if sharp:
@@ -91,7 +90,7 @@ def run_case(scene: scenes.Scene, seed: int, sharp: bool) -> Row:
         )
     rng = np.random.default_rng(1000 + seed)
     noisy = exact._replace(radiance=NoiseModel(NOISE, 0.0).add(exact.radiance, rng))
-    fit = fit_brdf(noisy, light, MicrofacetUnknowns(), scene.material, FitSettings())
+    fit = fit_brdf(noisy, light, unknowns_of(scene.material), scene.material, FitSettings())
     after = errors(fit.brdf, scene.material)
     limit, spread = limits(fit, scene.material)
     off = scenes.residual_off_noise(fit, exact)
@@ -188,9 +187,9 @@ def compare_splits(seed: int):
     # A number is the energy left in the slow part: "rough" takes the 64 strongest, unchecked.
     for split in ("off", "rough", "auto"):
         settings = FitSettings(split=split, refine=False)
-        fit = fit_brdf(noisy, light, MicrofacetUnknowns(), scene.material, settings)
+        fit = fit_brdf(noisy, light, unknowns_of(scene.material), scene.material, settings)
         taken = fit.light.split
-        found = errors(values_of(fit.frequency), scene.material)
+        found = errors(material_of(fit.frequency, scene.material), scene.material)
         print(
             f"  {split:12s} {taken.sources.directions.shape[0]:8d} "
             f"{100 * (1 - taken.slow_energy):9.0f} "

@@ -19,7 +19,7 @@ import scenes
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid, evaluate
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, MicrofacetUnknowns, fit_brdf
+from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, fit_brdf, unknowns_of
 from jaxrender.inverse.passes import values_of
 from jaxrender.lighting import DirectionalSources, Environment
 
@@ -66,7 +66,7 @@ def fit_under(radiance_of: Callable, lowest_cosine: float, seed: int) -> tuple[B
     rng = np.random.default_rng(seed + 1)
     noisy = exact._replace(radiance=NoiseModel(NOISE, 0.0).add(exact.radiance, rng))
     light = KnownLight(environment_of(radiance_of), DirectionalSources.none())
-    fit = fit_brdf(noisy, light, MicrofacetUnknowns(), MATERIAL, FitSettings(seed=seed))
+    fit = fit_brdf(noisy, light, unknowns_of(MATERIAL), MATERIAL, FitSettings(seed=seed))
     return fit, scenes.residual_off_noise(fit, exact)
 
 
@@ -84,8 +84,8 @@ def report(title: str, fit: BRDFFit, off: float):
     )
     for name in NAMES:
         truth, value, spread, first = (
-            np.ravel(np.asarray(getattr(part, name), float))
-            for part in (MATERIAL, found, error, before)
+            np.ravel(np.asarray(part, float))
+            for part in (getattr(MATERIAL, name), *(p.of(name) for p in (found, error, before)))
         )
         worst = int(np.argmax(np.abs(value - truth) / spread))
         score = (value - truth)[worst] / spread[worst]

@@ -27,10 +27,9 @@ from jaxrender.inverse import (
     BRDFFit,
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
-    Unknown,
     fit_brdf,
+    unknowns_of,
 )
 from jaxrender.inverse.observations import random_subset
 from jaxrender.io import write_mesh
@@ -39,8 +38,8 @@ from jaxrender.lighting import DirectionalSources
 ALBEDOS = (np.array([0.9, 0.6, 0.3]), np.array([0.5, 0.4, 0.2]))
 DEMANDED = 0.02
 # A matt material has no width; it says how finely light is resolved in shadows.
-MATT = MicrofacetUnknowns(ks=Unknown((0.0,)), sigma=Unknown((0.4,)), mu=None)
 BLACK = Microfacet(np.zeros(3), np.zeros(3), 0.4, None)
+MATT = unknowns_of(BLACK, matt=True)
 
 
 class Row(NamedTuple):

@@ -44,10 +44,10 @@ from jaxrender.inverse import (
     Factorization,
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
     factorize,
     fit_brdf,
+    unknowns_of,
 )
 from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.lighting import DirectionalSources
@@ -130,12 +130,11 @@ def found_of(
 ) -> Found:
     """Compare with the truth, unknown by unknown; ``scores`` are those of kd and ks."""
     value, error = fit.parameters.value, fit.parameters.standard_error
-    scores["sigma"] = (value.sigma - truth.sigma) / error.sigma
-    if truth.mu is not None:
-        scores["mu"] = (value.mu - truth.mu) / error.mu
+    for name, true in truth.numbers.items():
+        scores[name] = (value.of(name) - true) / error.of(name)
     # A fit that has lost its gloss states no error, or none that is a number.
     scores = {k: float(s) if np.isfinite(s) else np.inf for k, s in scores.items()}
-    off = abs(float(value.sigma / truth.sigma) - 1)
+    off = abs(float(value.of("sigma") / truth.sigma) - 1)
     return Found(scores, off, fit.outcome.name, seconds)
 
 
@@ -157,8 +156,8 @@ def factorized(pool: Observations, truth: Microfacet, seeds: range) -> list[Foun
 def fitted(pool: Observations, case: Case, truth: Microfacet, seeds: range) -> list[Found]:
     """Fit anew from each draw of the same photographs."""
     light = light_of(case)
-    unknowns = MicrofacetUnknowns() if truth.mu is not None else MicrofacetUnknowns(mu=None)
     kind = truth.with_roughness(0.1, truth.mu)
+    unknowns = unknowns_of(kind)
     told, results = leverage(pool, light), []
     for seed in seeds:
         some = draw(pool, told, SAMPLES, seed).observations

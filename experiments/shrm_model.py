@@ -21,7 +21,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import LatLongGrid, analyse, degrees, synthesise
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, Observations, fit_brdf
+from jaxrender.inverse import FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
 from jaxrender.io import read_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.reflection import (
@@ -96,7 +96,7 @@ def fits(light: np.ndarray) -> None:
         observations = Observations(samples, noisy, np.zeros(len(clean), int))
         for transfer in ("exit-cosine", "shrm-3", "shrm-4", "shrm-8", "azimuthal-2", "azimuthal-4"):
             settings = FitSettings(split="off", refine=False, transfer=transfer, starts=4)
-            found = fit_brdf(observations, known, MicrofacetUnknowns(), truth, settings).brdf
+            found = fit_brdf(observations, known, unknowns_of(truth), truth, settings).brdf
             off = (
                 np.mean(np.asarray(found.kd) / truth.kd) - 1,
                 np.mean(np.asarray(found.ks) / truth.ks) - 1,

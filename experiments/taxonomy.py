@@ -42,11 +42,12 @@ from jaxrender.inverse import (
     FitSettings,
     Known,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
-    Unknown,
+    Told,
+    Unknowns,
     factorize,
     fit_brdf,
+    unknowns_of,
 )
 from jaxrender.inverse.forecast import Situation, Supposed, forecast_joint, forecast_light
 from jaxrender.inverse.texture import (
@@ -174,10 +175,11 @@ def _under_area(samples: SurfaceSamples) -> jax.Array:
 
 # --- the classes ------------------------------------------------------------------------------
 
-KNOWN_LOBE = MicrofacetUnknowns(sigma=Unknown((SIGMA,)), mu=Unknown((MU,)))
+KNOWN_LOBE = unknowns_of(MATERIAL, {"sigma": Told(fixed=SIGMA), "mu": Told(fixed=MU)})
+NOTHING_KNOWN = unknowns_of(MATERIAL)
 # The share of gloss, sigma and mu of the untextured ball, all known.
 SHARES = np.asarray(MATERIAL.ks) / (np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks))
-ALL_KNOWN = Known(tuple(SHARES.tolist()), KNOWN_LOBE.sigma, KNOWN_LOBE.mu)
+ALL_KNOWN = Known(tuple(SHARES.tolist()), KNOWN_LOBE["sigma"], KNOWN_LOBE["mu"])
 
 
 def area_alone() -> KnownLight:
@@ -197,10 +199,10 @@ def texture_alone(count: int) -> Cell:
 
 def texture_and_brdf(count: int) -> Cell:
     """Class 5: light known."""
-    return _texture_cell(count, MicrofacetUnknowns())
+    return _texture_cell(count, NOTHING_KNOWN)
 
 
-def _texture_cell(count: int, unknowns: MicrofacetUnknowns) -> Cell:
+def _texture_cell(count: int, unknowns: Unknowns) -> Cell:
     ball = textured(count, glossy=True)
     variant = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
     settings = TextureSettings(NOISE, search_samples=6000, exact_samples=1000, starts=2)
@@ -242,7 +244,7 @@ def brdf_alone(count: int) -> Cell:
     fit = fit_brdf(
         plain(count),
         whole_light(),
-        MicrofacetUnknowns(),
+        NOTHING_KNOWN,
         Microfacet(np.ones(3), np.ones(3), 0.2, 1.5),
         FitSettings(noise=NOISE, refine_samples=1000),
     )
@@ -250,8 +252,8 @@ def brdf_alone(count: int) -> Cell:
     errors = {
         "kd": _worst(value.kd, MATERIAL.kd),
         "ks": _worst(value.ks, MATERIAL.ks),
-        "sigma": _worst(value.sigma, SIGMA),
-        "mu - 1": _worst(np.asarray(value.mu) - 1, MU - 1),
+        "sigma": _worst(value.of("sigma"), SIGMA),
+        "mu - 1": _worst(np.asarray(value.of("mu")) - 1, MU - 1),
     }
     words = f"{fit.outcome.value}: {_flags(fit.identifiable)}; {'; '.join(fit.reasons)}"
     return Cell(max(errors.values()), _listed(errors), all(fit.identifiable.values()), words)
@@ -279,8 +281,8 @@ def light_and_brdf(count: int) -> Cell:
     value = fit.parameters.value
     errors = {
         "ks / (kd + ks)": _worst(value.ks, SHARES),
-        "sigma": _worst(value.sigma, SIGMA),
-        "mu - 1": _worst(np.asarray(value.mu) - 1, MU - 1),
+        "sigma": _worst(value.of("sigma"), SIGMA),
+        "mu - 1": _worst(np.asarray(value.of("mu")) - 1, MU - 1),
     }
     light, _ = _light_errors(fit)
     words = f"{fit.outcome.value}: {_flags(fit.identifiable)}; {'; '.join(fit.reasons)}"
@@ -320,10 +322,10 @@ def light_and_glossy_texture(count: int) -> Cell:
 
 def everything(count: int) -> Cell:
     """Class 7."""
-    return _glossy_cell(count, MicrofacetUnknowns())
+    return _glossy_cell(count, NOTHING_KNOWN)
 
 
-def _glossy_cell(count: int, unknowns: MicrofacetUnknowns) -> Cell:
+def _glossy_cell(count: int, unknowns: Unknowns) -> Cell:
     ball = textured(count, glossy=True)
     measured = by_site(ball.observations, ball.site, SITES)
     variant = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)

@@ -102,9 +102,10 @@ def test_a_config_fixes_the_numbers_of_its_model(name):
     assert type(lobe) is type(lobe_named(name))
     config = RunConfig.model_validate({"task": "brdf", "capture": {"recipe": "r"}, "brdf": known})
     unknowns = unknowns_of(config, 1)
-    made = lobe.with_roughness(
-        unknowns.sigma.fixed[0], None if unknowns.mu is None else unknowns.mu.fixed[0]
-    ).with_amplitudes(*(np.broadcast_to(u.fixed, 3) for u in (unknowns.kd, unknowns.ks)))
+    told = {name: unknowns[name].fixed[0] for name in lobe.numbers}
+    made = lobe.with_numbers(told).with_amplitudes(
+        *(np.broadcast_to(u.fixed, 3) for u in (unknowns.kd, unknowns.ks))
+    )
     expected = at_some_directions(material_named(name, typical(name)))
     np.testing.assert_allclose(at_some_directions(made), expected, rtol=1e-6)
 

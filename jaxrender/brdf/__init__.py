@@ -67,9 +67,12 @@ from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
 from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
 from jaxrender.brdf.parametric import (
+    INDEX_BOUNDS,
+    WIDTH_BOUNDS,
     ByOwnNumber,
     IndexParameter,
     Parametric,
+    Searched,
     ShapeParameter,
     WithoutIndex,
 )
@@ -125,6 +128,7 @@ __all__ = [
     "MASKINGS",
     "RECONSTRUCTIONS",
     "WARD_NORMALISATIONS",
+    "WIDTH_BOUNDS",
     "Beckmann",
     "BlinnPhong",
     "ByOwnNumber",
@@ -138,6 +142,7 @@ __all__ = [
     "HalfDifference",
     "HeTorrance",
     "HeTorranceLobe",
+    "INDEX_BOUNDS",
     "IndexParameter",
     "IsotropicMean",
     "IsotropicTable",
@@ -160,6 +165,7 @@ __all__ = [
     "Samples",
     "ScatteredFit",
     "ScatteringTrees",
+    "Searched",
     "ShapeParameter",
     "TabulatedBRDF",
     "TorranceSparrow",

@@ -20,6 +20,12 @@ class Glossy(Parametric):
     """A parametric BRDF with the clamped cosine as its base and its lobe about R."""
 
     @property
+    def has_frequency_view(self) -> bool:
+        """Unless there are numbers beside width and index, which the tables do not know."""
+        known = (self.shape.name, self.index.name)
+        return all(one.name in known for one in self.searched)
+
+    @property
     @abc.abstractmethod
     def reach(self) -> Float[Array, ""] | None:
         """The angle from R (radians) beyond which the lobe is negligible; None: it has a tail."""

@@ -1,11 +1,11 @@
-"""A BRDF that a fit can recover: two amplitudes, the width of a lobe, perhaps a second number.
+"""A BRDF that a fit can recover: two amplitudes, and the numbers that shape a lobe.
 
-rho = kd f_1(w_i, w_o) + ks f_2(w_i, w_o; sigma, mu)
+rho = kd f_1(w_i, w_o) + ks f_2(w_i, w_o; numbers)
 
-kd and ks enter linearly and are eliminated.  The lobe's shape is searched as its *width* sigma,
-whatever the model's own number for it is: ``ShapeParameter`` says how the two are related, so that
-one set of bounds serves every model.  A second number is searched as an index mu above 1, and
-``IndexParameter`` says what the model makes of it.
+kd and ks enter linearly and are eliminated.  The other numbers are the model's own, and are
+searched as such: ``searched`` names them and says where.  Most lobes have a width.
+``ShapeParameter`` says how the width sigma follows from the model's own number, so that the
+frequency view of all models is one.  ``IndexParameter`` says the same of the index mu.
 
 A new model becomes one that can be fitted by being ``Parametric``: no other file needs to know it
 by more than its name.  Its exact integral is all that a fit then asks of it; a ``Glossy`` one has
@@ -14,6 +14,7 @@ its lobe about the reflected direction, and the frequency view besides.
 
 import abc
 import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -24,6 +25,25 @@ from jaxrender.brdf.parameters import Scalar
 from jaxrender.shapes import AnyArray, Float, checked
 
 Same = TypeVar("Same", bound="Parametric")
+
+# Where a width and an index are searched for: from nearly mirror to nearly diffuse, and from nearly
+# no interface to well above diamond.  The search starts in between.
+WIDTH_BOUNDS, _FIRST_WIDTH = (0.01, 1.0), 0.15
+INDEX_BOUNDS, _FIRST_INDEX = (1.02, 6.0), 1.5
+
+
+class Searched(NamedTuple):
+    """A number that a fit looks for, by the name of its field.
+
+    It is searched in log(value - origin), between ``lowest`` and ``highest`` and from ``start``
+    unless the user says otherwise.
+    """
+
+    name: str
+    lowest: float
+    highest: float
+    start: float
+    origin: float = 0.0
 
 
 class ShapeParameter(NamedTuple):
@@ -36,6 +56,12 @@ class ShapeParameter(NamedTuple):
     name: str
     scale: float = 1.0
     power: float = 1.0
+
+    @property
+    def searched(self) -> Searched:
+        """Where the model's own number is searched for: where its width is."""
+        lowest, highest = sorted(self.of_width(width) for width in WIDTH_BOUNDS)
+        return Searched(self.name, lowest, highest, self.of_width(_FIRST_WIDTH))
 
     def of_width(self, sigma):
         """Turn a width into the model's own number."""
@@ -57,6 +83,14 @@ class IndexParameter(NamedTuple):
     offset: float = 0.0
     highest: float | None = None
 
+    @property
+    def searched(self) -> Searched:
+        """Where the model's own number is searched for; what stands for 1 is the origin."""
+        lowest, highest = (self.of_index(bound) for bound in INDEX_BOUNDS)
+        highest = highest if self.highest is None else self.highest
+        first, origin = self.of_index(_FIRST_INDEX), self.of_index(1.0)
+        return Searched(self.name, lowest, highest, first, origin)
+
     def of_index(self, mu):
         """Turn an index into the model's own number."""
         return mu - self.offset
@@ -67,7 +101,7 @@ class IndexParameter(NamedTuple):
 
 
 class Parametric(BRDF):
-    """Amplitudes kd and ks per channel, a lobe of width sigma, perhaps with an index mu.
+    """Amplitudes kd and ks per channel, and a lobe of width sigma, perhaps with an index mu.
 
     ``sigma`` and ``mu`` may be properties: what the model's own numbers stand for.
     """
@@ -90,9 +124,29 @@ class Parametric(BRDF):
 
     @classmethod
     def called(cls, name: str) -> str | None:
-        """Say what the model itself calls kd, ks, sigma or mu; None: it has no such thing."""
+        """Say what the model itself calls an unknown, such as ks; None: it has no such part."""
         kd, ks = cls.amplitude_names
-        return {"kd": kd, "ks": ks, "sigma": cls.shape.name, "mu": cls.index.name}[name]
+        return {"kd": kd, "ks": ks}.get(name, name)
+
+    @property
+    def searched(self) -> tuple[Searched, ...]:
+        """The numbers that a fit looks for: the lobe's, and the index unless there is none."""
+        numbers = (self.shape.searched,)
+        return numbers if self.mu is None else (*numbers, self.index.searched)
+
+    @property
+    def has_frequency_view(self) -> bool:
+        """Whether the lobe is about the reflected direction, and its width and index are all."""
+        return False
+
+    @property
+    def numbers(self) -> dict[str, Scalar]:
+        """The values of the numbers that a fit looks for."""
+        return {one.name: getattr(self, one.name) for one in self.searched}
+
+    def with_numbers(self: Same, numbers: Mapping[str, Scalar]) -> Same:
+        """Replace some of the model's own numbers and keep the rest."""
+        return dataclasses.replace(self, **numbers)
 
     @property
     @abc.abstractmethod

@@ -106,7 +106,7 @@ def analyze(
     figure: Path | None = None,
     suppose: list[str] | None = None,
     suggest: Literal["views", "lights"] | None = None,
-    aim: Literal["worst", "kd", "ks", "sigma", "mu"] = "worst",
+    aim: str = "worst",
     count: int = 5,
 ) -> int:
     """Say what photographs could tell before they are taken: of a run's config, or under a light.
@@ -140,7 +140,7 @@ def analyze(
     suggest
         Rank further camera positions or lamps by what one more photograph would tell.
     aim
-        The parameter that suggestions are to tell better.
+        The parameter that suggestions are to tell better, by the model's own name, or worst.
     count
         How many suggestions to print.
     """

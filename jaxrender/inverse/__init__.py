@@ -61,7 +61,7 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
 from jaxrender.inverse.scene import Estimate, Scene, UnknownMaterial, fit, unknown
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Told, Unknown
+from jaxrender.inverse.unknowns import Told, Unknown, Unknowns, unknowns_of
 
 __all__ = [
     "BRDFFit",
@@ -76,7 +76,6 @@ __all__ = [
     "LightOperator",
     "LightSettings",
     "LoadedCapture",
-    "MicrofacetUnknowns",
     "Observations",
     "Outcome",
     "Reading",
@@ -85,6 +84,7 @@ __all__ = [
     "Scene",
     "Told",
     "Unknown",
+    "Unknowns",
     "UnknownMaterial",
     "best_models",
     "factorize",
@@ -94,4 +94,5 @@ __all__ = [
     "recover_coefficients",
     "recover_dual",
     "unknown",
+    "unknowns_of",
 ]

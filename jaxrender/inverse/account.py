@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
-from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
+from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
@@ -14,7 +14,6 @@ from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
-    in_own_units,
     uncertain_parameters,
     within_reach,
 )
@@ -22,10 +21,10 @@ from jaxrender.inverse.weights import variance_factor
 
 
 class Account(NamedTuple):
-    """The error bars of a fit, and what the one of sigma rests on (of a glossy model)."""
+    """The error bars of a fit, and what that of the width rests on (of a glossy model)."""
 
     parameters: Uncertain
-    evidence: SigmaEvidence | None
+    evidence: WidthEvidence | None
 
 
 def account_for(
@@ -44,7 +43,7 @@ def account_for(
     light = prepared.dual.for_frames(stop.data.frame)
     darkened = shadows_of(shape, stop.observations, light)
     spectral = DualModel(variant, samples, light, darkened, transfer="gaussian")
-    evidence = sigma_evidence(stop.problem, near, spectral, stop.data, stop.fit)
+    evidence = width_evidence(stop.problem, near, spectral, stop.data, stop.fit)
     return Account(uncertain, evidence)
 
 
@@ -65,32 +64,31 @@ def _linearised(stop: Stop) -> LinearisedModel:
     if isinstance(stop.model, LinearisedModel):
         return stop.model
     physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
-    return LinearisedModel.about(stop.model, physical.sigma, physical.mu)
+    return LinearisedModel.about(stop.model, physical.numbers)
 
 
 def judge(
     stop: Stop, account: Account, variant: Parametric
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable, how the fit ended, and why, in the model's own words."""
-    account = account._replace(parameters=in_own_units(account.parameters, variant))
-    least_index = variant.index.of_index(1.0)
     unknowns = stop.problem.unknowns
     eliminated = np.asarray(stop.fit.linear.eliminated)
     bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
     lower, upper = np.asarray(stop.problem.lower), np.asarray(stop.problem.upper)
     mixed = np.asarray(stop.problem.mix) @ ((eliminated <= lower) | (eliminated >= upper))
     bound["kd"], bound["ks"] = (bool(half.any()) for half in np.split(mixed > 0, 2))
-    free = {"kd": unknowns.kd, "ks": unknowns.ks, "sigma": unknowns.sigma, "mu": unknowns.mu}
-    names = [name for name, unknown in free.items() if unknown is not None and unknown.free]
+    amplitudes = {"kd": unknowns.kd, "ks": unknowns.ks}
+    names = [name for name, unknown in amplitudes.items() if unknown.free]
+    names += unknowns.free_numbers
     identifiable, reasons = {}, []
     for name in names:
-        reached = within_reach(account.parameters, name, least_index)
-        own = variant.called(name) or name
+        reached = within_reach(account.parameters, name)
+        own = variant.called(name)
         identifiable[own] = reached and not bound[name]
         if bound[name]:
             reasons.append(f"{own} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, account, own))
+            reasons.append(_why(name, account, variant))
     if not bool(stop.fit.solution.converged):
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     if any(bound[name] for name in names):
@@ -99,12 +97,14 @@ def judge(
     return outcome, identifiable, tuple(reasons)
 
 
-def _why(name: str, account: Account, own: str) -> str:
+def _why(name: str, account: Account, variant: Parametric) -> str:
     """Say why a parameter is not identifiable."""
-    low, high = (np.ravel(getattr(bound, name)) for bound in account.parameters[1:3])
+    parameters = account.parameters
+    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
     intervals = dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high))
+    own = variant.called(name)
     sentence = f"{own} is not identifiable: its 90 % interval is {', '.join(intervals)}"
-    if name not in ("sigma", "mu"):
+    if name in ("kd", "ks"):
         return sentence
     if account.evidence is None:
         return f"{sentence}; these views and this light show too little of the lobe's shape"
@@ -112,7 +112,7 @@ def _why(name: str, account: Account, own: str) -> str:
     silent = not np.isfinite(account.evidence.spectrum)
     if not silent and not within_reach(account.parameters, "ks"):
         return f"{sentence}; the gloss is too weak beside what the model leaves unexplained"
-    if name == "mu":
+    if name == variant.index.name:
         return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
     return (
         f"{sentence}; the light has too little detail for the roughness to blur, and too few "

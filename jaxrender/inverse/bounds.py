@@ -35,19 +35,22 @@ def lost(stop: Stop) -> bool:
     unknowns = stop.problem.unknowns
     gone = unknowns.ks.free and not np.any(np.asarray(stop.fit.linear.ks) > 0)
     at_bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
-    return bool(unknowns.sigma.free and (gone or at_bound.get("sigma", False)))
+    width = unknowns.searched[0].name
+    return bool(unknowns[width].free and (gone or at_bound[width]))
 
 
 def _from_data(stop: Stop, model: Model) -> Float[np.ndarray, "unknown"]:
     """Find the width that explains most of what the diffuse part leaves, the rest as it began."""
     unknowns = stop.problem.unknowns
     points = np.repeat(unknowns.starts(1), _TRIED, axis=0)
-    mu = unknowns.unpack(jnp.asarray(points[0])).mu
-    low, high = unknowns.sigma.lower, unknowns.sigma.upper
+    first = unknowns.unpack(jnp.asarray(points[0])).numbers
+    width = unknowns.searched[0].name
+    low, high = unknowns[width].lower, unknowns[width].upper
+    place = unknowns.names.index(width)
     # Not the bounds themselves, where the search variable no longer moves.
-    for point, sigma in zip(points, np.geomspace(low, high, _TRIED + 2)[1:-1]):
-        packed = unknowns.pack(float(sigma), None if mu is None else float(mu))
-        point[unknowns.names.index("sigma")] = packed[unknowns.names.index("sigma")]
+    for point, tried in zip(points, np.geomspace(low, high, _TRIED + 2)[1:-1]):
+        packed = unknowns.pack({**{n: float(v) for n, v in first.items()}, width: float(tried)})
+        point[place] = packed[place]
     costs = [float(cost_at(stop.problem, model, stop.data, jnp.asarray(p))) for p in points]
     return points[int(np.nanargmin(costs))]
 

@@ -22,15 +22,14 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.account import account_for, error_bars, judge
 from jaxrender.inverse.bounds import checked_at_bound
-from jaxrender.inverse.coarse_fit import fit_coarsely, width_of
-from jaxrender.inverse.conditioning import SigmaEvidence
+from jaxrender.inverse.coarse_fit import fit_coarsely, material_of, width_of
+from jaxrender.inverse.conditioning import WidthEvidence
 from jaxrender.inverse.elimination import MANY, THINNING, Few, Problem
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import (
@@ -40,7 +39,7 @@ from jaxrender.inverse.known_light import (
     prepare_light,
     undivided,
 )
-from jaxrender.inverse.leverage import draw, leverage, sigma_range
+from jaxrender.inverse.leverage import draw, leverage, width_range
 from jaxrender.inverse.models import ExactModel, TabulatedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -55,7 +54,7 @@ from jaxrender.inverse.passes import (
 )
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import DualLight, FrameNodes, Shadows, roughness_table
 from jaxrender.shapes import Float
@@ -85,7 +84,7 @@ class BRDFFit(NamedTuple):
     outcome: Outcome
     parameters: Uncertain
     identifiable: dict[str, bool]
-    evidence: SigmaEvidence | None
+    evidence: WidthEvidence | None
     frequency: Stop
     exact: Stop | None
     light: PreparedLight
@@ -104,15 +103,15 @@ class BRDFFit(NamedTuple):
             return {}
         before, after = values_of(self.frequency), values_of(self.exact)
         return {
-            name: np.asarray(getattr(before, name)) / np.asarray(getattr(after, name)) - 1
-            for name in ("kd", "ks", "sigma", "mu")
+            name: np.asarray(before.of(name)) / np.asarray(after.of(name)) - 1
+            for name in ("kd", "ks", *after.numbers)
         }
 
 
 def fit_brdf(
     observations: Observations,
     light: KnownLight,
-    unknowns: MicrofacetUnknowns,
+    unknowns: Unknowns,
     variant: Parametric,
     settings: FitSettings = DEFAULTS,
     stage: Stage = lambda name: nullcontext(),
@@ -120,13 +119,13 @@ def fit_brdf(
     shape: Shape | None = None,
     pool: Observations | None = None,
 ) -> BRDFFit:
-    """Recover kd, ks, the width sigma and mu of any parametric model from reflected light.
+    """Recover kd, ks and the numbers of any parametric model from reflected light.
 
     ``variant`` tells the model: of a microfacet the distribution, the Fresnel angle, the masking
-    and, by ``mu=None``, a metal; its numbers do not matter.  One without an index wants
-    ``unknowns.mu`` to be None.  ``stage`` is entered with the name of each step.  ``shape`` is
-    asked for shadows where it is concave, and then the observations must have places.  ``pool`` are
-    all pixels that the observations were drawn from: the refinement draws from it.  Raises
+    and, by ``mu=None``, a metal; its numbers do not matter.  ``stage`` is entered with the name of
+    each step.  ``shape`` is asked for shadows where it is concave, and then the observations must
+    have places.  ``pool`` are all pixels that the observations were drawn from: the refinement
+    draws from it.  Raises
     ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base that is
     not Lambertian.
     """
@@ -134,7 +133,7 @@ def fit_brdf(
     check_enough(observations, problem)
     shape = concave(shape)
     sought, helpers = (problem, variant), (shape, stage)
-    if isinstance(variant, Glossy):
+    if isinstance(variant, Glossy) and variant.has_frequency_view:
         found, prepared = _frequency_fit(observations, light, (problem, variant), settings, helpers)
         choice, predicted = found.observations, np.asarray(found.fit.predicted)
     else:
@@ -156,7 +155,7 @@ def fit_brdf(
         account = account_for(final, variant, prepared, settings, shape)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
-        _material(final, variant),
+        material_of(final, variant),
         outcome,
         account.parameters,
         identifiable,
@@ -188,11 +187,11 @@ def _frequency_fit(
         with stage("shadows"):
             return shadows_of(shape, observations, light)
 
-    few = _few(observations, light, problem.unknowns, settings)
+    few = _few(observations, light, sought, settings)
     where = (shadows, stage, few)
     found, prepared = _rough_fit(observations, light, sought, settings, where), None
     for _ in range(_SPLITS):
-        at = _sigma(found)
+        at = _sigma(found, variant)
         with stage("split"):
             brdf = variant.with_roughness(at, None).as_metal()
             prepared = prepare_light(
@@ -209,15 +208,15 @@ def _frequency_fit(
                 variant,
                 observations.samples,
                 prepared.dual,
-                _table_range(problem.unknowns, at),
+                _table_range(problem.unknowns, variant, at),
                 transfer=settings.transfer,
                 shadows=darkened,
             )
         with stage("solve"):
             begin = Begin(settings.noise, None, np.asarray(found.fit.solution.point)[None])
-            model = TabulatedModel(table)
+            model = TabulatedModel(variant, table)
             found = fit_in_rounds(problem, model, observations, begin, settings, few)
-        if abs(np.log(_sigma(found) / at)) < _SPLIT_AGAIN:
+        if abs(np.log(_sigma(found, variant) / at)) < _SPLIT_AGAIN:
             break
     assert prepared is not None
     return found, prepared
@@ -233,11 +232,12 @@ def _rough_fit(
     """Find the neighbourhood of the answer from many starts."""
     (problem, variant), (shadows, stage, few) = sought, helpers
     unknowns = problem.unknowns
-    if unknowns.sigma.free:
-        sigma = max(unknowns.sigma.lower, min(_ROUGH_SIGMA, unknowns.sigma.upper))
-        reach = (unknowns.sigma.lower, unknowns.sigma.upper)
+    told = unknowns[variant.shape.name]
+    if told.free:
+        reach = width_range(unknowns, variant)
+        sigma = max(reach[0], min(_ROUGH_SIGMA, reach[1]))
     else:
-        sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).sigma)
+        sigma = variant.shape.width_of(told.first(0.0))
         reach = (sigma, sigma * 1.01)
     split = "rough" if settings.split == "auto" else settings.split
     brdf = variant.with_roughness(sigma, None)
@@ -254,19 +254,22 @@ def _rough_fit(
             shadows=darkened,
         )
         begin = Begin(settings.noise, None, unknowns.starts(settings.starts))
-        return fit_in_rounds(problem, TabulatedModel(table), observations, begin, settings, few)
+        return fit_in_rounds(
+            problem, TabulatedModel(variant, table), observations, begin, settings, few
+        )
 
 
 def _few(
     observations: Observations,
     light: KnownLight,
-    unknowns: MicrofacetUnknowns,
+    sought: tuple[Problem, Glossy],
     settings: FitSettings,
 ) -> Few | None:
     """Choose the samples that a search among many begins with."""
     if observations.count < MANY:
         return None
-    told = leverage(observations, light, sigma_range(unknowns))
+    problem, variant = sought
+    told = leverage(observations, light, width_range(problem.unknowns, variant))
     some, index = draw(observations, told, observations.count // THINNING, settings.seed)
     return Few(index, some.pixels / observations.pixels[index])
 
@@ -285,7 +288,7 @@ def _refine(
     errors, until it holds all samples, or until it becomes too much work.
     """
     (quick, choice, expected), (shape, stage) = found, where
-    told = leverage(choice, light, sigma_range(quick.problem.unknowns))
+    told = leverage(choice, light, width_range(quick.problem.unknowns, variant))
     count, before = settings.refine_samples, quick
     if expected is None:
         # Where the light is a few sources, many samples cost as little as few under an environment.
@@ -327,22 +330,15 @@ def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:
     return sum(part.directions.shape[-2] for part in nodes)
 
 
-def _sigma(stop: Stop) -> float:
-    return float(stop.problem.unknowns.unpack(stop.fit.solution.point).sigma)
+def _sigma(stop: Stop, variant: Parametric) -> float:
+    return float(material_of(stop, variant).sigma)
 
 
-def _material(stop: Stop, variant: Parametric) -> Parametric:
-    found = values_of(stop)
-    mu = None if variant.mu is None else float(found.mu)
-    lobe = variant.with_roughness(float(found.sigma), mu)
-    return lobe.with_amplitudes(np.asarray(found.kd), np.asarray(found.ks))
-
-
-def _table_range(unknowns: MicrofacetUnknowns, sigma: float) -> tuple[float, float]:
-    if not unknowns.sigma.free:
+def _table_range(unknowns: Unknowns, variant: Parametric, sigma: float) -> tuple[float, float]:
+    if not unknowns[variant.shape.name].free:
         return sigma, 1.01 * sigma
-    low = max(unknowns.sigma.lower, sigma / _TABLE_REACH)
-    return low, min(unknowns.sigma.upper, sigma * _TABLE_REACH)
+    low, high = width_range(unknowns, variant)
+    return max(low, sigma / _TABLE_REACH), min(high, sigma * _TABLE_REACH)
 
 
 def check_enough(observations: Observations, problem: Problem) -> None:

@@ -14,10 +14,10 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.elimination import Data, Problem, cost_at
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.leverage import draw, leverage, sigma_range
+from jaxrender.inverse.leverage import draw, leverage, width_range
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.passes import Begin, FitSettings, Stop, descend
+from jaxrender.inverse.passes import Begin, FitSettings, Stop, descend, values_of
 from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.shapes import Float
 
@@ -47,7 +47,7 @@ def fit_coarsely(
     shape: Shape | None = None,
 ) -> Coarse:
     """Fit few samples by the integral over a condensed light; ``shape`` where it is concave."""
-    told = leverage(observations, light, sigma_range(sought[0].unknowns))
+    told = leverage(observations, light, width_range(sought[0].unknowns, sought[1]))
     some, _ = draw(observations, told, _SAMPLES, settings.seed)
     cell, stop = _WIDEST_CELL, None
     for _ in range(_ROUNDS):
@@ -64,9 +64,14 @@ def fit_coarsely(
 
 def width_of(stop: Stop, variant: Parametric) -> float:
     """How fine a light the lobe asks for at which a pass has ended."""
-    physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
-    mu = None if physical.mu is None else float(physical.mu)
-    return float(variant.with_roughness(float(physical.sigma), mu).width)
+    return float(material_of(stop, variant).width)
+
+
+def material_of(stop: Stop, variant: Parametric) -> Parametric:
+    """Put what a pass has found into the model; kd and ks as well."""
+    found = values_of(stop)
+    lobe = variant.with_numbers({name: float(value) for name, value in found.numbers.items()})
+    return lobe.with_amplitudes(np.asarray(found.kd), np.asarray(found.ks))
 
 
 def _fit(
@@ -87,7 +92,7 @@ def _fit(
     even *= np.sqrt(some.shares)[:, None].astype(even.dtype)
     data = Data(radiance, even, np.asarray(some.frame))
     # So many along each of the numbers that are searched for.
-    shapes = sum(not name.startswith("gain") for name in problem.unknowns.names)
+    shapes = len(problem.unknowns.free_numbers)
     starts = problem.unknowns.starts(settings.starts * max(shapes, 1))
     costs = [float(cost_at(problem, model, data, jnp.asarray(point))) for point in starts]
     best = starts[int(np.nanargmin(costs))][None]

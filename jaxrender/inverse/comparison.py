@@ -40,7 +40,7 @@ from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations, random_subset
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.shadowing import concave, nodes_seen
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Float
 
@@ -55,7 +55,7 @@ class Candidate(NamedTuple):
 
     name: str
     variant: Parametric
-    unknowns: MicrofacetUnknowns
+    unknowns: Unknowns
 
 
 class Asked(NamedTuple):

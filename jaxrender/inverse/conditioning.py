@@ -1,8 +1,8 @@
-"""What the photographs say about sigma, and from where: the light's spectrum or grazing angles.
+"""What the photographs say about a lobe's width, and from where: spectrum or grazing angles.
 
-The frequency model tells sigma apart only by how it damps degrees above zero; under uniform light
-it has no sensitivity at all (T 3.2.7, 6.4.4).  The exact model also sees the horizon cut the lobe
-at grazing exit, which a little light of any kind reveals.  A standard error that rests on one
+The frequency model tells the width apart only by how it damps degrees above zero; under uniform
+light it has no sensitivity at all (T 3.2.7, 6.4.4).  The exact model also sees the horizon cut the
+lobe at grazing exit, which a little light of any kind reveals.  A standard error that rests on one
 of the two deserves to be known as such: grazing pixels are trusted least in their geometry.
 """
 
@@ -28,86 +28,92 @@ _HARDLY = 0.15
 _HOPELESS = 10.0
 
 
-class SigmaEvidence(NamedTuple):
-    """Relative standard errors of sigma: from all samples, without grazing ones, from the spectrum.
+class WidthEvidence(NamedTuple):
+    """Relative standard errors of the width: of all samples, without grazing, from the spectrum.
 
-    ``spectrum`` uses the thesis's Gaussian transfer, which knows nothing of the horizon.
+    ``name`` is the model's own number for the width.  ``spectrum`` uses the thesis's Gaussian
+    transfer, which knows nothing of the horizon.
     """
 
     all: float
     without_grazing: float
     spectrum: float
+    name: str = "sigma"
 
     @property
     def rests_on_grazing(self) -> bool:
-        """Whether sigma would be lost, or nearly, without the grazing samples."""
+        """Whether the width would be lost, or nearly, without the grazing samples."""
         weakest = min(self.without_grazing, self.spectrum)
         return bool(np.isfinite(self.all) and weakest > _MUCH_WEAKER * self.all)
 
     def sentence(self) -> str:
         """Say it in words."""
         figures = (
-            f"relative standard error of sigma {_percent(self.all)} from all samples, "
+            f"relative standard error of {self.name} {_percent(self.all)} from all samples, "
             f"{_percent(self.without_grazing)} without exit cosines below {GRAZING_COSINE:g}, "
             f"{_percent(self.spectrum)} from the light's spectrum alone"
         )
         if not self.all < _HARDLY:
-            return f"nothing determines sigma well: {figures}"
+            return f"nothing determines {self.name} well: {figures}"
         if self.rests_on_grazing:
-            return f"sigma rests on grazing angles: {figures}"
-        return f"sigma rests on the light's detail: {figures}"
+            return f"{self.name} rests on grazing angles: {figures}"
+        return f"{self.name} rests on the light's detail: {figures}"
 
 
-def sigma_evidence(
+def width_evidence(
     problem: Problem, model: LinearisedModel, spectral: DualModel, data: Data, fit: Fit
-) -> SigmaEvidence:
-    """Weigh up where sigma comes from at the end of a fit.
+) -> WidthEvidence:
+    """Weigh up where the width comes from at the end of a fit.
 
     ``model`` is the fitted one near there; ``spectral`` is the dual model of the same samples with
     the Gaussian transfer.
     """
-    if "sigma" not in problem.unknowns.names:
-        return SigmaEvidence(0.0, 0.0, 0.0)
+    name = spectral.variant.shape.name
+    if name not in problem.unknowns.names:
+        return WidthEvidence(0.0, 0.0, 0.0, name)
     at = (fit.solution.point, fit.linear.eliminated)
     steep = np.asarray(spectral.samples.exit_cosines) >= GRAZING_COSINE
     without_grazing = data._replace(weights=np.asarray(data.weights) * steep[:, None])
     physical = problem.unknowns.unpack(fit.solution.point)
     light, shadows = filled_up(spectral.light, spectral.shadows)
     spectral = DualModel(spectral.variant, spectral.samples, light, shadows, spectral.transfer)
-    spectrum = LinearisedModel.about(spectral, physical.sigma, physical.mu)
-    return SigmaEvidence(
-        sigma_standard_error(problem, model, data, at),
-        sigma_standard_error(problem, model, without_grazing, at),
-        sigma_standard_error(problem, spectrum, data, at),
+    spectrum = LinearisedModel.about(spectral, physical.numbers)
+    return WidthEvidence(
+        relative_standard_error(name, problem, model, data, at),
+        relative_standard_error(name, problem, model, without_grazing, at),
+        relative_standard_error(name, problem, spectrum, data, at),
+        name,
     )
 
 
-def sigma_standard_error(
+def relative_standard_error(
+    name: str,
     problem: Problem,
     model: LinearisedModel,
     data: Data,
     unknowns: tuple[Float[Array, "unknown"], Float[Array, "linear"]],
 ) -> float:
-    """Predict the standard error of log sigma from the data; infinite where they say nothing."""
-    if "sigma" not in problem.unknowns.names:
+    """Predict the standard error of a number's logarithm; infinite where the data say nothing."""
+    if name not in problem.unknowns.names:
         return 0.0
+    at = problem.unknowns.names.index(name)
     information = np.asarray(_information(problem, model, data, unknowns))
-    if not information[0, 0] > 0:
+    if not information[at, at] > 0:
         return float("inf")
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    variance = np.sum(vectors[0] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[0] ** 2
-    # d log sigma / d x at the search variable x: the chain rule through the bounds' sigmoid.
-    slope = float(_slope_of_log_sigma(problem, unknowns[0])[0])
+    variance = np.sum(vectors[at] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[at] ** 2
+    # The derivative by the search variable: the chain rule through the bounds' S-shaped curve.
+    slope = float(_slopes_of_logarithm(problem, unknowns[0], name)[at])
     error = float(np.sqrt(variance)) * abs(slope)
     return error if error < _HOPELESS else float("inf")
 
 
 @eqx.filter_jit
-def _slope_of_log_sigma(
-    problem: Problem, point: Float[Array, "unknown"]
+def _slopes_of_logarithm(
+    problem: Problem, point: Float[Array, "unknown"], name: str
 ) -> Float[Array, "unknown"]:
-    return jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).sigma))(point)
+    return jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).numbers[name]))(point)
 
 
 @eqx.filter_jit

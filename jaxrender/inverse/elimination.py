@@ -1,9 +1,10 @@
-"""Variable projection: kd and ks are solved for inside every step of the search for sigma and mu.
+"""Variable projection: kd and ks are solved for inside every step of a search for the rest.
 
-The model B = gain (kd D + ks S(sigma, mu)) is linear in kd and ks.  For given sigma and mu they are
-the solution of normal equations of a handful of unknowns, within their bounds; what remains is a
-least-squares problem in sigma and mu alone (and the gains), whose derivative goes through the inner
-solution.  The columns D and S may come from any model: the dual model's table, the exact integral.
+The model B = gain (kd D + ks S(numbers)) is linear in kd and ks.  For given numbers of the lobe
+they are the solution of normal equations of a handful of unknowns, within their bounds.  What
+remains is a least-squares problem in these numbers alone (and the gains), whose derivative goes
+through the inner solution.  The columns D and S may come from any model: the dual model's table,
+the exact integral.
 """
 
 from functools import partial
@@ -16,7 +17,7 @@ import numpy as np
 
 from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.solvers import Solution, least_squares, simplex, solve_in_box
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Physical, Unknown
+from jaxrender.inverse.unknowns import Physical, Unknown, Unknowns
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # XLA's newer emitters of loops do not vectorise rows of three channels: products of columns take up
@@ -73,14 +74,14 @@ class Problem(eqx.Module):
     (kd, ks) of all channels = ``mix`` @ eliminated + ``offset``.
     """
 
-    unknowns: MicrofacetUnknowns
+    unknowns: Unknowns
     mix: Float[AnyArray, "two_channels linear"]
     offset: Float[AnyArray, "two_channels"]
     lower: Float[AnyArray, "linear"]
     upper: Float[AnyArray, "linear"]
 
     @classmethod
-    def of(cls, unknowns: MicrofacetUnknowns, channels: int, dtype=np.float64) -> "Problem":
+    def of(cls, unknowns: Unknowns, channels: int, dtype=np.float64) -> "Problem":
         """Lay out the linear unknowns of a material with ``channels`` colour channels."""
         columns, bounds = [], []
         offset = np.zeros(2 * channels)
@@ -107,7 +108,7 @@ class Problem(eqx.Module):
         self, model: Model, data: Data, physical: Physical
     ) -> tuple[Float[Array, "sample channel"], Float[Array, "sample channel"]]:
         """Evaluate the model's columns, times the gain of each sample's photograph."""
-        diffuse, specular = model.columns(physical.sigma, physical.mu)
+        diffuse, specular = model.columns(physical.numbers)
         if self.unknowns.free_gains:
             gain = physical.gains[jnp.asarray(data.frame)][:, None]
             diffuse, specular = diffuse * gain, specular * gain
@@ -176,33 +177,33 @@ def residuals(
 def condensed_residuals(
     point: Float[Array, "unknown"], args: tuple[Problem, Model, Data]
 ) -> Float[Array, "residual"]:
-    """The same residuals in another basis: five a channel, whatever the number of samples.
+    """The same residuals in another basis: a few a channel, whatever the number of samples.
 
-    Near a point every residual is a combination of five columns a channel: both lobes, the specular
+    Near a point every residual is a combination of few columns a channel: both lobes, the specular
     one's derivatives, and the measured radiance.  With Q R their factorization, R has all their
     inner products and takes the samples' place.  The sum of squares and its Gauss-Newton model at
     the point are those of ``residuals``, its twin, for one pass over the samples.
     """
     problem, model, data = args
     here = problem.unknowns.unpack(jax.lax.stop_gradient(point))
-    near = LinearisedModel.about(model, here.sigma, here.mu)
+    near = LinearisedModel.about(model, here.numbers)
     return residuals(point, (problem, *condense(near, data)))
 
 
 @jax.jit
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
-    """Let at most five samples stand for all: their inner products are the sums over all.
+    """Let a few samples stand for all: their inner products are the sums over all.
 
     For photographs without gains of their own.
     """
-    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu, data.radiance)
+    parts = (model.diffuse, model.specular, *model.slopes.values(), data.radiance)
     # Laid out as LAPACK wants it, every column in one piece.
     weighted = jnp.stack([(jnp.asarray(part) * data.weights).T for part in parts], axis=1)
     triangle = jnp.linalg.qr(jnp.swapaxes(weighted, 1, 2), mode="r")
-    diffuse, specular, by_sigma, by_mu, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
+    diffuse, specular, *slopes, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
     weights = jnp.ones_like(radiance)
     frame = jnp.zeros(radiance.shape[0], int)
-    few = LinearisedModel(diffuse, specular, by_sigma, by_mu, model.sigma, model.mu)
+    few = LinearisedModel(diffuse, specular, dict(zip(model.slopes, slopes)), model.numbers)
     return few, Data(radiance, weights, frame)
 
 
@@ -306,7 +307,7 @@ def _condense_about(
 ) -> tuple[LinearisedModel, Data]:
     physical = problem.unknowns.unpack(point)
     with jax.default_matmul_precision("highest"):
-        return condense(LinearisedModel.about(model, physical.sigma, physical.mu), data)
+        return condense(LinearisedModel.about(model, physical.numbers), data)
 
 
 @partial(jax.jit, compiler_options=_COMPILER_OPTIONS)

@@ -18,7 +18,7 @@ import numpy as np
 from jaxrender.brdf import Lambertian
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.models import Columns, Model, Rows
+from jaxrender.inverse.models import Columns, Model, Numbers, Rows
 from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.shadowing import places_of
 from jaxrender.lighting import LightNodes
@@ -40,9 +40,9 @@ class WithBounced(eqx.Module):
     model: Model
     bounced: Float[AnyArray, "sample channel"]
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Add the bounced irradiance to the diffuse column."""
-        diffuse, specular = self.model.columns(sigma, mu)
+        diffuse, specular = self.model.columns(numbers)
         return Columns(diffuse + jnp.asarray(self.bounced), specular)
 
     def take(self, index: Rows) -> "WithBounced":
@@ -151,4 +151,4 @@ def _kd(stop: Stop) -> Float[np.ndarray, "channel"]:
 
 def _diffuse_of(stop: Stop) -> Float[Array, "sample channel"]:
     physical = stop.problem.unknowns.unpack(jnp.asarray(stop.fit.solution.point))
-    return stop.model.columns(physical.sigma, physical.mu).diffuse
+    return stop.model.columns(physical.numbers).diffuse

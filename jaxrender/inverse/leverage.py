@@ -21,11 +21,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf import WIDTH_BOUNDS, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, real_basis
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.unknowns import SIGMA_BOUNDS, MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import condensed
 from jaxrender.shapes import Float, Int
 
@@ -45,12 +46,14 @@ _ABOUT = 1.5
 _BY_NORMAL, _BY_MIRROR = 2, 4
 
 
-def sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:
+def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
     """Say between what widths the lobe of a fit may lie; about one width where it is fixed."""
-    if unknowns.sigma.free:
-        return unknowns.sigma.lower, unknowns.sigma.upper
-    sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).sigma)
-    return sigma / _ABOUT, sigma * _ABOUT
+    told, width_of = unknowns[variant.shape.name], variant.shape.width_of
+    if told.free:
+        low, high = sorted(width_of(bound) for bound in (told.lower, told.upper))
+        return low, high
+    width = width_of(told.first(0.0))
+    return width / _ABOUT, width * _ABOUT
 
 
 class Draw(NamedTuple):
@@ -63,20 +66,20 @@ class Draw(NamedTuple):
 def leverage(
     observations: Observations,
     light: KnownLight,
-    sigma_range: tuple[float, float] = SIGMA_BOUNDS,
+    widths: tuple[float, float] = WIDTH_BOUNDS,
 ) -> Float[np.ndarray, "sample"]:
     """Compute each sample's leverage on kd, ks, sigma and mu; all of them add up to one.
 
-    The mean over lobes whose widths cover ``sigma_range``.
+    The mean over lobes whose widths lie between ``widths``.
     """
-    widths = np.geomspace(*sigma_range, _WIDTHS)
+    tried = np.geomspace(*widths, _WIDTHS)
     shared, own = _sources(light, observations.count)
     blocks = []
     for first in range(0, observations.count, _BLOCK):
         index = np.arange(first, min(first + _BLOCK, observations.count))
         frame = np.asarray(observations.frame)[index]
         sources = [*shared, *((directions[frame], energy[frame]) for directions, energy in own)]
-        blocks.append(_columns(observations.take(index), sources, widths))
+        blocks.append(_columns(observations.take(index), sources, tried))
     diffuse, lobes = (np.concatenate(parts, axis=-1) for parts in zip(*blocks))
     by_index = (1 - np.clip(np.asarray(observations.samples.exit_cosines, float), 0, 1)) ** _SCHLICK
     found = np.zeros(observations.count)

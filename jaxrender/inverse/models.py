@@ -1,6 +1,10 @@
-"""Forward models behind the one interface that a search asks of them: columns of kd and ks."""
+"""Forward models behind the one interface that a search asks of them: columns of kd and ks.
 
-from typing import NamedTuple, Protocol, runtime_checkable
+A lobe is asked for by the model's own numbers, by name (``Parametric.searched``).
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -21,6 +25,9 @@ from jaxrender.reflection import (
 )
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
+Lobe = TypeVar("Lobe", bound=Parametric)
+# The numbers of a lobe; some models take a width for each sample.
+Numbers = Mapping[str, Float[Array, "*sample"]]
 # Which samples to keep: their indices, or every so many.
 Rows = Int[np.ndarray, "kept"] | slice
 
@@ -36,10 +43,10 @@ class Columns(NamedTuple):
 class Model(Protocol):
     """What a fit asks of a forward model."""
 
-    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate the diffuse and the specular column for given sigma and mu.
+    def columns(self, numbers: Numbers) -> Columns:
+        """Evaluate the diffuse and the specular column for given numbers of the lobe.
 
-        Some models take a sigma for each sample.
+        Some models take a width for each sample.
         """
         ...
 
@@ -49,17 +56,21 @@ class Model(Protocol):
 
 
 class TabulatedModel(eqx.Module):
-    """The dual model through its table over roughness."""
+    """The dual model of ``variant`` (whatever its numbers) through its table over the width."""
 
+    variant: Glossy
     table: RoughnessTable
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Look up the columns."""
-        return Columns(jnp.asarray(self.table.diffuse), self.table.specular(sigma, mu))
+        lobe = self.variant.with_numbers(numbers)
+        mu = None if lobe.mu is None else jnp.asarray(lobe.mu)
+        specular = self.table.specular(jnp.asarray(lobe.sigma), mu)
+        return Columns(jnp.asarray(self.table.diffuse), specular)
 
     def take(self, index: Rows) -> "TabulatedModel":
         """Keep the samples of the given indices."""
-        return TabulatedModel(self.table.take(index))
+        return TabulatedModel(self.variant, self.table.take(index))
 
 
 class DualModel(eqx.Module):
@@ -71,13 +82,11 @@ class DualModel(eqx.Module):
     shadows: Shadows | None = None
     transfer: str = eqx.field(static=True, default="exit-cosine")
 
-    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
-        """Evaluate T 6.9, or T 6.12; with the transfer ``facets`` for a sigma a sample, too."""
-        mu = None if self.variant.mu is None else mu
-        one, each = (sigma[0], sigma) if jnp.ndim(sigma) else (sigma, None)
-        brdf = self.variant.with_roughness(one, mu)
+    def columns(self, numbers: Numbers) -> Columns:
+        """Evaluate T 6.9, or T 6.12; with the transfer ``facets`` for a width a sample, too."""
+        lobe, widths = _lobe_and_widths(self.variant, numbers)
         columns = dual_columns(
-            brdf, self.samples, self.light, self.transfer, self.shadows, widths=each
+            lobe, self.samples, self.light, self.transfer, self.shadows, widths=widths
         )
         return Columns(columns[:, 0], columns[:, 1])
 
@@ -103,15 +112,14 @@ class ExactModel(eqx.Module):
     nodes: tuple[LightNodes | FrameNodes, ...]
     seen: tuple[Bool[AnyArray, "sample node"], ...] | None = None
 
-    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
-        outside = self.variant.fresnel_is_factor
-        lobe = self.variant.as_metal() if outside else self.variant
-        one, each = (sigma[0], sigma) if jnp.ndim(sigma) else (sigma, None)
-        columns = self._integrate(lobe.with_roughness(one, None if outside else mu), each)
+        lobe, widths = _lobe_and_widths(self.variant, numbers)
+        outside = lobe.fresnel_is_factor
+        columns = self._integrate(lobe.as_metal() if outside else lobe, widths)
         specular = columns[:, 1]
         if outside:
-            specular = specular * normalised_fresnel(mu, self.samples.exit_cosines)[:, None]
+            specular = specular * normalised_fresnel(lobe.mu, self.samples.exit_cosines)[:, None]
         return Columns(columns[:, 0], specular)
 
     def take(self, index: Rows) -> "ExactModel":
@@ -144,9 +152,9 @@ class MatteModel(eqx.Module):
 
     model: Model
 
-    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Evaluate the diffuse column alone."""
-        diffuse = self.model.columns(sigma, mu).diffuse
+        diffuse = self.model.columns(numbers).diffuse
         return Columns(diffuse, jnp.zeros_like(diffuse))
 
     def take(self, index: Rows) -> "MatteModel":
@@ -155,62 +163,70 @@ class MatteModel(eqx.Module):
 
 
 class LinearisedModel(eqx.Module):
-    """Any model to first order about one roughness and index: what error bars are made of.
+    """Any model to first order about some numbers of its lobe: what error bars are made of.
 
-    The roughness may be one for each sample, where the model takes that.
+    ``slopes`` are the derivatives of the specular column by each of the numbers.  A width may be
+    one for each sample, where the model takes that.
     """
 
     diffuse: Float[Array, "sample channel"]
     specular: Float[Array, "sample channel"]
-    by_sigma: Float[Array, "sample channel"]
-    by_mu: Float[Array, "sample channel"]
-    sigma: Float[Array, "*sample"]
-    mu: Float[Array, ""]
+    slopes: dict[str, Float[Array, "sample channel"]]
+    numbers: dict[str, Float[Array, "*sample"]]
 
     @classmethod
-    def about(
-        cls, model: Model, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None
-    ) -> "LinearisedModel":
+    def about(cls, model: Model, numbers: Numbers) -> "LinearisedModel":
         """Evaluate a model and its derivatives once."""
-        return _linearise(model, sigma, mu)
+        return _linearise(model, dict(numbers))
 
-    def columns(self, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Extrapolate the columns linearly."""
-        wider = sigma - self.sigma
-        specular = self.specular + self.by_sigma * (wider[:, None] if jnp.ndim(wider) else wider)
-        if mu is not None:
-            specular = specular + self.by_mu * (mu - self.mu)
+        specular = self.specular
+        for name, slope in self.slopes.items():
+            step = numbers[name] - self.numbers[name]
+            specular = specular + slope * (step[:, None] if jnp.ndim(step) else step)
         return Columns(self.diffuse, specular)
 
     def take(self, index: Rows) -> "LinearisedModel":
         """Keep the samples of the given indices."""
-        sigma = self.sigma[index] if jnp.ndim(self.sigma) else self.sigma
         return LinearisedModel(
             self.diffuse[index],
             self.specular[index],
-            self.by_sigma[index],
-            self.by_mu[index],
-            sigma,
-            self.mu,
+            {name: slope[index] for name, slope in self.slopes.items()},
+            {name: v[index] if jnp.ndim(v) else v for name, v in self.numbers.items()},
         )
 
 
+def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array, "sample"] | None]:
+    """Give a kind of lobe its numbers; and the widths of all samples, where each has its own."""
+    lobe = variant.with_numbers({n: v[0] if jnp.ndim(v) else v for n, v in numbers.items()})
+    width = numbers.get(variant.shape.name)
+    each = width is not None and jnp.ndim(width)
+    return lobe, variant.shape.width_of(width) if each else None
+
+
 @eqx.filter_jit
-def _linearise(
-    model: Model, sigma: Float[Array, "*sample"], mu: Float[Array, ""] | None
-) -> LinearisedModel:
-    one = jnp.ones_like(sigma)
-    if mu is not None and isinstance(model, ExactModel) and not jnp.ndim(sigma):
-        # Both derivatives in one pass over the nodes, which each alone would make again.
-        def specular_at(at: Float[Array, "2"]) -> tuple[Float[Array, "sample channel"], Columns]:
-            columns = model.columns(at[0], at[1])
+def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> LinearisedModel:
+    names = list(numbers)
+    several = len(names) > 1 and not any(jnp.ndim(value) for value in numbers.values())
+    if several and isinstance(model, ExactModel):
+        # All derivatives in one pass over the nodes, which each alone would make again.
+        def specular_at(
+            at: Float[Array, "number"],
+        ) -> tuple[Float[Array, "sample channel"], Columns]:
+            columns = model.columns(dict(zip(names, at)))
             return columns.specular, columns
 
-        slopes, (diffuse, specular) = jax.jacfwd(specular_at, has_aux=True)(jnp.stack([sigma, mu]))
-        return LinearisedModel(diffuse, specular, slopes[..., 0], slopes[..., 1], sigma, mu)
-    (diffuse, specular), (_, by_sigma) = jax.jvp(lambda s: model.columns(s, mu), (sigma,), (one,))
-    if mu is None:
-        zero = jnp.zeros_like(specular)
-        return LinearisedModel(diffuse, specular, by_sigma, zero, sigma, jnp.ones((), sigma.dtype))
-    _, (_, by_mu) = jax.jvp(lambda m: model.columns(sigma, m), (mu,), (jnp.ones_like(mu),))
-    return LinearisedModel(diffuse, specular, by_sigma, by_mu, sigma, mu)
+        at = jnp.stack(list(numbers.values()))
+        slopes, (diffuse, specular) = jax.jacfwd(specular_at, has_aux=True)(at)
+        by_name = {name: slopes[..., place] for place, name in enumerate(names)}
+        return LinearisedModel(diffuse, specular, by_name, numbers)
+    diffuse, specular = model.columns(numbers)
+    by_name = {}
+    for name, value in numbers.items():
+
+        def moved(to: Float[Array, "*sample"], name: str = name) -> Columns:
+            return model.columns({**numbers, name: to})
+
+        by_name[name] = jax.jvp(moved, (value,), (jnp.ones_like(value),))[1].specular
+    return LinearisedModel(diffuse, specular, by_name, numbers)

@@ -1,6 +1,6 @@
 """Which model is nearest to a BRDF that is a table or a tree: its parameters and what it misses.
 
-A candidate kd + ks f(w_i, w_o; sigma, mu) is fitted to the BRDF's values at pairs of directions by
+A candidate kd + ks f(w_i, w_o; numbers) is fitted to the BRDF's values at pairs of directions by
 variable projection (``elimination``), minimising
 
     int int (rho - model)^2 cos t_i cos t_o dw_i dw_o,
@@ -19,14 +19,9 @@ import numpy as np
 from jaxrender.brdf import BRDF, PARAMETRIC, Parametric, lobe_named
 from jaxrender.geometry import NUSSELT, Components
 from jaxrender.inverse.elimination import Data, Problem, search
-from jaxrender.inverse.models import Columns, Rows
-from jaxrender.inverse.unknowns import (
-    MicrofacetUnknowns,
-    Unknown,
-    index_bounds,
-    mu_unknown,
-)
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.inverse.models import Columns, Numbers, Rows
+from jaxrender.inverse.unknowns import unknowns_of
+from jaxrender.shapes import AnyArray, Float
 
 CANDIDATES = ("microfacet", "ggx", "ward", "phong", "blinn-phong", "torrance-sparrow")
 KNOWN = tuple(PARAMETRIC)
@@ -53,10 +48,10 @@ class _Pairs(eqx.Module):
     outgoing: Float[AnyArray, "sample 3"]
     channels: int = eqx.field(static=True)
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Evaluate both lobes in 1/sr."""
         incoming, outgoing = (Components.of(w) for w in (self.incoming, self.outgoing))
-        lobes = self.variant.with_roughness(sigma, mu).transfer(incoming, outgoing)
+        lobes = self.variant.with_numbers(numbers).transfer(incoming, outgoing)
         shape = (len(self.incoming), self.channels)
         return Columns(*(jnp.broadcast_to((f / incoming.z)[:, None], shape) for f in lobes))
 
@@ -98,24 +93,19 @@ def _fitted(
 ) -> Candidate:
     channels = values.shape[1]
     variant = lobe_named(name, channels)
-    free, black = Unknown(), Unknown(fixed=(0.0,))
-    amounts = [black if name is None else free for name in variant.amplitude_names]
-    index = None if variant.mu is None else mu_unknown(*index_bounds(variant))
-    unknowns = MicrofacetUnknowns(*amounts, mu=index, ks_per_channel=True)
+    unknowns = unknowns_of(variant, ks_per_channel=True)
     model = _Pairs(variant, *pairs, channels)
     data = Data(values, np.ones_like(values), np.zeros(len(values), int))
     problem = Problem.of(unknowns, channels)
     fit = search(problem, model, data, unknowns.starts(_STARTS))
     physical = unknowns.unpack(fit.solution.point)
     kd, ks = (np.asarray(part, float) for part in (fit.linear.kd, fit.linear.ks))
-    mu = None if physical.mu is None else float(physical.mu)
-    brdf = variant.with_roughness(float(physical.sigma), mu).with_amplitudes(kd, ks)
+    numbers = {one.name: float(physical.numbers[one.name]) for one in unknowns.searched}
+    brdf = variant.with_numbers(numbers).with_amplitudes(kd, ks)
     missed = np.sqrt(np.sum((values - np.asarray(fit.predicted)) ** 2) / np.sum(values**2))
     found = zip(variant.amplitude_names, (kd, ks))
     parameters: dict[str, float | list[float]] = {n: part.tolist() for n, part in found if n}
-    parameters[variant.shape.name] = float(getattr(brdf, variant.shape.name))
-    if mu is not None:
-        parameters[variant.index.name] = float(variant.index.of_index(mu))
+    parameters |= numbers
     return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
 
 

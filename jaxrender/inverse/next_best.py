@@ -22,6 +22,7 @@ from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.information import (
     Errors,
     Reading,
+    columns_of,
     frame_grams,
     grams_by_frame,
     reading_of,
@@ -31,6 +32,7 @@ from jaxrender.inverse.forecast.situation import (
     Situation,
     foresee,
     kind_of,
+    numbers_of,
     weights_of,
 )
 from jaxrender.inverse.forecast.spectrum import mean_irradiance
@@ -38,7 +40,6 @@ from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.lighting import LightNodes
 from jaxrender.shapes import Array, Float
 
-AIMS = ("worst", "kd", "ks", "sigma", "mu")
 # Logarithms of errors closer than this are a tie.
 _TIE = 0.01
 # Candidates are ranked at so few samples each and under light of such coarse cells (times sigma);
@@ -51,7 +52,7 @@ class Suggestion(NamedTuple):
     """One more photograph: the direction of its camera or lamp, and the errors with it.
 
     ``frame`` is the present photograph from whose camera a lamp is to be photographed; None for a
-    view.  ``errors`` are relative standard errors by name (mu: of mu - 1; the worst channel).
+    view.  ``errors`` are relative standard errors by name (of mu - 1 for mu; the worst channel).
     """
 
     direction: Float[np.ndarray, "3"]
@@ -70,7 +71,7 @@ def suggest_views(
     """Rank candidate cameras, best first, and return the ``count`` best.
 
     New photographs are in the light that the first of the present ones is in.  Raises
-    ``ValueError`` for an aim that is not in ``AIMS`` or not free, and where nothing is to be seen.
+    ``ValueError`` for an aim that is not free, and where nothing is to be seen.
     """
     reading = _reading(problem, foreseen, aim)
     views = [view for view in views if len(view.samples.normals) >= 8]
@@ -102,7 +103,7 @@ def suggest_lamps(
     """Rank lamps by one more photograph with each lit, from the present camera that gains most.
 
     A lamp sends the irradiance that the present light sends to a plane on average, in grey.
-    Raises ``ValueError`` for an aim that is not in ``AIMS`` or not free.
+    Raises ``ValueError`` for an aim that is not free.
     """
     reading = _reading(problem, foreseen, aim)
     directions = candidate_directions() if directions is None else directions
@@ -129,11 +130,9 @@ def suggest_lamps(
 
 def _reading(problem: Problem, foreseen: Foreseen, aim: str) -> Reading:
     reading = reading_of(problem, foreseen)
-    if aim not in AIMS:
-        raise ValueError(f"aim={aim!r}: choose one of {', '.join(AIMS)}")
     if aim != "worst" and aim not in reading.names:
-        free = ", ".join(dict.fromkeys(reading.names))
-        raise ValueError(f"aim={aim!r}: it is not free; choose worst, {free}")
+        free = ", ".join(dict.fromkeys(("worst", *reading.names)))
+        raise ValueError(f"aim={aim!r} is not a free parameter; choose one of {free}")
     if not reading.names:
         raise ValueError("nothing is free: there are no error bars to shrink")
     return reading
@@ -159,7 +158,7 @@ def _beside(own: np.ndarray, grams: np.ndarray) -> np.ndarray:
 
 def _view_grams(
     foreseen: Foreseen, views: Sequence[View], samples: tuple[int, int], cell: float | None
-) -> Float[np.ndarray, "view 1 channel 4 4"]:
+) -> Float[np.ndarray, "view 1 channel column column"]:
     """Foresee the photographs of all candidates in one go."""
     few, wanted = samples
     thinned = [_thinned(view.samples, few) for view in views]
@@ -179,21 +178,18 @@ def _thinned(samples: SurfaceSamples, count: int) -> SurfaceSamples:
 
 def _lamp_grams(
     foreseen: Foreseen, directions: Float[np.ndarray, "lamp 3"]
-) -> Float[np.ndarray, "lamp frame channel 4 4"]:
+) -> Float[np.ndarray, "lamp frame channel column column"]:
     """Foresee every present photograph taken again with each lamp lit, too."""
-    model, brdf = foreseen.model, foreseen.supposed.brdf
+    brdf = foreseen.supposed.brdf
     samples, frame, light = foreseen.situation
-    channels = model.diffuse.shape[1]
+    channels = foreseen.model.diffuse.shape[1]
     grey = np.full(channels, float(mean_irradiance(light.of_frame(0)).mean()))
     missing = -len(directions) % _LAMPS_AT_ONCE
     padded = np.concatenate([directions, np.tile(directions[:1], (missing, 1))])
     samples = SurfaceSamples(*(jnp.asarray(np.asarray(a, float)) for a in samples))
-    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
-    lobe = (kind_of(brdf), jnp.asarray(float(brdf.sigma)), mu)
-    lamp = np.asarray(_lamp_columns(lobe, samples, jnp.asarray(padded), jnp.asarray(grey)))
-    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu)
-    present = np.stack([np.asarray(part) for part in parts], axis=-1)
-    columns = present[None] + lamp[: len(directions)]
+    lamps = LightNodes(jnp.asarray(padded), jnp.asarray(np.tile(grey, (len(padded), 1))))
+    lamp = np.asarray(_lamp_columns(kind_of(brdf), numbers_of(brdf), samples, lamps))
+    columns = columns_of(foreseen)[None] + lamp[: len(directions)]
     radiance = np.asarray(brdf.kd) * columns[..., 0] + np.asarray(brdf.ks) * columns[..., 1]
     weights = np.stack([weights_of(foreseen.supposed.noise, each) for each in radiance])
     return grams_by_frame(columns * weights[..., None], np.asarray(frame))
@@ -201,17 +197,17 @@ def _lamp_grams(
 
 @eqx.filter_jit
 def _lamp_columns(
-    lobe: tuple[Parametric, Float[Array, ""], Float[Array, ""] | None],
+    variant: Parametric,
+    numbers: dict[str, Float[Array, ""]],
     samples: SurfaceSamples,
-    directions: Float[Array, "lamp 3"],
-    irradiance: Float[Array, "channel"],
-) -> Float[Array, "lamp sample channel 4"]:
-    """Evaluate the four columns under each lamp alone."""
-    variant, sigma, mu = lobe
+    lamps: LightNodes,
+) -> Float[Array, "lamp sample channel column"]:
+    """Evaluate the columns under each lamp alone."""
 
-    def one(direction: Float[Array, "3"]) -> Float[Array, "sample channel 4"]:
-        nodes = (LightNodes(direction[None], irradiance[None]),)
-        near = LinearisedModel.about(ExactModel(variant, samples, nodes), sigma, mu)
-        return jnp.stack([near.diffuse, near.specular, near.by_sigma, near.by_mu], axis=-1)
+    def one(lamp: LightNodes) -> Float[Array, "sample channel column"]:
+        nodes = (jax.tree.map(lambda part: part[None], lamp),)
+        near = LinearisedModel.about(ExactModel(variant, samples, nodes), numbers)
+        slopes = [near.slopes[name] for name in variant.numbers]
+        return jnp.stack([near.diffuse, near.specular, *slopes], axis=-1)
 
-    return jax.lax.map(one, directions)
+    return jax.lax.map(one, lamps)

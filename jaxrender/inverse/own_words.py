@@ -1,8 +1,4 @@
-"""A material's parameters in the words of its model, as plain data for ``result.json``.
-
-A search knows a lobe by its width sigma; a result says the model's own number in its place, such as
-an exponent, by its own name.
-"""
+"""A material's parameters in the words of its model, as plain data for ``result.json``."""
 
 from typing import Any, NamedTuple
 
@@ -11,8 +7,6 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.catalogue import MODELS
 from jaxrender.inverse.uncertainty import Parameters
-
-_SEARCHED = ("kd", "ks", "sigma", "mu")
 
 
 class OwnWords(NamedTuple):
@@ -24,18 +18,11 @@ class OwnWords(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """What the model has: kd, ks, the lobe's number, and the index where there is one."""
-        return list(self._searched)
-
-    def of_widths(self, parameters: Parameters) -> Parameters:
-        """Put the model's own numbers in the place of the width and the index."""
-        shape, index = self.brdf.shape, self.brdf.index
-        return parameters._replace(
-            sigma=shape.of_width(parameters.sigma), mu=index.of_index(parameters.mu)
-        )
+        """What the model has: its amplitudes, and the numbers of its lobe."""
+        return list(self._unknowns)
 
     def values(self, parameters: Parameters) -> dict[str, Any]:
-        """Name the numbers of ``parameters``, which are the model's own."""
+        """Name the numbers of ``parameters``."""
         return {name: plain(self._of(name, parameters)) for name in self.names}
 
     def material(self, parameters: Parameters) -> dict[str, Any]:
@@ -55,34 +42,24 @@ class OwnWords(NamedTuple):
         """Lay out each interval as [low, high], or one for each channel."""
         return {name: _pairs(self._of(name, lower), self._of(name, upper)) for name in self.names}
 
-    def biases(self, of_widths: dict[str, np.ndarray]) -> dict[str, Any]:
-        """Turn relative biases, that of the width among them, into those of the own numbers."""
-        return {name: plain(self._bias(name, of_widths)) for name in self.names}
+    def biases(self, relative: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Name the relative biases of a fit's unknowns."""
+        return {name: plain(relative[unknown]) for name, unknown in self._unknowns.items()}
 
     @property
-    def _searched(self) -> dict[str, str]:
-        """What the search calls each of the model's own parameters."""
+    def _unknowns(self) -> dict[str, str]:
+        """What a fit calls each of the model's own parameters."""
         if self.model == "lambertian":
             return {"kd": "kd"}
-        own = {self.brdf.called(name): name for name in _SEARCHED}
-        absent = {None} if self.brdf.mu is not None else {None, self.brdf.called("mu")}
-        return {name: searched for name, searched in own.items() if name and name not in absent}
-
-    def _bias(self, name: str, of_widths: dict[str, np.ndarray]) -> np.ndarray:
-        searched = self._searched[name]
-        bias, power = np.asarray(of_widths[searched]), self.brdf.shape.power
-        return (1 + bias) ** power - 1 if searched == "sigma" and power != 1 else bias
+        amplitudes = {self.brdf.called(name): name for name in ("kd", "ks")}
+        own = {name: unknown for name, unknown in amplitudes.items() if name}
+        return own | {name: name for name in self.brdf.numbers}
 
     def _of(self, name: str, parameters: Parameters) -> np.ndarray:
-        value = np.asarray(getattr(parameters, self._searched[name]))
+        value = np.asarray(parameters.of(self._unknowns[name]))
         if name == "ks" and self.one_ks and np.ptp(value) == 0:
             return np.asarray(value[0])
         return value
-
-
-def called(brdf: Parametric, name: str) -> str:
-    """Say what a model calls an unknown of the search; what is no parameter keeps its name."""
-    return (brdf.called(name) or name) if name in _SEARCHED else name
 
 
 def plain(value) -> Any:

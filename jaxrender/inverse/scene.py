@@ -33,8 +33,7 @@ from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
 from jaxrender.inverse.shadowing import with_transfer
-from jaxrender.inverse.uncertainty import in_own_units
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Told, unknowns_of
+from jaxrender.inverse.unknowns import Told, Unknowns, unknowns_of
 from jaxrender.lighting import DirectionalSources, HarmonicLight, Light
 from jaxrender.shapes import Float
 
@@ -54,7 +53,7 @@ class UnknownMaterial(NamedTuple):
     told: Mapping[str, Told]
     ks_per_channel: bool = False
 
-    def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> MicrofacetUnknowns:
+    def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> Unknowns:
         """Put this in the words of a search.  Raises ``ValueError`` as ``unknowns_of`` does."""
         return unknowns_of(
             self.lobe,
@@ -285,7 +284,7 @@ def _with_the_light(
     unknowns = material.unknowns()
     channels = pool.radiance.shape[1]
     matt = None if material.model not in MODELS else not MODELS[material.model].has_gloss
-    known = known_of(unknowns, channels, matt=bool(matt))
+    known = known_of(unknowns, material.lobe, channels, matt=bool(matt))
     drawn = draw(pool, sharpness(pool), *draws).observations
     found = factorize(drawn, material.lobe, settings, known, shape=scene.shape)
     given = reflectances_of(unknowns, channels)
@@ -303,7 +302,7 @@ def _estimate(
 ) -> Estimate:
     """Say what was found by the model's own numbers; ``left`` is its noise and its residual."""
     words = OwnWords(material.model, found.brdf)
-    own = in_own_units(found.parameters, found.brdf)
+    own = found.parameters
 
     def numbers(plain: dict[str, Any]) -> dict[str, Float[np.ndarray, "..."]]:
         return {name: np.asarray(value) for name, value in plain.items()}

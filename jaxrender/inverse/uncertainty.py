@@ -3,13 +3,15 @@
 The covariance is that of least squares, s^2 (J' W J)^-1 over search and linear unknowns together,
 carried over to the parameters in their own units.  s^2 is the mean squared weighted residual where
 the noise was estimated; where it was given, intervals are widened when the data scatter more than
-they should, and never narrowed.  A robust loss widens them by what it costs.  sigma and mu - 1 are
-positive, so their intervals are symmetric in the logarithm.
+they should, and never narrowed.  A robust loss widens them by what it costs.  The numbers of a lobe
+lie above their origins, so their intervals are symmetric in the logarithm of the distance.
 
 Samples of a draw that stand for c pixels each count c times in the sum of squares, but are measured
 only once.  Their covariance is (J' C W J)^-1 (J' C^2 W J) (J' C W J)^-1 in place of (J' W J)^-1.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import equinox as eqx
@@ -18,7 +20,6 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 
-from jaxrender.brdf import Parametric
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.shapes import AnyArray, Array, Bool, Float
@@ -32,23 +33,27 @@ IDENTIFIABLE_WITHIN = 0.25
 
 
 class Parameters(NamedTuple):
-    """A material in its own units: kd and ks per channel, sigma, mu (NaN: metal), gains, scale."""
+    """A material in its own units: kd and ks per channel, the lobe's numbers, gains, scale."""
 
     kd: Float[AnyArray, "channel"]
     ks: Float[AnyArray, "channel"]
-    sigma: Float[AnyArray, ""]
-    mu: Float[AnyArray, ""]
+    numbers: Mapping[str, Float[AnyArray, ""]]
     gains: Float[AnyArray, "frame"]
     scale: Float[AnyArray, ""]
+
+    def of(self, name: str) -> Float[AnyArray, "..."]:
+        """Find kd, ks or one of the lobe's numbers by its name."""
+        return {"kd": self.kd, "ks": self.ks, **self.numbers}[name]
 
 
 class Uncertain(NamedTuple):
     """Values, 90 % intervals (lower and upper) and standard errors of the same parameters.
 
     What is fixed has a standard error of zero and an interval of its value alone.  ``covariance``
-    is that of all numbers of ``Parameters`` one after the other (a metal's mu counts, as fixed).
+    is that of all of ``Parameters`` one after the other, the lobe's numbers ordered by their names.
     ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
-    difference between what each of them says, over what 99.9 % of halves stay below.
+    difference between what each of them says, over what 99.9 % of halves stay below.  ``origins``
+    are what the lobe's numbers lie above.
     """
 
     value: Parameters
@@ -57,6 +62,7 @@ class Uncertain(NamedTuple):
     standard_error: Parameters
     covariance: Float[np.ndarray, "number number"] | None = None
     disagreement: float = 0.0
+    origins: Mapping[str, float] = MappingProxyType({})
 
 
 def uncertain_parameters(
@@ -87,50 +93,40 @@ def uncertain_parameters(
     errors = np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0))
     parts = np.split(errors, np.cumsum(sizes)[:-1])
     shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
-    error = Parameters(*jax.tree.unflatten(structure, shaped))
-    value = Parameters(*(np.asarray(leaf, float) for leaf in value))
+    error = jax.tree.unflatten(structure, shaped)
+    value = jax.tree.map(lambda leaf: np.asarray(leaf, float), value)
     most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
-    found = intervals(value, error, np.asarray(covariance))
+    found = intervals(value, error, problem.unknowns.origins, np.asarray(covariance))
     return found._replace(disagreement=float(apart) / float(most))
 
 
 def intervals(
     value: Parameters,
     error: Parameters,
+    origins: Mapping[str, float],
     covariance: Float[np.ndarray, "number number"] | None = None,
 ) -> Uncertain:
     """Put 90 % intervals about values of known standard error."""
-    low, high = _bound(value, error, -1), _bound(value, error, 1)
-    return Uncertain(value, low, high, error, covariance)
+    low, high = (_bound(value, error, origins, sign) for sign in (-1, 1))
+    return Uncertain(value, low, high, error, covariance, origins=origins)
 
 
-def in_own_units(uncertain: Uncertain, brdf: Parametric) -> Uncertain:
-    """Say the width sigma as the model's own number, such as an exponent, in its place; mu too.
-
-    Powers keep an interval symmetric in the logarithm; a negative one swaps its ends.
-    """
-    shape, index = brdf.shape, brdf.index
-    value, low, high = (shape.of_width(part.sigma) for part in uncertain[:3])
-    error = abs(shape.power) * value * uncertain.standard_error.sigma / uncertain.value.sigma
-    low, high = (low, high) if shape.power > 0 else (high, low)
-    numbers = (value, low, high, error)
-    own = [part._replace(sigma=number) for part, number in zip(uncertain[:4], numbers)]
-    value, low, high = (part._replace(mu=index.of_index(part.mu)) for part in own[:3])
-    return Uncertain(value, low, high, own[3])
-
-
-def within_reach(uncertain: Uncertain, name: str, least_index: float = 1.0) -> bool:
-    """Say whether a parameter's interval lies within 25 % of its value (for mu: of mu - 1).
-
-    ``least_index`` is what stands for an index of 1 where mu is in a model's own units.
-    """
-    origin = least_index if name == "mu" else 0.0
+def within_reach(uncertain: Uncertain, name: str) -> bool:
+    """Say whether a parameter's interval lies within 25 % of its value above its origin."""
+    origin = uncertain.origins.get(name, 0.0)
     value, low, high = (
-        np.asarray(getattr(part, name)) - origin
+        np.asarray(part.of(name)) - origin
         for part in (uncertain.value, uncertain.lower, uncertain.upper)
     )
     reach = IDENTIFIABLE_WITHIN * np.abs(value)
     return bool(np.all(high - value <= reach) and np.all(value - low <= reach))
+
+
+def relative_error(uncertain: Uncertain, name: str) -> float:
+    """A standard error as a part of the value above its origin, in the worst channel."""
+    value = np.asarray(uncertain.value.of(name)) - uncertain.origins.get(name, 0.0)
+    error = np.asarray(uncertain.standard_error.of(name))
+    return float(np.max(error / np.where(value != 0, np.abs(value), np.nan)))
 
 
 @eqx.filter_jit
@@ -150,8 +146,7 @@ def to_parameters(
         fixed = not (problem.unknowns.kd.free and problem.unknowns.ks.free)
         scale = eliminated[-1] if fixed else jnp.mean(kd + ks)
         kd, ks = kd / scale, ks / scale
-    mu = jnp.full((), jnp.nan, kd.dtype) if physical.mu is None else physical.mu
-    return Parameters(kd, ks, physical.sigma, mu, physical.gains, scale)
+    return Parameters(kd, ks, physical.numbers, physical.gains, scale)
 
 
 @eqx.filter_jit
@@ -171,8 +166,7 @@ def _propagate(
 
     def parameters(vector: Float[Array, "all"]) -> Float[Array, "parameter"]:
         found = to_parameters(problem, vector[:split], vector[split:])
-        found = found._replace(mu=jnp.nan_to_num(found.mu))
-        return jnp.concatenate([jnp.ravel(leaf) for leaf in found])
+        return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(found)])
 
     with jax.default_matmul_precision("highest"):
         jacobian = jnp.where(held[None, :], 0, jax.jacfwd(residual)(vector))
@@ -203,13 +197,13 @@ def _propagate(
 
 
 def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
-    """Say what the bounds of sigma and mu alone tell about their search variables.
+    """Say what the bounds of the lobe's numbers alone tell about their search variables.
 
     Spread evenly between its bounds (in the logarithm) a parameter's logit has the variance
     pi^2 / 3.  It matters only where the data say nothing: the error of such a parameter stays that
     of its range, and does not leak into the others through a linearisation far beyond its reach.
     """
-    bounded = np.array([not name.startswith("gain") for name in problem.unknowns.names], bool)
+    bounded = problem.unknowns.bounded
     prior = np.zeros(vector.shape[0])
     prior[: len(bounded)] = bounded * 3 / np.pi**2
     return jnp.asarray(prior, vector.dtype)
@@ -233,14 +227,17 @@ def _held(problem: Problem, fit: Fit) -> np.ndarray:
     return np.concatenate([problem.unknowns.at_bound(fit.solution.point), at_box])
 
 
-def _bound(value: Parameters, error: Parameters, sign: int) -> Parameters:
-    """Move each value by the 90 % half width, sigma and mu - 1 by a factor."""
+def _bound(
+    value: Parameters, error: Parameters, origins: Mapping[str, float], sign: int
+) -> Parameters:
+    """Move each value by the 90 % half width, the lobe's numbers by a factor above their origin."""
     moved = {}
-    for name in Parameters._fields:
-        centre, spread = getattr(value, name), _NORMAL_90 * getattr(error, name)
-        if name in ("sigma", "mu"):
-            origin = 1.0 if name == "mu" else 0.0
-            moved[name] = origin + (centre - origin) * np.exp(sign * spread / (centre - origin))
-        else:
-            moved[name] = centre + sign * spread
-    return Parameters(**moved)
+    for name, centre in value.numbers.items():
+        above = centre - origins[name]
+        spread = _NORMAL_90 * error.numbers[name] / above
+        moved[name] = np.asarray(origins[name] + above * np.exp(sign * spread))
+    kd, ks, gains, scale = (
+        getattr(value, name) + sign * _NORMAL_90 * getattr(error, name)
+        for name in ("kd", "ks", "gains", "scale")
+    )
+    return Parameters(kd, ks, moved, gains, scale)

@@ -1,11 +1,12 @@
-"""Which parameters of a microfacet material are free, and how they enter the model.
+"""Which numbers of a material are free, and how they enter the model.
 
-kd and ks enter linearly and are eliminated; sigma and mu do not, and are searched in unconstrained
-variables: an S-shaped curve maps them to where log sigma, or log(mu - 1), lies between its bounds.
-Gains of single photographs join the search as logarithms, relative to the first photograph.
+kd and ks enter linearly and are eliminated.  The model's other numbers do not, and are searched in
+unconstrained variables: an S-shaped curve maps them to where log(value - origin) lies between its
+bounds.  Gains of single photographs join the search as logarithms, relative to the first
+photograph.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -14,13 +15,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import Parametric, Searched
 from jaxrender.shapes import Array, Bool, Float, checked
 
-# The search space where the user names no bounds: from nearly mirror to nearly diffuse, and from
-# nearly no interface to well above diamond.
-SIGMA_BOUNDS = (0.01, 1.0)
-MU_BOUNDS = (1.02, 6.0)
 # Within this fraction of the logarithmic range a parameter counts as being at its bound.
 _AT_BOUND = 0.005
 
@@ -46,25 +43,12 @@ class Unknown(eqx.Module):
         """Whether the parameter is searched for."""
         return self.fixed is None
 
-
-def sigma_unknown(
-    lower: float = SIGMA_BOUNDS[0], upper: float = SIGMA_BOUNDS[1], start: float | None = None
-) -> Unknown:
-    """A free roughness, within ``SIGMA_BOUNDS`` unless said otherwise."""
-    return Unknown(None, lower, upper, start)
-
-
-def mu_unknown(
-    lower: float = MU_BOUNDS[0], upper: float = MU_BOUNDS[1], start: float | None = None
-) -> Unknown:
-    """A free refractive index, within ``MU_BOUNDS`` unless said otherwise."""
-    return Unknown(None, lower, upper, start)
-
-
-def index_bounds(brdf: Parametric | type[Parametric]) -> tuple[float, float]:
-    """Bound the index of a model, or what its own second number stands for as an index."""
-    highest = brdf.index.highest
-    return MU_BOUNDS[0], MU_BOUNDS[1] if highest is None else brdf.index.index_of(highest)
+    def first(self, otherwise: float) -> float:
+        """Choose where a search begins: the fixed value, the stated start, or inside the bounds."""
+        if self.fixed is not None:
+            return float(self.fixed[0])
+        inside = float(np.clip(otherwise, self.lower, self.upper))
+        return inside if self.start is None else self.start
 
 
 class Told(NamedTuple):
@@ -78,92 +62,101 @@ class Told(NamedTuple):
     bounds: tuple[float, float] | None = None
     start: float | None = None
 
-    def through(self, function: Callable[[float], float]) -> "Told":
-        """Tell the same of a number that this one stands for; it may fall where this one rises."""
-        fixed = self.fixed
-        if fixed is not None:
-            values = [float(function(float(value))) for value in np.atleast_1d(fixed)]
-            fixed = values[0] if len(values) == 1 else tuple(values)
-        low, high = sorted(float(function(float(end))) for end in self.bounds or (1.0, 1.0))
-        start = None if self.start is None else float(function(float(self.start)))
-        return Told(fixed, None if self.bounds is None else (low, high), start)
-
     def unknown(self, lowest: float, highest: float) -> Unknown:
         """Make the unknown of a search, within these bounds unless told otherwise."""
         if self.fixed is not None:
             return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(self.fixed)))
-        return Unknown(None, *(self.bounds or (lowest, highest)), self.start)
+        low, high = map(float, self.bounds or (lowest, highest))
+        return Unknown(None, low, high, None if self.start is None else float(self.start))
 
 
 class Physical(eqx.Module):
-    """The nonlinear parameters in their own units; ``mu`` is None for a metal.
+    """The searched numbers in their own units, by their names, and the gains.
 
-    Where sigma varies over a surface it is one for each sample.
+    A number that varies over a surface has a value for each sample.
     """
 
-    sigma: Float[Array, "*sample"]
-    mu: Float[Array, ""] | None
+    numbers: dict[str, Float[Array, "*sample"]]
     gains: Float[Array, "frame"]
 
 
-class MicrofacetUnknowns(eqx.Module):
-    """kd, ks, sigma and mu of T 6.2, and what else is unknown about the photographs.
+class Unknowns(eqx.Module):
+    """What is unknown of a material, and what else is unknown about the photographs.
 
-    ``mu=None`` means a metal; ``free_gains`` is the number of photographs whose exposure is
-    unknown (0: all known); ``free_scale`` says that the light is known up to one factor.
+    ``numbers`` are those of the model, in the order of ``searched``, which says what they are.
+    ``free_gains`` is the number of photographs whose exposure is unknown (0: all known);
+    ``free_scale`` says that the light is known up to one factor.
     """
 
-    kd: Unknown = Unknown()
-    ks: Unknown = Unknown()
-    sigma: Unknown = sigma_unknown()
-    mu: Unknown | None = mu_unknown()
+    kd: Unknown
+    ks: Unknown
+    numbers: tuple[Unknown, ...]
+    searched: tuple[Searched, ...] = eqx.field(static=True)
     ks_per_channel: bool = eqx.field(static=True, default=False)
     free_gains: int = eqx.field(static=True, default=0)
     free_scale: bool = eqx.field(static=True, default=False)
 
+    def __getitem__(self, name: str) -> Unknown:
+        """What is known of one of the model's numbers; ``KeyError`` where there is none."""
+        return {one.name: unknown for one, unknown in zip(self.searched, self.numbers)}[name]
+
+    def __contains__(self, name: str) -> bool:
+        """Whether the model has a number of this name."""
+        return any(one.name == name for one in self.searched)
+
+    @property
+    def free_numbers(self) -> tuple[str, ...]:
+        """The numbers that are searched for, in the order of the search vector."""
+        return tuple(one.name for one, told in zip(self.searched, self.numbers) if told.free)
+
     @property
     def names(self) -> tuple[str, ...]:
-        """The nonlinear unknowns in the order of the search vector."""
-        searched = [("sigma", self.sigma), ("mu", self.mu)]
-        names = [name for name, unknown in searched if unknown is not None and unknown.free]
-        return (*names, *(f"gain {frame}" for frame in range(1, self.free_gains)))
+        """The nonlinear unknowns in the order of the search vector: free numbers, then gains."""
+        return (*self.free_numbers, *(f"gain {frame}" for frame in range(1, self.free_gains)))
+
+    @property
+    def origins(self) -> dict[str, float]:
+        """Each number's origin: its logarithm above there is what is searched."""
+        return {one.name: one.origin for one in self.searched}
 
     @eqx.filter_jit
     @checked
     def unpack(self, point: Float[Array, "unknown"]) -> Physical:
         """Turn a search vector into parameters in their own units."""
-        values = dict(zip(self.names, point))
-        sigma = jnp.exp(_inside(self.sigma, values.get("sigma"), 0.0, point.dtype))
-        mu = None
-        if self.mu is not None:
-            mu = 1 + jnp.exp(_inside(self.mu, values.get("mu"), 1.0, point.dtype))
-        logs = [values[name] for name in self.names if name.startswith("gain")]
-        gains = jnp.exp(jnp.stack([jnp.zeros((), point.dtype), *logs]))
-        return Physical(sigma, mu, gains)
+        free = iter(point)
+        numbers = {
+            one.name: one.origin
+            + jnp.exp(_inside(told, next(free) if told.free else None, one.origin, point.dtype))
+            for one, told in zip(self.searched, self.numbers)
+        }
+        gains = jnp.exp(jnp.stack([jnp.zeros((), point.dtype), *free]))
+        return Physical(numbers, gains)
 
-    def pack(self, sigma: float, mu: float | None) -> Float[np.ndarray, "unknown"]:
-        """Turn parameters in their own units into a search vector, all gains 1."""
-        given = {"sigma": (self.sigma, sigma, 0.0), "mu": (self.mu, mu, 1.0)}
-        packed = [_outside(*given[name]) if name in given else 0.0 for name in self.names]
-        return np.array(packed, float)
+    def pack(self, numbers: Mapping[str, float]) -> Float[np.ndarray, "unknown"]:
+        """Turn numbers in their own units into a search vector, all gains 1."""
+        packed = np.zeros(len(self.names))
+        for place, name in enumerate(self.free_numbers):
+            packed[place] = _outside(self[name], float(numbers[name]), self.origins[name])
+        return packed
 
     def starts(self, count: int) -> Float[np.ndarray, "start unknown"]:
         """Spread ``count`` starting points over the bounds, the user's own first."""
-        middle = self.pack(*self._start_values())
-        points = np.tile(middle, (max(count, 1), 1))
-        # Successive multiples of irrational numbers fill the square evenly (a Kronecker lattice).
-        spread = (0.5 + np.outer(np.arange(len(points)), [0.7548776662, 0.5698402910])) % 1
-        for column, name in enumerate(self.names[:2]):
-            if not name.startswith("gain"):
-                points[1:, column] = _search_variable(0.15 + 0.7 * spread[1:, column])
+        first = {one.name: u.first(one.start) for one, u in zip(self.searched, self.numbers)}
+        points = np.tile(self.pack(first), (max(count, 1), 1))
+        spread = (0.5 + np.outer(np.arange(len(points)), _lattice(len(self.free_numbers)))) % 1
+        points[1:, : spread.shape[1]] = _search_variable(0.15 + 0.7 * spread[1:])
         return points
 
     @checked
     def at_bound(self, point: Float[Array, "unknown"]) -> Bool[np.ndarray, "unknown"]:
         """Say which searched parameters ended at a bound."""
         fraction = np.asarray(_fraction(point))
-        bounded = np.array([not name.startswith("gain") for name in self.names], bool)
-        return bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
+        return self.bounded & ((fraction < _AT_BOUND) | (fraction > 1 - _AT_BOUND))
+
+    @property
+    def bounded(self) -> Bool[np.ndarray, "unknown"]:
+        """Which nonlinear unknowns have bounds: the numbers, and no gain."""
+        return np.arange(len(self.names)) < len(self.free_numbers)
 
     @checked
     def restarts(
@@ -173,64 +166,84 @@ class MicrofacetUnknowns(eqx.Module):
 
         At a bound the search variable hardly moves the parameter, so a search cannot leave it.
         """
-        bounded = np.array([not name.startswith("gain") for name in self.names], bool)
         reach = _search_variable(1.0)
-        pulled = np.where(bounded, np.clip(starts, -reach, reach), starts).astype(starts.dtype)
+        pulled = np.where(self.bounded, np.clip(starts, -reach, reach), starts)
+        pulled = pulled.astype(starts.dtype)
         return np.concatenate([starts, pulled[(pulled != starts).any(axis=1)]])
-
-    def _start_values(self) -> tuple[float, float | None]:
-        sigma = self.sigma.start or float(np.clip(0.15, self.sigma.lower, self.sigma.upper))
-        if self.mu is None:
-            return sigma, None
-        return sigma, self.mu.start or float(np.clip(1.5, self.mu.lower, self.mu.upper))
 
 
 def unknowns_of(
     lobe: Parametric,
-    told: Mapping[str, Told],
+    told: Mapping[str, Told] | None = None,
     *,
     matt: bool = False,
     ks_per_channel: bool = False,
     free_gains: int = 0,
     free_scale: bool = False,
-) -> MicrofacetUnknowns:
+) -> Unknowns:
     """Put what is told of a model's own numbers, by their names, in the words of a search.
 
     What is not told is free.  ``matt`` leaves the lobe black.  Raises ``ValueError`` that begins
-    with the name of a number whose start is outside its bounds, and for a name that there is none
-    of.
+    with the name of a number whose start is outside its bounds, for a name that there is none of,
+    and for a model whose numbers contradict its class.
     """
-    kind, whole = type(lobe), Told()
-    own = [*filter(None, kind.amplitude_names), kind.shape.name]
-    own += [kind.index.name] * (lobe.mu is not None)
+    told = told or {}
+    _check_numbers(lobe)
+    own = [*filter(None, lobe.amplitude_names), *(one.name for one in lobe.searched)]
     for name in told:
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")
 
-    def sought(name: str, stands_for: Callable[[float], float], ends: tuple[float, float]):
+    def sought(name: str, lowest: float, highest: float) -> Unknown:
         try:
-            return told.get(name, whole).through(stands_for).unknown(*ends)
+            return told.get(name, Told()).unknown(lowest, highest)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
-    black, reflectance = Unknown(fixed=(0.0,)), (0.0, float("inf"))
+    black = Unknown(fixed=(0.0,))
     kd, ks = (
-        black if name is None else sought(name, float, reflectance) for name in kind.amplitude_names
+        black if name is None else sought(name, 0.0, float("inf")) for name in lobe.amplitude_names
     )
-    rest = {"free_gains": free_gains, "free_scale": free_scale}
+    numbers = tuple(sought(one.name, one.lowest, one.highest) for one in lobe.searched)
     if matt:
-        return MicrofacetUnknowns(kd, black, Unknown(fixed=(0.1,)), None, **rest)
-    return MicrofacetUnknowns(
+        ks = black
+        numbers = tuple(Unknown(fixed=(float(value),)) for value in lobe.numbers.values())
+    return Unknowns(
         kd,
         ks,
-        sought(kind.shape.name, kind.shape.width_of, SIGMA_BOUNDS),
-        None
-        if lobe.mu is None
-        else sought(kind.index.name, kind.index.index_of, index_bounds(kind)),
+        numbers,
+        lobe.searched,
         # What the model itself calls kd has a value for each channel.
-        ks_per_channel=ks_per_channel or kind.amplitude_names[1] == "kd",
-        **rest,
+        ks_per_channel=ks_per_channel or lobe.amplitude_names[1] == "kd",
+        free_gains=free_gains,
+        free_scale=free_scale,
     )
+
+
+def _check_numbers(lobe: Parametric) -> None:
+    """Refuse a model that contradicts itself, by its class and number."""
+    kind, names = type(lobe).__name__, [one.name for one in lobe.searched]
+    for one in lobe.searched:
+        if not hasattr(lobe, one.name):
+            raise ValueError(f"{kind}.searched: there is no field {one.name!r}")
+        if names.count(one.name) > 1:
+            raise ValueError(f"{kind}.searched: {one.name} is there twice")
+        if not one.origin < one.lowest <= one.start <= one.highest < float("inf"):
+            raise ValueError(
+                f"{kind}.{one.name}: its start {one.start:g} must lie between {one.lowest:g} and "
+                f"{one.highest:g}, and these above its origin {one.origin:g}"
+            )
+
+
+def _lattice(dimensions: int) -> Float[np.ndarray, "dimension"]:
+    """Irrational numbers whose successive multiples fill a cube evenly (a Kronecker lattice).
+
+    Powers of 1 / x, where x^(d + 1) = x + 1; of one dimension the first of those of two.
+    """
+    degree, root = max(dimensions, 2), 1.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (degree + 1))
+    return root ** -np.arange(1.0, dimensions + 1)
 
 
 def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) -> Float[Array, ""]:

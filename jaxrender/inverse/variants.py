@@ -17,11 +17,16 @@ from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet, normalised_fres
 from jaxrender.geometry import Components, Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.leverage import draw, leverage, sigma_range
+from jaxrender.inverse.leverage import draw, leverage, width_range
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import concave, nodes_seen
-from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Parameters, to_parameters
+from jaxrender.inverse.uncertainty import (
+    IDENTIFIABLE_WITHIN,
+    Parameters,
+    Uncertain,
+    to_parameters,
+)
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
@@ -82,7 +87,7 @@ def fit_variants(
     final, fitted = fit.final, fit.brdf
     if not isinstance(fitted, Microfacet):
         return ()
-    told = leverage(final.observations, light, sigma_range(final.problem.unknowns))
+    told = leverage(final.observations, light, width_range(final.problem.unknowns, fitted))
     some, index = draw(final.observations, told, _SAMPLES, settings.seed)
     predicted = np.asarray(final.fit.predicted)[index]
     sigma = float(fit.brdf.sigma)
@@ -112,14 +117,14 @@ def model_sensitive(fit: BRDFFit, variants: tuple[Variant, ...]) -> dict[str, bo
     """Say which free parameters move by more than 25 % under a variant that is not rejected."""
     standing = [variant.parameters for variant in variants if not variant.rejected]
     return {
-        name: any(_moved(name, fit.parameters.value, other) for other in standing)
+        name: any(_moved(name, fit.parameters, other) for other in standing)
         for name in fit.identifiable
     }
 
 
-def _moved(name: str, fitted: Parameters, other: Parameters) -> bool:
-    origin = 1.0 if name == "mu" else 0.0
-    before, after = (np.asarray(getattr(p, name)) - origin for p in (fitted, other))
+def _moved(name: str, fitted: Uncertain, other: Parameters) -> bool:
+    origin = fitted.origins.get(name, 0.0)
+    before, after = (np.asarray(p.of(name)) - origin for p in (fitted.value, other))
     return bool(np.any(np.abs(after - before) > IDENTIFIABLE_WITHIN * np.abs(before)))
 
 

@@ -1,10 +1,11 @@
 """A material's covariance, kept with a result and carried into what is rendered from it.
 
 To first order an image's variance is J C J', with J its derivatives by all that was fitted: K_d and
-K_s of a channel, sigma, mu, the photograph's gain and the scale of the light.  Errors of a light
-that was recovered along with the material are not in it.
+K_s of a channel, the lobe's numbers, the photograph's gain and the scale of the light.  Errors of a
+light that was recovered along with the material are not in it.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,42 +13,48 @@ import h5netcdf
 import numpy as np
 
 from jaxrender.inverse.uncertainty import Parameters, Uncertain
-from jaxrender.shapes import Float
+from jaxrender.shapes import AnyArray, Float
 
 _GROUP = "covariance"
 
 
 class MaterialCovariance(NamedTuple):
-    """The covariance of kd and ks by channel, sigma, mu, the gains by photograph, and the scale."""
+    """The covariance of kd and ks by channel, the lobe's numbers, the gains, and the scale.
 
-    matrix: Float[np.ndarray, "number number"]
+    ``names`` say what each row is: ``kd[0]``, ``sigma``, ``gains[2]``, ``scale``.
+    """
+
+    matrix: Float[np.ndarray, "row row"]
     channels: int
+    names: tuple[str, ...]
 
-    def of_frame(self, frame: int | None) -> Float[np.ndarray, "channel 6 6"]:
-        """Pick for each channel kd, ks, sigma, mu, gain and scale; None: a view without a gain."""
-        count = self.channels
-        gains = len(self.matrix) - 2 * count - 3
-        has_gain = frame is not None and frame < gains
+    def of_frame(
+        self, frame: int | None, numbers: Iterable[str]
+    ) -> Float[np.ndarray, "channel part part"]:
+        """Pick for each channel kd, ks, numbers, gain and scale; None: a view without a gain."""
+        has_gain = frame is not None and f"gains[{frame}]" in self.names
+        gain = f"gains[{frame if has_gain else 0}]"
         blocks = []
-        for channel in range(count):
-            gain = 2 * count + 2 + (frame if has_gain and frame is not None else 0)
-            rows = [channel, count + channel, 2 * count, 2 * count + 1, gain, -1]
+        for channel in range(self.channels):
+            own = (f"kd[{channel}]", f"ks[{channel}]", *numbers)
+            rows = [self.names.index(name) for name in (*own, gain, "scale")]
             block = self.matrix[np.ix_(rows, rows)].copy()
             if not has_gain:
-                block[4], block[:, 4] = 0, 0
+                block[-2], block[:, -2] = 0, 0
             blocks.append(block)
         return np.stack(blocks)
 
 
 def image_deviation(
-    covariance: Float[np.ndarray, "channel 6 6"],
-    slopes: Float[np.ndarray, "pixel 4 channel"],
+    covariance: Float[np.ndarray, "channel part part"],
+    slopes: Float[np.ndarray, "pixel number channel"],
     radiance: Float[np.ndarray, "pixel channel"],
     factors: tuple[float, float],
 ) -> Float[np.ndarray, "pixel channel"]:
     """Carry a covariance into the standard deviation of gain x scale x radiance.
 
-    ``slopes`` are those of the radiance by K_d, K_s, sigma and mu, ``factors`` gain and scale.
+    ``slopes`` are those of the radiance by K_d, K_s and the lobe's numbers.  ``factors`` are gain
+    and scale.
     """
     gain, scale = factors
     by_factor = np.stack([scale * radiance, gain * radiance], axis=1)
@@ -77,13 +84,15 @@ def read_covariance(path: Path) -> MaterialCovariance | None:
             return None
         group = file[_GROUP]
         channels = int(np.asarray(group.attrs["channels"]).item())
-        return MaterialCovariance(np.asarray(group["matrix"][:]), channels)
+        names = tuple(str(group.attrs["numbers"]).split())
+        return MaterialCovariance(np.asarray(group["matrix"][:]), channels, names)
 
 
 def _names(parameters: Parameters) -> list[str]:
-    """Name every number of the parameters, in order."""
-    names = []
-    for name, value in parameters._asdict().items():
-        size = np.size(value)
-        names += [name] if np.ndim(value) == 0 else [f"{name}[{k}]" for k in range(size)]
-    return names
+    """Name every number of the parameters, in the order of the covariance."""
+
+    def named(name: str, value: Float[AnyArray, "..."]) -> list[str]:
+        return [f"{name}[{k}]" for k in range(np.size(value))]
+
+    kd, ks, numbers, gains, _ = parameters
+    return [*named("kd", kd), *named("ks", ks), *sorted(numbers), *named("gains", gains), "scale"]

@@ -152,7 +152,10 @@ def _render_views(
                 which = list(gains).index(frame.name) if frame.name in gains else None
                 deviation = np.zeros_like(radiance)
                 deviation[view.hit] = image_deviation(
-                    covariance.of_frame(which), slopes, radiance[view.hit], (gain, scale)
+                    covariance.of_frame(which, subject.numbers),
+                    slopes,
+                    radiance[view.hit],
+                    (gain, scale),
                 )
                 write_image(folder / f"{frame.name}_deviation.exr", deviation)
         write_image(folder / f"{frame.name}.exr", image)

@@ -19,10 +19,9 @@ from jaxrender.harmonics import degrees, orders
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison, Score
 from jaxrender.inverse.forecast import MaterialForecast
-from jaxrender.inverse.own_words import OwnWords, called
+from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.pipelines.deviation import write_covariance
 from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
@@ -50,7 +49,7 @@ def result_of(finding: Finding) -> dict[str, Any]:
     """Build the summary: values, intervals, what is identifiable, light, residuals."""
     fit = finding.fit
     words = _words(finding)
-    final, own = fit.final, in_own_units(fit.parameters, fit.brdf)
+    final, own = fit.final, fit.parameters
     result: dict[str, Any] = {
         "task": "brdf",
         "outcome": fit.outcome.value,
@@ -69,15 +68,14 @@ def result_of(finding: Finding) -> dict[str, Any]:
     }
     result["brdf"] |= words.choices()
     if finding.model != "lambertian" and fit.evidence is not None:
-        sentence = fit.evidence.sentence().replace("sigma", fit.brdf.shape.name)
-        result["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
+        result["evidence"] = {**fit.evidence._asdict(), "sentence": fit.evidence.sentence()}
     if finding.comparison is not None:
         result["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
     if finding.forecast is not None:
         result["forecast"] = _forecast(finding, finding.forecast)
     if fit.exact is not None and isinstance(fit.brdf, Glossy):
         result["frequency"] = {
-            "brdf": words.material(words.of_widths(values_of(fit.frequency))),
+            "brdf": words.material(values_of(fit.frequency)),
             "residual": _residual(fit.frequency),
             "bias": words.biases(fit.bias),
         }
@@ -154,7 +152,7 @@ def ranking_of(comparison: Comparison, one_ks: bool = False) -> dict[str, Any]:
 
     def one(score: Score) -> dict[str, Any]:
         words = OwnWords(score.name, score.fit.brdf, one_ks)
-        parameters = in_own_units(score.fit.parameters, score.fit.brdf)
+        parameters = score.fit.parameters
         return {
             "model": score.name,
             "outcome": score.fit.outcome.value,
@@ -183,15 +181,14 @@ def sentence_of(comparison: Comparison) -> str:
 
 def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
     """Say what the material that was found could have been expected to tell."""
-    own = in_own_units(forecast.parameters, finding.fit.brdf)
     brdf = finding.fit.brdf
     return {
-        "standard_error": _words(finding).values(own.standard_error),
+        "standard_error": _words(finding).values(forecast.parameters.standard_error),
         "recoverable_degree": forecast.highest_degree,
         "singular_values": forecast.singular_values.tolist(),
-        "unknowns": [called(brdf, name) for name in forecast.unknowns],
+        "unknowns": [brdf.called(name) for name in forecast.unknowns],
         "weakest": forecast.weakest.tolist(),
-        "sentences": [s.replace("sigma", brdf.shape.name) for s in forecast.sentences],
+        "sentences": list(forecast.sentences),
     }
 
 

@@ -42,6 +42,7 @@ from jaxrender.pipelines.scene import (
     fault_of,
     input_files,
     known_light,
+    lobe_of,
     reading_of,
     shape_of,
     unknowns_of,
@@ -294,17 +295,11 @@ def _would_fit(config: RunConfig, loaded: Loaded) -> str:
             f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"
         )
     unknowns = unknowns_of(config, len(loaded.photographs))
-    free = [
-        name
-        for name, unknown in (
-            ("kd", unknowns.kd),
-            ("ks", unknowns.ks),
-            ("sigma", unknowns.sigma),
-            ("mu", unknowns.mu),
-        )
-        if unknown is not None and unknown.free
-    ]
+    kind = lobe_of(config.brdf)
+    amplitudes = {"kd": unknowns.kd, "ks": unknowns.ks}
+    free = [kind.called(name) for name, unknown in amplitudes.items() if unknown.free]
+    free += unknowns.free_numbers
     return (
-        f"dry run: would fit {', '.join(free) or 'nothing'} to {loaded.observations.count} samples "
-        f"of {len(loaded.photographs)} photographs"
+        f"dry run: would fit {', '.join(filter(None, free)) or 'nothing'} to "
+        f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
     )

@@ -21,7 +21,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel, response_named
-from jaxrender.inverse import FitSettings, KnownLight, MicrofacetUnknowns, unknowns
+from jaxrender.inverse import FitSettings, KnownLight, Unknowns, unknowns
 from jaxrender.inverse.photographs import Reading
 from jaxrender.inverse.unknowns import Told
 from jaxrender.io import (
@@ -104,7 +104,7 @@ def lobe_of(brdf: BrdfConfig) -> Parametric:
     return lobe_named(brdf.model, metal=metal, **brdf.chosen())
 
 
-def unknowns_of(config: RunConfig, photographs: int) -> MicrofacetUnknowns:
+def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
     """Translate which parameters are free into the solver's unknowns."""
     brdf, model = config.brdf, MODELS[config.brdf.model]
     known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}

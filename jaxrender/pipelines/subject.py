@@ -38,10 +38,15 @@ class Subject(abc.ABC):
     ) -> Float[np.ndarray, "row column channel"]:
         """Render a view; zero where nothing is hit."""
 
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Name the numbers of the lobe."""
+        return () if self.lobe is None else tuple(self.lobe.numbers)
+
     def slopes(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
-    ) -> Float[np.ndarray, "pixel 4 channel"] | None:
-        """Differentiate by kd, ks, sigma and mu; None where those are not the parameters."""
+    ) -> Float[np.ndarray, "pixel number channel"] | None:
+        """Differentiate by kd, ks and the lobe's numbers; None where it has none of these."""
         return None
 
 
@@ -60,8 +65,8 @@ class UniformSubject(Subject):
 
     def slopes(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
-    ) -> Float[np.ndarray, "pixel 4 channel"]:
-        """Differentiate by kd, ks, sigma and mu."""
+    ) -> Float[np.ndarray, "pixel number channel"]:
+        """Differentiate by kd, ks and the lobe's numbers."""
         assert self.lobe is not None
         return np.asarray(sensitivities(self.lobe, view, model))
 
@@ -109,7 +114,7 @@ class TexturedSubject(Subject):
             for s, m in zip(sigmas, mus)
         ]
         seen = np.isfinite(kd.reshape(-1, kd.shape[-1])).all(axis=1)
-        self.numbers = np.unique(self.region[seen])
+        self.regions = np.unique(self.region[seen])
         self.width = float(sigmas.min() if own is None else np.nanmin(own))
         self.lobe = self.lobes[int(np.argmin(sigmas))]
         # Where sigma varies; a site that nobody saw is black at any.
@@ -129,7 +134,7 @@ class TexturedSubject(Subject):
         site = found.of_pixel[view.hit]
         values = np.zeros((len(site), self.kd.shape[1]))
         places = SurfacePlaces.of_views([view])
-        for number, lobe in zip(self.numbers, self.lobes):
+        for number, lobe in zip(self.regions, self.lobes):
             rows = np.flatnonzero(self.region[site] == number)
             if not rows.size:
                 continue

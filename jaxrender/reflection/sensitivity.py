@@ -23,30 +23,28 @@ from jaxrender.shapes import AnyArray, Array, Float, checked
 @checked
 def sensitivities(
     brdf: Parametric, view: SurfaceView, model: ForwardModel | ShadowedModel
-) -> Float[AnyArray, "pixel 4 channel"]:
-    """Differentiate the radiance of the pixels that are hit by K_d, K_s, sigma and mu.
+) -> Float[AnyArray, "pixel number channel"]:
+    """Differentiate the radiance of the pixels that are hit by K_d, K_s and the lobe's numbers.
 
-    K_d and K_s of the same channel; a metal's mu has no effect.
+    K_d and K_s of the same channel; the numbers in the order of ``brdf.numbers``.
     """
     places = SurfacePlaces.of_views([view])
-    shape = (4, np.shape(brdf.kd)[0])
+    shape = (2 + len(brdf.numbers), np.shape(brdf.kd)[0])
     return in_batches(_differentiate, (brdf, samples_of_views([view]), model), shape, places)
 
 
 @eqx.filter_jit
 def _differentiate(
     brdf: Parametric, samples: SurfaceSamples, model: ForwardModel
-) -> Float[Array, "pixel 4 channel"]:
+) -> Float[Array, "pixel number channel"]:
     ks = jnp.asarray(brdf.ks)[None, :]
-    sigma = jnp.asarray(brdf.sigma, ks.dtype)
-    one = jnp.ones_like(sigma)
+    numbers = {name: jnp.asarray(value, ks.dtype) for name, value in brdf.numbers.items()}
+    value = model.columns(brdf.with_numbers(numbers), samples)
+    slopes = []
+    for name, at in numbers.items():
 
-    def columns(sigma: Float[Array, ""], mu: Float[Array, ""] | None):
-        return model.columns(brdf.with_roughness(sigma, mu), samples)
+        def moved(to: Float[Array, ""], name: str = name) -> Float[Array, "pixel 2 channel"]:
+            return model.columns(brdf.with_numbers({**numbers, name: to}), samples)
 
-    mu = None if brdf.mu is None else jnp.asarray(brdf.mu, ks.dtype)
-    value, by_sigma = jax.jvp(lambda s: columns(s, mu), (sigma,), (one,))
-    by_mu = jnp.zeros_like(value)
-    if mu is not None:
-        _, by_mu = jax.jvp(lambda m: columns(sigma, m), (mu,), (one,))
-    return jnp.stack([value[:, 0], value[:, 1], ks * by_sigma[:, 1], ks * by_mu[:, 1]], axis=1)
+        slopes.append(ks * jax.jvp(moved, (at,), (jnp.ones_like(at),))[1][:, 1])
+    return jnp.stack([value[:, 0], value[:, 1], *slopes], axis=1)

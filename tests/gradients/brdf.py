@@ -459,7 +459,7 @@ EXCEPTIONS = {
     ),
     **dict.fromkeys(("brdf_named", "lobe_named", "material_named"), "of a name"),
     **dict.fromkeys(("HalfDifference", "Masked", "Nearest", "Samples"), _GIVEN),
-    **dict.fromkeys(("ScatteredFit", "ZernikeFit"), _GIVEN),
+    **dict.fromkeys(("ScatteredFit", "Searched", "ZernikeFit"), _GIVEN),
     **dict.fromkeys(("ShapeParameter", "IndexParameter"), "a power, and a sum, of one number"),
     **dict.fromkeys(
         ("CosineSampler", "DirectionSampler", "TreeSampler"),

@@ -1,13 +1,15 @@
 """Problems that the tests of the division share: a toy model, its NumPy twin, small photographs."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import INDEX_BOUNDS, WIDTH_BOUNDS, Microfacet, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import KnownLight, Observations
+from jaxrender.inverse import KnownLight, Observations, Unknown, unknowns_of
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.models import Columns
 from jaxrender.lighting import DirectionalSources, SmoothLobes
@@ -26,7 +28,8 @@ class ToyModel(eqx.Module):
     angles: Float[Array, "sample channel"]
     cosines: Float[Array, "sample"]
 
-    def columns(self, sigma, mu):
+    def columns(self, numbers):
+        sigma, mu = numbers["sigma"], numbers.get("mu")
         lobe = jnp.exp(-((self.angles / sigma) ** 2)) / (jnp.pi * sigma**2)
         return Columns(self.diffuse, lobe * normalised_fresnel(mu, self.cosines)[:, None])
 
@@ -116,5 +119,25 @@ def with_noise(observations, relative=0.01, floor=0.0, seed=0):
 
 def parameter_vector(parameters):
     """kd of each channel, the shared ks, sigma, mu."""
-    ks, sigma, mu = (np.asarray(getattr(parameters, name), float) for name in ("ks", "sigma", "mu"))
-    return np.array([*np.asarray(parameters.kd, float), ks[0], float(sigma), float(mu)])
+    numbers = [float(parameters.numbers[name]) for name in ("sigma", "mu")]
+    ks = float(np.asarray(parameters.ks)[0])
+    return np.array([*np.asarray(parameters.kd, float), ks, *numbers])
+
+
+def microfacet_unknowns(*, kd=None, ks=None, sigma=None, mu=True, **rest):
+    """Unknowns of T 6.2, all free unless told otherwise; ``mu=None`` is a metal."""
+    free = unknowns_of(Microfacet(np.zeros(3), np.zeros(3), 0.1, 1.5 if mu else None), **rest)
+    told = [sigma or free["sigma"]]
+    if mu is not None:
+        told.append(free["mu"] if mu is True else mu)
+    return dataclasses.replace(free, kd=kd or free.kd, ks=ks or free.ks, numbers=tuple(told))
+
+
+def sigma_unknown(lower=WIDTH_BOUNDS[0], upper=WIDTH_BOUNDS[1], start=None):
+    """A free width."""
+    return Unknown(None, lower, upper, start)
+
+
+def mu_unknown(lower=INDEX_BOUNDS[0], upper=INDEX_BOUNDS[1], start=None):
+    """A free index."""
+    return Unknown(None, lower, upper, start)

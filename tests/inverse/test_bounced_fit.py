@@ -11,13 +11,13 @@ reaches every place.
 
 import numpy as np
 import pytest
+from inverse_problems import microfacet_unknowns
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh, SurfacePlaces, SurfaceSamples
 from jaxrender.inverse import (
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
     Unknown,
     fit_brdf,
@@ -27,7 +27,7 @@ from jaxrender.lighting import DirectionalSources
 ALBEDO = np.array([0.8, 0.5, 0.1])
 # E_0 = cos t from overhead: its mean over the half sphere is 1/2.
 ADDED = ALBEDO / 2 * 0.5 / (1 - ALBEDO / 2)
-MATT = MicrofacetUnknowns(ks=Unknown((0.0,)), sigma=Unknown((0.4,)), mu=None)
+MATT = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.4,)), mu=None)
 BLACK = Microfacet(np.zeros(3), np.zeros(3), 0.4, None)
 LIGHT = KnownLight(None, DirectionalSources(np.array([[0.0, 0, 1]]), np.ones((1, 3))))
 

@@ -8,20 +8,20 @@
 
 import numpy as np
 import pytest
-from inverse_problems import ball_samples, known_light, photograph, with_noise
+from inverse_problems import ball_samples, known_light, microfacet_unknowns, photograph, with_noise
 
 from jaxrender.brdf import Microfacet, Ward, lobe_named
-from jaxrender.inverse import FitSettings, MicrofacetUnknowns, Unknown
+from jaxrender.inverse import FitSettings, Unknown, unknowns_of
 from jaxrender.inverse.comparison import Candidate, compare_models, divided
 
 KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
 GGX = Microfacet(KD, KS, 0.16, None, "half", "smith", "ggx")
 WARD = Ward(KD, KS, 0.16)
-METALLIC = MicrofacetUnknowns(mu=None)
-MATT = MicrofacetUnknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
+METALLIC = microfacet_unknowns(mu=None)
+MATT = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
 CANDIDATES = (
     Candidate("lambertian", Microfacet(KD, KS, 0.1, None), MATT),
-    Candidate("ward", lobe_named("ward"), METALLIC),
+    Candidate("ward", lobe_named("ward"), unknowns_of(lobe_named("ward"))),
     Candidate("ggx", GGX.with_roughness(0.1), METALLIC),
 )
 SETTINGS = FitSettings(starts=1, refine_samples=320)

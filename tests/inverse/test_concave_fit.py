@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import LAMPS, material, parameter_vector, unit
+from inverse_problems import LAMPS, material, microfacet_unknowns, parameter_vector, unit
 
 from jaxrender import reflection
 from jaxrender.geometry import (
@@ -24,7 +24,6 @@ from jaxrender.geometry import (
 from jaxrender.inverse import (
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
     fit_brdf,
     variants,
@@ -56,7 +55,7 @@ KNOWN = KnownLight(LOBE.to_environment(64), LAMPS)
 # kd of three channels, ks, sigma, mu: what 64 rows, a lobe in 3000 nodes and few samples leave.
 REFINED = np.array([0.01, 0.01, 0.01, 0.015, 0.01, 0.02])
 FREQUENCY = np.array([0.02, 0.02, 0.02, 0.03, 0.02, 0.04])
-UNKNOWNS = MicrofacetUnknowns()
+UNKNOWNS = microfacet_unknowns()
 SETTINGS = FitSettings(starts=3)
 
 
@@ -183,12 +182,12 @@ def test_masks_stay_with_their_samples(photographs):
     seen, few = (np.asarray(nodes_seen(STATUE, o, nodes))[0] for o in (whole, some))
     np.testing.assert_array_equal(few, seen[chosen])
     model = ExactModel(BRDF, ARRAYS, nodes, (seen,))
-    sigma, mu = jnp.asarray(0.16), jnp.asarray(1.62)
-    thinned = model.take(slice(None, None, 3)).columns(sigma, mu)
-    for kept, every in zip(thinned, model.columns(sigma, mu)):
+    numbers = {"sigma": jnp.asarray(0.16), "mu": jnp.asarray(1.62)}
+    thinned = model.take(slice(None, None, 3)).columns(numbers)
+    for kept, every in zip(thinned, model.columns(numbers)):
         np.testing.assert_allclose(kept, every[::3], rtol=1e-12)
     by_hand = np.asarray(integral_columns(BRDF, ARRAYS, nodes[0], seen))
-    np.testing.assert_allclose(model.columns(sigma, mu).diffuse, by_hand[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(model.columns(numbers).diffuse, by_hand[:, 0], rtol=1e-12)
 
 
 def test_a_convex_shape_changes_nothing(photographs):

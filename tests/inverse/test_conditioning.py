@@ -8,27 +8,29 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import toy_data, toy_model, toy_radiance
+from inverse_problems import microfacet_unknowns, toy_data, toy_model, toy_radiance
 
-from jaxrender.inverse import MicrofacetUnknowns, Unknown
-from jaxrender.inverse.conditioning import SigmaEvidence, sigma_standard_error
+from jaxrender.inverse import Unknown
+from jaxrender.inverse.conditioning import WidthEvidence, relative_standard_error
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
 
 MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
-UNKNOWNS = MicrofacetUnknowns()
+UNKNOWNS = microfacet_unknowns()
 PROBLEM = Problem.of(UNKNOWNS, 3)
 WEIGHTS = 1 / (0.02 * toy_radiance(MODEL, KD, KS, SIGMA, MU))
 
 
 def error_of_sigma(weights, near=None):
     near = (
-        LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU)) if near is None else near
+        LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
+        if near is None
+        else near
     )
     data = toy_data(toy_radiance(MODEL, KD, KS, SIGMA, MU), weights)
-    at = (jnp.asarray(UNKNOWNS.pack(SIGMA, MU)), jnp.asarray([*KD, KS[0]]))
-    return sigma_standard_error(PROBLEM, near, data, at)
+    at = (jnp.asarray(UNKNOWNS.pack({"sigma": SIGMA, "mu": MU})), jnp.asarray([*KD, KS[0]]))
+    return relative_standard_error("sigma", PROBLEM, near, data, at)
 
 
 def test_the_error_is_that_of_a_numerical_jacobian():
@@ -46,18 +48,21 @@ def test_the_error_is_that_of_a_numerical_jacobian():
 
 
 def test_silent_data_give_infinity():
-    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
     silent = LinearisedModel(
-        near.diffuse, near.specular, jnp.zeros_like(near.by_sigma), near.by_mu, near.sigma, near.mu
+        near.diffuse,
+        near.specular,
+        {**near.slopes, "sigma": jnp.zeros_like(near.slopes["sigma"])},
+        near.numbers,
     )
     assert error_of_sigma(WEIGHTS, silent) == np.inf
 
 
 def test_a_fixed_sigma_has_no_error():
-    problem = Problem.of(MicrofacetUnknowns(sigma=Unknown(fixed=(SIGMA,))), 3)
-    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    problem = Problem.of(microfacet_unknowns(sigma=Unknown(fixed=(SIGMA,))), 3)
+    near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
     data = toy_data(toy_radiance(MODEL, KD, KS, SIGMA, MU), WEIGHTS)
-    assert sigma_standard_error(problem, near, data, (jnp.zeros(1), jnp.zeros(4))) == 0
+    assert relative_standard_error("sigma", problem, near, data, (jnp.zeros(1), jnp.zeros(4))) == 0
 
 
 @pytest.mark.parametrize(
@@ -71,14 +76,14 @@ def test_a_fixed_sigma_has_no_error():
     ],
 )
 def test_grazing_is_named_where_sigma_rests_on_it(without_grazing, spectrum, rests):
-    evidence = SigmaEvidence(0.01, without_grazing, spectrum)
+    evidence = WidthEvidence(0.01, without_grazing, spectrum)
     assert evidence.rests_on_grazing == rests
     assert ("rests on grazing angles" in evidence.sentence()) == rests
     assert "1 % from all samples" in evidence.sentence()
 
 
 def test_nothing_known_rests_on_nothing():
-    evidence = SigmaEvidence(np.inf, np.inf, np.inf)
+    evidence = WidthEvidence(np.inf, np.inf, np.inf)
     assert not evidence.rests_on_grazing
     assert "no information" in evidence.sentence()
     assert "grazing angles:" not in evidence.sentence()

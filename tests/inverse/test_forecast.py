@@ -7,13 +7,13 @@
 - Both unknown: the errors are those of a factorization's account on noisy data.
 """
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from inverse_problems import (
     ball_samples,
     known_light,
     material,
+    microfacet_unknowns,
     photograph,
     toy_model,
     toy_radiance,
@@ -26,7 +26,6 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import (
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
     Unknown,
     fit_brdf,
@@ -45,7 +44,7 @@ from jaxrender.inverse.forecast import (
 )
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
 from jaxrender.inverse.forecast.joint import joint_system, measured_by
-from jaxrender.inverse.forecast.situation import foreseen_of, radiance_of, weights_of
+from jaxrender.inverse.forecast.situation import foreseen_of, numbers_of, radiance_of, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.lighting.coefficients import LightSettings, recover_coefficients
 from jaxrender.inverse.lighting.operator import light_operator
@@ -67,8 +66,7 @@ def toy_foreseen(**choices):
     """A toy model's photographs: three of them, told apart by their number alone."""
     brdf = Microfacet(np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62, **choices)
     model = toy_model(60, seed=2)
-    mu = None if brdf.mu is None else jnp.asarray(1.62)
-    near = LinearisedModel.about(model, jnp.asarray(0.16), mu)
+    near = LinearisedModel.about(model, numbers_of(brdf))
     samples, _ = ball_samples(60)
     return foreseen_of(Situation(samples, np.arange(60) % 3, UNIFORM), Supposed(brdf, NOISE), near)
 
@@ -76,10 +74,10 @@ def toy_foreseen(**choices):
 @pytest.mark.parametrize(
     "unknowns",
     [
-        MicrofacetUnknowns(),
-        MicrofacetUnknowns(ks_per_channel=True, free_gains=3),
-        MicrofacetUnknowns(kd=Unknown(fixed=(0.19, 0.11, 0.07)), free_scale=True),
-        MicrofacetUnknowns(sigma=Unknown(fixed=(0.16,)), free_scale=True),
+        microfacet_unknowns(),
+        microfacet_unknowns(ks_per_channel=True, free_gains=3),
+        microfacet_unknowns(kd=Unknown(fixed=(0.19, 0.11, 0.07)), free_scale=True),
+        microfacet_unknowns(sigma=Unknown(fixed=(0.16,)), free_scale=True),
     ],
 )
 def test_a_few_numbers_a_photograph_say_what_all_samples_say(unknowns):
@@ -101,7 +99,7 @@ def _errors_from_all_samples(unknowns, foreseen):
     parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
     found = {}
     for name in NAMES:
-        value, error = (np.asarray(getattr(part, name)) for part in (parameters[0], parameters[3]))
+        value, error = (np.asarray(part.of(name)) for part in (parameters[0], parameters[3]))
         if np.any(error > 0):
             found[name] = float(np.max(error / (value - (name == "mu"))))
     return found
@@ -109,7 +107,7 @@ def _errors_from_all_samples(unknowns, foreseen):
 
 def test_twice_the_photographs_have_errors_smaller_by_the_root_of_two():
     foreseen = toy_foreseen()
-    reading = reading_of(problem_of(MicrofacetUnknowns(), foreseen.supposed.brdf), foreseen)
+    reading = reading_of(problem_of(microfacet_unknowns(), foreseen.supposed.brdf), foreseen)
     grams = frame_grams(foreseen)
     once, twice = (
         reading.errors(reading.information(g)) for g in (grams, np.concatenate([grams, grams]))
@@ -151,7 +149,7 @@ def test_predicted_errors_are_those_that_a_fit_states():
     forecast = forecast_material(foreseen, split="off")
     settings = FitSettings(starts=1, noise=NOISE, split="off")
     observations = with_noise(photograph(brdf, samples, frame))
-    achieved = fit_brdf(observations, light, MicrofacetUnknowns(), brdf, settings)
+    achieved = fit_brdf(observations, light, microfacet_unknowns(), brdf, settings)
     for name in NAMES:
         predicted = getattr(forecast.parameters.standard_error, name)
         stated = getattr(achieved.parameters.standard_error, name)
@@ -197,7 +195,7 @@ def test_too_much_noise_asks_for_more_samples():
 def test_a_material_outside_the_bounds_is_refused():
     with pytest.raises(ValueError, match=r"the supposed sigma is 0\.16"):
         forecast_material(
-            toy_foreseen(), MicrofacetUnknowns(sigma=Unknown(None, 0.2, 0.5)), explain=False
+            toy_foreseen(), microfacet_unknowns(sigma=Unknown(None, 0.2, 0.5)), explain=False
         )
 
 
@@ -247,7 +245,7 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     for name in NAMES:
         np.testing.assert_allclose(
             getattr(forecast.parameters.standard_error, name),
-            getattr(achieved.standard_error, name),
+            achieved.standard_error.of(name),
             rtol=WITHIN,
         )
     assert forecast.can_be_told

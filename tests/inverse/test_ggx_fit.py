@@ -9,13 +9,19 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import ball_samples, known_light, parameter_vector, photograph, with_noise
+from inverse_problems import (
+    ball_samples,
+    known_light,
+    microfacet_unknowns,
+    parameter_vector,
+    photograph,
+    with_noise,
+)
 
 from jaxrender.brdf import Microfacet
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import (
     FitSettings,
-    MicrofacetUnknowns,
     Observations,
     Outcome,
     fit_brdf,
@@ -51,7 +57,7 @@ def ggx(mu=1.62):
 @pytest.fixture(scope="module")
 def fit():
     noisy = with_noise(photograph(ggx(), *ball_samples()), 0.01, 0.002)
-    return fit_brdf(noisy, known_light(), MicrofacetUnknowns(), ggx(), SETTINGS)
+    return fit_brdf(noisy, known_light(), microfacet_unknowns(), ggx(), SETTINGS)
 
 
 @pytest.mark.slow
@@ -96,9 +102,9 @@ def test_unknown_light():
     total = PAINT.kd + PAINT.ks
     value, error = found.parameters.value, found.parameters.standard_error
     for name, truth in (("kd", PAINT.kd / total), ("ks", PAINT.ks / total), ("sigma", 0.15)):
-        off = np.abs(getattr(value, name) - truth) / getattr(error, name)
+        off = np.abs(value.of(name) - truth) / error.of(name)
         assert np.all(off < STATED_ERRORS), name
-        assert np.all(getattr(error, name) < 0.02), name
+        assert np.all(error.of(name) < 0.02), name
     assert abs(value.mu - 1.38) < STATED_ERRORS * error.mu < 0.1
     assert found.relative_rms == pytest.approx(0.01, rel=0.1)
     assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.2))

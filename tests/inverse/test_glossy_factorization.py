@@ -46,9 +46,9 @@ def test_material_and_lamp_are_found():
     pairs = {"kd": KD / total, "ks": truth.ks / total}
     pairs |= {"sigma": float(truth.sigma), "mu": float(truth.mu)}
     for name, true in pairs.items():
-        off = np.abs(getattr(value, name) - true) / getattr(error, name)
+        off = np.abs(value.of(name) - true) / error.of(name)
         assert np.all(off < STATED_ERRORS), (name, off)
-        assert np.all(getattr(error, name) < 0.03 * np.asarray(true)), name
+        assert np.all(error.of(name) < 0.03 * np.asarray(true)), name
     assert found.relative_rms == pytest.approx(0.01, rel=0.15)
     assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.1))
     off = found.scene.sources.irradiance[0] - ENERGY * total
@@ -59,7 +59,7 @@ def test_material_and_lamp_are_found():
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     foreseen = forecast_joint(situation, Supposed(truth, NOISE), 6).parameters.standard_error
     for name in pairs:
-        ratio = np.asarray(getattr(foreseen, name)) / np.asarray(getattr(error, name))
+        ratio = np.asarray(getattr(foreseen, name)) / np.asarray(error.of(name))
         assert np.all((ratio > 0.7) & (ratio < 1.4)), (name, ratio)
 
 

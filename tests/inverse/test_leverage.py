@@ -12,14 +12,13 @@
 
 import numpy as np
 import pytest
-from inverse_problems import unit
+from inverse_problems import microfacet_unknowns, unit
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import (
     FitSettings,
     KnownLight,
-    MicrofacetUnknowns,
     Observations,
     Outcome,
     factorize,
@@ -40,7 +39,7 @@ TOWARDS = unit(np.array([0.3, 0.2, 0.9]))
 LAMP = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
 LIGHT = KnownLight(None, LAMP)
 METAL = Microfacet(np.zeros(3), np.zeros(3), 0.1, None)
-UNKNOWNS = MicrofacetUnknowns(mu=None)
+UNKNOWNS = microfacet_unknowns(mu=None)
 # Samples of a fit, fewer than from which a search begins with few of them.
 DRAWN = 3000
 
@@ -127,7 +126,7 @@ def test_narrow_gloss_is_found_without_the_light(photographs, seed):
     some = draw(photographs, sharpness(photographs), DRAWN, seed).observations
     found = factorize(some, METAL, FactorSettings(3, 4))
     value, error = found.parameters.value, found.parameters.standard_error
-    assert abs(value.sigma - SIGMA) < 3.5 * error.sigma < 0.01 * SIGMA
+    assert abs(value.of("sigma") - SIGMA) < 3.5 * error.of("sigma") < 0.01 * SIGMA
     assert np.all(np.abs(value.ks - KS / (KD + KS)) < 3.5 * error.ks)
     assert found.outcome is Outcome.CONVERGED
     assert found.scene.sources.directions[0] @ TOWARDS > np.cos(0.01 * SIGMA)
@@ -139,10 +138,10 @@ def test_narrow_gloss_is_found_from_any_draw(photographs, told, seed):
     settings = FitSettings(refine_samples=DRAWN, starts=3, seed=seed)
     fit = fit_brdf(some, LIGHT, UNKNOWNS, METAL, settings)
     value, error = fit.parameters.value, fit.parameters.standard_error
-    assert abs(value.sigma - SIGMA) < 3.5 * error.sigma
+    assert abs(value.of("sigma") - SIGMA) < 3.5 * error.of("sigma")
     assert abs(value.ks[0] - KS) < 3.5 * error.ks[0]
     assert np.all(np.abs(value.kd - KD) < 3.5 * error.kd)
-    assert error.sigma < 0.01 * SIGMA
+    assert error.of("sigma") < 0.01 * SIGMA
 
 
 def test_a_fit_without_gloss_goes_on_from_the_data(photographs, told):
@@ -150,12 +149,12 @@ def test_a_fit_without_gloss_goes_on_from_the_data(photographs, told):
     settings = FitSettings()
     problem = Problem.of(UNKNOWNS, 3)
     model = ExactModel(METAL, some.samples, exact_nodes(LIGHT, some.frame, SIGMA))
-    begin = Begin(None, None, UNKNOWNS.pack(0.97, None)[None])
+    begin = Begin(None, None, UNKNOWNS.pack({"sigma": 0.97})[None])
     astray = descend(problem, model, some, begin, settings)
     assert lost(astray)
     found = checked_at_bound(astray, model, settings)
     assert not lost(found)
-    sigma = float(UNKNOWNS.unpack(found.fit.solution.point).sigma)
+    sigma = float(UNKNOWNS.unpack(found.fit.solution.point).numbers["sigma"])
     assert abs(sigma / SIGMA - 1) < 0.02
 
 

@@ -92,8 +92,8 @@ def test_the_roughness_of_grooves_is_foreseen(grooved):
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     forecast = forecast_joint(situation, Supposed(GROOVED, NOISE), 6)
     assert forecast.identifiable == {"sigma": True}
-    ratio = float(forecast.parameters.standard_error.sigma) / float(
-        grooved.parameters.standard_error.sigma
+    ratio = float(forecast.parameters.standard_error.numbers["sigma"]) / float(
+        grooved.parameters.standard_error.numbers["sigma"]
     )
     assert 0.6 < ratio < 1.6
     matt = Supposed(LAMBERTIAN, NOISE)

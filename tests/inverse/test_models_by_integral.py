@@ -15,7 +15,14 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import LAMPS, ball_samples, known_light, photograph, unit, with_noise
+from inverse_problems import (
+    LAMPS,
+    ball_samples,
+    known_light,
+    photograph,
+    unit,
+    with_noise,
+)
 
 from jaxrender.brdf import AnisotropicWard, KajiyaKay, OrenNayarLobe, PoulinFournier, Ward
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, fibonacci_sphere, sculpture, visible
@@ -24,12 +31,11 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import (
     FactorSettings,
     FitSettings,
-    MicrofacetUnknowns,
     Observations,
     Outcome,
-    Unknown,
     factorize,
     fit_brdf,
+    unknowns_of,
 )
 from jaxrender.inverse.factorization import predict
 from jaxrender.inverse.factorization.integral_response import (
@@ -39,22 +45,16 @@ from jaxrender.inverse.factorization.integral_response import (
 from jaxrender.inverse.factorization.response import Guess
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.forecast import Situation, Supposed, forecast_light
-from jaxrender.inverse.uncertainty import in_own_units
-from jaxrender.inverse.unknowns import index_bounds, mu_unknown
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
 STATED_ERRORS = 3.5
 NONE, KD, KS = np.zeros(3), np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
 BRUSHED = AnisotropicWard(KD, KS, 0.15, 0.35)
-ALONG_AND_ACROSS = MicrofacetUnknowns(mu=mu_unknown(*index_bounds(AnisotropicWard)))
 MODELS = {
-    "oren-nayar": (
-        OrenNayarLobe(NONE, KD, 0.5),
-        MicrofacetUnknowns(kd=Unknown(fixed=(0.0,)), mu=None, ks_per_channel=True),
-    ),
-    "kajiya-kay": (KajiyaKay(KD, KS, 30.0), MicrofacetUnknowns(mu=None)),
-    "anisotropic-ward": (BRUSHED, ALONG_AND_ACROSS),
+    "oren-nayar": OrenNayarLobe(NONE, KD, 0.5),
+    "kajiya-kay": KajiyaKay(KD, KS, 30.0),
+    "anisotropic-ward": BRUSHED,
 }
 
 
@@ -67,29 +67,23 @@ MODELS = {
     ],
 )
 def test_photographs_give_the_material_back(name):
-    truth, unknowns = MODELS[name]
+    truth = MODELS[name]
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
     kind = truth.with_roughness(0.1, None if truth.mu is None else 1.5)
-    fit = fit_brdf(noisy, known_light(), unknowns, kind, FitSettings(starts=6))
+    fit = fit_brdf(noisy, known_light(), unknowns_of(truth), kind, FitSettings(starts=6))
     assert fit.outcome is Outcome.CONVERGED
     assert type(fit.brdf) is type(truth)
-    own = in_own_units(fit.parameters, truth)
+    own = fit.parameters
     pairs = [(own.value.ks, own.standard_error.ks, truth.ks)]
     pairs.append((own.value.kd, own.standard_error.kd, truth.kd))
-    number = float(getattr(truth, truth.shape.name))
-    pairs.append((own.value.sigma, own.standard_error.sigma, number))
-    if truth.has_index():
-        pairs.append((own.value.mu, own.standard_error.mu, float(truth.roughness_y)))
+    for name, number in truth.numbers.items():
+        pairs.append((own.value.of(name), own.standard_error.of(name), float(number)))
     for value, error, true in pairs:
         assert np.all(np.abs(value - true) <= STATED_ERRORS * error)
         assert np.all(error <= 0.03 * np.asarray(true))
     assert fit.final.noise.relative == pytest.approx(0.01, rel=0.2)
     assert fit.evidence is None
-    assert set(fit.identifiable) == {
-        truth.called(searched)
-        for searched in ("kd", "ks", "sigma", "mu")
-        if truth.called(searched) and (searched != "mu" or truth.has_index())
-    }
+    assert set(fit.identifiable) == {*filter(None, truth.amplitude_names), *truth.numbers}
 
 
 @pytest.mark.slow
@@ -98,10 +92,10 @@ def test_brushed_metal_under_unknown_light():
     noisy = with_noise(photograph(truth, *ball_samples(500)), 0.01, 0.002)
     settings = FactorSettings(band_limit=5, most_sources=4)
     fit = factorize(noisy, truth.with_roughness(0.3, 1.3), settings)
-    own = in_own_units(fit.parameters, truth)
+    own = fit.parameters
     np.testing.assert_allclose(own.value.ks, truth.ks, atol=0.015)
-    assert float(own.value.sigma) == pytest.approx(0.15, rel=0.03)
-    assert float(own.value.mu) == pytest.approx(0.35, rel=0.03)
+    assert float(own.value.of("roughness")) == pytest.approx(0.15, rel=0.03)
+    assert float(own.value.of("roughness_y")) == pytest.approx(0.35, rel=0.03)
     assert set(fit.identifiable) == {"kd", "ks", "roughness", "roughness_y"}
     assert fit.relative_rms < 0.013
     lamp = np.asarray(LAMPS.directions)[0]
@@ -145,7 +139,7 @@ def test_what_needs_the_frequency_view_is_refused():
     noisy = photograph(BRUSHED, *ball_samples())
     settings = FitSettings(interreflection=True)
     with pytest.raises(ValueError, match="interreflection is that of a Lambertian base"):
-        fit_brdf(noisy, known_light(), ALONG_AND_ACROSS, BRUSHED, settings)
+        fit_brdf(noisy, known_light(), unknowns_of(BRUSHED), BRUSHED, settings)
 
 
 def test_degrees_of_the_light_are_foreseen_as_by_frequency():
@@ -226,10 +220,10 @@ def test_brushed_metal_on_a_concave_object_under_unknown_light(statue):
     settings = FactorSettings(band_limit=3, most_sources=1)
     kind = truth.with_roughness(0.3, 1.3)
     fit = factorize(noisy, kind, settings, shape=STATUE)
-    own = in_own_units(fit.parameters, truth)
+    own = fit.parameters
     np.testing.assert_allclose(own.value.ks, truth.ks, atol=0.03)
-    assert float(own.value.sigma) == pytest.approx(0.15, rel=0.05)
-    assert float(own.value.mu) == pytest.approx(0.35, rel=0.05)
+    assert float(own.value.of("roughness")) == pytest.approx(0.15, rel=0.05)
+    assert float(own.value.of("roughness_y")) == pytest.approx(0.35, rel=0.05)
     assert fit.relative_rms < 0.02
     again = predict(fit, noisy, STATUE)
     np.testing.assert_allclose(again, fit.predicted, rtol=2e-3, atol=2e-3 * again.mean())

@@ -13,13 +13,13 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import unit
+from inverse_problems import microfacet_unknowns, parameter_vector, unit
 from scipy.stats import chi2
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import MicrofacetUnknowns, Observations
+from jaxrender.inverse import Observations
 from jaxrender.inverse.brdf_table.moving_source import brdf_samples, fit_table, table_error
 from jaxrender.inverse.brdf_table.table import (
     BRDFSamples,
@@ -170,20 +170,15 @@ def test_a_model_is_averaged_over_the_cell():
     assert averaged < 0.01
 
 
-def vector(parameters):
-    kd, ks, sigma, mu = (np.ravel(np.asarray(parameters[k], float)) for k in range(4))
-    return np.array([*kd, ks[0], sigma[0], mu[0]])
-
-
 def test_the_fit_finds_the_material(exact):
     table = tabulate(measured(exact), GRID)
-    fit = fit_table(table, MicrofacetUnknowns(), TRUTH)
+    fit = fit_table(table, microfacet_unknowns(), TRUTH)
     assert fit.converged
     found: Uncertain = fit.parameters
     truth = np.array([0.26, 0.2, 0.12, 0.03, 0.12, 1.78])
-    scores = (vector(found.value) - truth) / vector(found.standard_error)
+    scores = (parameter_vector(found.value) - truth) / parameter_vector(found.standard_error)
     assert np.all(np.abs(scores) < STATED_ERRORS)
-    assert np.all(vector(found.standard_error) < 0.01 * truth)
+    assert np.all(parameter_vector(found.standard_error) < 0.01 * truth)
     assert fit.relative_rms == pytest.approx(table_error(table, TRUTH), rel=0.05)
     assert fit.relative_rms < 0.03
 
@@ -198,7 +193,7 @@ def test_refusals(exact):
         HalfAngleGrid(0, 1, 1)
     few = BRDFSamples(*(a[:2] for a in measured(exact)))
     with pytest.raises(ValueError, match="cannot determine a material"):
-        fit_table(tabulate(few, GRID), MicrofacetUnknowns(), TRUTH)
+        fit_table(tabulate(few, GRID), microfacet_unknowns(), TRUTH)
     pooled = tabulate(measured(exact), HalfAngleGrid(8, 8, 4, reciprocal=True))
     with pytest.raises(ValueError, match="the model tells them apart"):
-        fit_table(pooled, MicrofacetUnknowns(), TRUTH)
+        fit_table(pooled, microfacet_unknowns(), TRUTH)

@@ -8,11 +8,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import known_light
+from inverse_problems import known_light, microfacet_unknowns, mu_unknown, sigma_unknown
 from texture_problems import IMAGE, MU, SIGMA, noisy, textured_ball
 
 from jaxrender.brdf import Microfacet
-from jaxrender.inverse import MicrofacetUnknowns, Outcome
+from jaxrender.inverse import Outcome
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.texture import (
@@ -23,7 +23,6 @@ from jaxrender.inverse.texture import (
     forward_under,
 )
 from jaxrender.inverse.texture.forward import Forward
-from jaxrender.inverse.unknowns import mu_unknown, sigma_unknown
 
 # The sum over an image of 48 rows errs by about 1e-3 of smooth light's integral.
 LIGHT_BIAS = 2e-3
@@ -43,9 +42,11 @@ def fit(ball):
     exact = exact_forward(Microfacet(np.ones(3), np.ones(3), SIGMA, MU), seen, nodes)
 
     def search(index):
-        return LinearisedModel.about(exact(index), jnp.asarray(0.2), jnp.asarray(1.5))
+        return LinearisedModel.about(
+            exact(index), {"sigma": jnp.asarray(0.2), "mu": jnp.asarray(1.5)}
+        )
 
-    unknowns = MicrofacetUnknowns(
+    unknowns = microfacet_unknowns(
         sigma=sigma_unknown(0.1, 0.3, start=0.2), mu=mu_unknown(1.2, 3.0, start=1.5)
     )
     measured = by_site(seen, ball.site, len(ball.kd))
@@ -112,7 +113,9 @@ def test_sites_are_solved_as_exactly_as_by_the_integral(ball):
     forward = forward_under(known_light(48), seen, variant, SIGMA, (0.8 * SIGMA, 1.2 * SIGMA))
     every = np.arange(seen.count)
     final, exact, search = (
-        np.asarray(model(every).columns(jnp.asarray(SIGMA), jnp.asarray(MU)).specular)
+        np.asarray(
+            model(every).columns({"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)}).specular
+        )
         for model in (forward.final, forward.exact, forward.search)
     )
     size = np.sqrt(np.mean(exact**2))

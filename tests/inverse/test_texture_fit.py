@@ -10,11 +10,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import ToyModel
+from inverse_problems import ToyModel, microfacet_unknowns
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import MicrofacetUnknowns, Observations, Outcome, Unknown
+from jaxrender.inverse import Observations, Outcome, Unknown
 from jaxrender.inverse.texture import (
     TextureSettings,
     by_site,
@@ -44,7 +44,7 @@ class Toy:
         self.region = (np.arange(sites) >= sites // 2).astype(int)
         model, exact = self.model_of(np.arange(count)), np.zeros((count, 3))
         for region, sigma in enumerate(sigmas):
-            columns = model.columns(jnp.asarray(sigma), jnp.asarray(1.7))
+            columns = model.columns({"sigma": jnp.asarray(sigma), "mu": jnp.asarray(1.7)})
             rows = self.region[self.site] == region
             whole = self.kd[self.site] * columns.diffuse
             whole += self.ks[self.site][:, None] * columns.specular
@@ -62,7 +62,7 @@ class Toy:
 
 def test_exact_data_are_recovered():
     toy = Toy()
-    fit = fit_texture(toy.measured, toy.forward, MicrofacetUnknowns(), TextureSettings(starts=2))
+    fit = fit_texture(toy.measured, toy.forward, microfacet_unknowns(), TextureSettings(starts=2))
     assert fit.sigma == pytest.approx(0.2, rel=1e-4)
     assert fit.mu == pytest.approx(1.7, rel=1e-4)
     np.testing.assert_allclose(fit.texture.kd, toy.kd, rtol=1e-3)
@@ -74,7 +74,7 @@ def test_the_thesis_method_comes_close_and_the_joint_one_closer():
     errors = {}
     for method in ("thesis", "joint"):
         settings = TextureSettings(method=method, starts=1)
-        fit = fit_texture(toy.measured, toy.forward, MicrofacetUnknowns(), settings)
+        fit = fit_texture(toy.measured, toy.forward, microfacet_unknowns(), settings)
         errors[method] = np.sqrt(np.nanmean((fit.texture.kd / toy.kd - 1) ** 2))
         assert fit.sigma == pytest.approx(0.2, rel=0.1)
     assert errors["joint"] < 0.03
@@ -86,7 +86,7 @@ def test_each_region_has_a_roughness_of_its_own():
     toy = Toy(sites=120, sigmas=(0.12, 0.3), noise=0.01)
     settings = TextureSettings(starts=1)
     texture, fits = fit_texture_by_region(
-        toy.measured, toy.region, toy.forward, MicrofacetUnknowns(), settings
+        toy.measured, toy.region, toy.forward, microfacet_unknowns(), settings
     )
     for region, sigma in enumerate((0.12, 0.3)):
         assert abs(fits[region].sigma - sigma) < WITHIN * fits[region].sigma_error
@@ -97,7 +97,7 @@ def test_each_region_has_a_roughness_of_its_own():
 
 def test_noise_is_told_from_the_texture_that_fits_it():
     toy = Toy(noise=0.02, seed=3)
-    fit = fit_texture(toy.measured, toy.forward, MicrofacetUnknowns(), TextureSettings(starts=1))
+    fit = fit_texture(toy.measured, toy.forward, microfacet_unknowns(), TextureSettings(starts=1))
     # 1440 residuals, 240 unknowns: the estimate scatters by 2 %; without the sites' share of
     # unknowns it would be 9 % low.
     assert fit.noise.relative == pytest.approx(0.02, rel=0.07)
@@ -106,7 +106,7 @@ def test_noise_is_told_from_the_texture_that_fits_it():
 
 def test_cutting_into_chunks_changes_nothing(monkeypatch):
     toy = Toy(noise=0.01)
-    fixed = MicrofacetUnknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
+    fixed = microfacet_unknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
     settings = TextureSettings(noise=NoiseModel(0.01, 0.0))
     whole = fit_texture(toy.measured, toy.forward, fixed, settings).texture
     monkeypatch.setattr(whole_surface, "_CHUNK", 100)
@@ -119,7 +119,7 @@ def test_one_photograph_does_not_tell_gloss_from_matt():
     """Lobe and light known, each site seen once: K_d's error must hold what is not known of K_s."""
     toy = Toy(noise=0.01)
     once = toy.measured.take(np.arange(0, len(toy.site), 8))
-    fixed = MicrofacetUnknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
+    fixed = microfacet_unknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
     fit = fit_texture(once, toy.forward, fixed, TextureSettings(noise=NoiseModel(0.01, 0.0)))
     assert fit.outcome is Outcome.NOT_IDENTIFIABLE
     assert "kd is not told at most sites" in " ".join(fit.reasons)
@@ -134,14 +134,14 @@ def test_what_cannot_be_told_is_refused():
     toy = Toy()
     once = toy.measured.take(np.arange(0, len(toy.site), 8))
     with pytest.raises(ValueError, match="more photographs, larger texels"):
-        fit_texture(once, toy.forward, MicrofacetUnknowns())
+        fit_texture(once, toy.forward, microfacet_unknowns())
     with pytest.raises(ValueError, match="leave both free"):
-        fit_texture(toy.measured, toy.forward, MicrofacetUnknowns(kd=Unknown((0.1,))))
+        fit_texture(toy.measured, toy.forward, microfacet_unknowns(kd=Unknown((0.1,))))
     with pytest.raises(ValueError, match="one K_s for all channels"):
-        fit_texture(toy.measured, toy.forward, MicrofacetUnknowns(ks_per_channel=True))
+        fit_texture(toy.measured, toy.forward, microfacet_unknowns(ks_per_channel=True))
     with pytest.raises(ValueError, match="joint, thesis"):
         fit_texture(
-            toy.measured, toy.forward, MicrofacetUnknowns(), TextureSettings(method="guess")
+            toy.measured, toy.forward, microfacet_unknowns(), TextureSettings(method="guess")
         )
     with pytest.raises(ValueError, match="no region has observations"):
-        fit_texture_by_region(toy.measured, -np.ones(60, int), toy.forward, MicrofacetUnknowns())
+        fit_texture_by_region(toy.measured, -np.ones(60, int), toy.forward, microfacet_unknowns())

@@ -10,11 +10,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import LIGHTS
+from inverse_problems import LIGHTS, microfacet_unknowns
 from texture_problems import LOBE, MU, SIGMA, SITES, SmoothlyLit, texture
 
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.inverse import MicrofacetUnknowns, Observations, Unknown
+from jaxrender.inverse import Observations, Unknown
 from jaxrender.inverse.texture import (
     GlossyProblem,
     SiteData,
@@ -26,7 +26,7 @@ from jaxrender.inverse.texture import (
 from jaxrender.inverse.texture.harmonic_columns import diffuse_basis, harmonic_columns
 from jaxrender.spectra import light_coefficients
 
-FIXED = MicrofacetUnknowns(sigma=Unknown((SIGMA,)), mu=Unknown((MU,)))
+FIXED = microfacet_unknowns(sigma=Unknown((SIGMA,)), mu=Unknown((MU,)))
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_roughness_and_index_are_found_on_model_made_data(shot, truth):
     )
     seen = Observations(shot.samples, radiance, shot.frame)
     problem = GlossyProblem(by_site(seen, shot.site, SITES), seen, LOBE, 5, (0.01, 0.0), False)
-    found = recover_glossy(problem, MicrofacetUnknowns(), mean_ks=0.2)
+    found = recover_glossy(problem, microfacet_unknowns(), mean_ks=0.2)
     assert found.light.sigma == pytest.approx(SIGMA, rel=0.005)
     assert found.light.mu - 1 == pytest.approx(MU - 1, rel=0.01)
     assert found.light.converged
@@ -121,7 +121,7 @@ def _columns(samples):
 @pytest.mark.slow
 def test_roughness_and_index_are_within_their_errors(glossy):
     """K_s varies by a third, which one K_s for all would take for roughness (10 % off)."""
-    light = recover_glossy(glossy[0], MicrofacetUnknowns()).light
+    light = recover_glossy(glossy[0], microfacet_unknowns()).light
     assert light.mu is not None
     assert light.mu_error is not None
     assert abs(light.sigma - SIGMA) < 3 * light.sigma_error

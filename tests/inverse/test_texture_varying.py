@@ -8,11 +8,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import known_light
+from inverse_problems import known_light, microfacet_unknowns
 from texture_problems import samples_of, views
 
 from jaxrender.brdf import Lambertian, Microfacet
-from jaxrender.inverse import MicrofacetUnknowns, Observations
+from jaxrender.inverse import Observations
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
 from jaxrender.inverse.texture import SigmaField, recover_texture
@@ -63,10 +63,10 @@ def test_neighbours_hold_together():
     places = np.random.default_rng(2).normal(size=(100, 3))
     field = SigmaField.over(places, 9)
     assert set(field.pairs.ravel()) == set(range(9))
-    unknowns = field.unknowns(MicrofacetUnknowns(), np.arange(100))
-    even = unknowns.spread(MicrofacetUnknowns().pack(0.2, 1.5))
+    unknowns = field.unknowns(microfacet_unknowns(), np.arange(100))
+    even = unknowns.spread(microfacet_unknowns().pack({"sigma": 0.2, "mu": 1.5}))
     np.testing.assert_allclose(unknowns.steps(jnp.asarray(even)), 0, atol=1e-12)
-    np.testing.assert_allclose(unknowns.unpack(jnp.asarray(even)).sigma, 0.2, rtol=1e-9)
+    np.testing.assert_allclose(unknowns.unpack(jnp.asarray(even)).numbers["sigma"], 0.2, rtol=1e-9)
     assert len(unknowns.names) == len(even) == 10
 
 
@@ -83,7 +83,7 @@ def test_what_cannot_vary_is_refused(scene):
     field = SigmaField.over(places, 4)
     lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
     args = (observations, site, len(places), known_light(16), lobe)
-    fixed = MicrofacetUnknowns(sigma=Unknown(fixed=(0.2,)))
+    fixed = microfacet_unknowns(sigma=Unknown(fixed=(0.2,)))
     with pytest.raises(ValueError, match="sigma is fixed, and to vary"):
         recover_texture(*args, unknowns=fixed, field=field)
     with pytest.raises(ValueError, match="on the integral alone"):
@@ -104,14 +104,16 @@ def test_a_sigma_for_each_sample(scene):
         lambda seen: ExactModel(lobe, seen.samples, nodes),
         lambda seen: DualModel(lobe, seen.samples, dual, None, FACETS),
     ):
-        together = model_of(few).columns(sigma, mu)
-        moved = LinearisedModel.about(model_of(few), sigma, mu).columns(sigma + 1e-4, mu)
+        together = model_of(few).columns({"sigma": sigma, "mu": mu})
+        moved = LinearisedModel.about(model_of(few), {"sigma": sigma, "mu": mu}).columns(
+            {"sigma": sigma + 1e-4, "mu": mu}
+        )
         for k in range(few.count):
             one = model_of(few.take(np.array([k])))
-            alone = one.columns(sigma[k], mu)
+            alone = one.columns({"sigma": sigma[k], "mu": mu})
             np.testing.assert_allclose(together.diffuse[k], alone.diffuse[0], rtol=1e-10)
             np.testing.assert_allclose(together.specular[k], alone.specular[0], rtol=1e-10)
-            own = one.columns(sigma[k] + 1e-4, mu).specular
+            own = one.columns({"sigma": sigma[k] + 1e-4, "mu": mu}).specular
             np.testing.assert_allclose(moved.specular[k], own[0], rtol=1e-4)
 
 

@@ -12,10 +12,16 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import parameter_vector, toy_data, toy_model, toy_radiance
+from inverse_problems import (
+    microfacet_unknowns,
+    parameter_vector,
+    toy_data,
+    toy_model,
+    toy_radiance,
+)
 from scipy.stats import binom
 
-from jaxrender.inverse import MicrofacetUnknowns, Unknown
+from jaxrender.inverse import Unknown
 from jaxrender.inverse.elimination import Problem, search
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.uncertainty import (
@@ -30,7 +36,7 @@ KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
 NOISE = 0.02
 # A numerical Jacobian by central differences, against exact derivatives and the weak prior.
 SAME_ERROR = 2e-3
-UNKNOWNS = MicrofacetUnknowns()
+UNKNOWNS = microfacet_unknowns()
 PROBLEM = Problem.of(UNKNOWNS, 3)
 
 
@@ -43,9 +49,9 @@ def noisy(seed, relative=NOISE):
 def account(seed, relative=NOISE, noise_given=False, weight=1.0):
     radiance, weights = noisy(seed, relative)
     data = toy_data(radiance, weight * weights)
-    fit = search(PROBLEM, MODEL, data, UNKNOWNS.pack(SIGMA, MU)[None])
+    fit = search(PROBLEM, MODEL, data, UNKNOWNS.pack({"sigma": SIGMA, "mu": MU})[None])
     physical = UNKNOWNS.unpack(fit.solution.point)
-    near = LinearisedModel.about(MODEL, physical.sigma, physical.mu)
+    near = LinearisedModel.about(MODEL, physical.numbers)
     return uncertain_parameters(PROBLEM, near, data, fit, noise_given), fit, data
 
 
@@ -102,25 +108,25 @@ def test_intervals_are_ninety_per_cent():
 
 def test_what_is_fixed_has_no_error():
     radiance, weights = noisy(2)
-    unknowns = MicrofacetUnknowns(ks=Unknown(fixed=(0.21,)), sigma=Unknown(fixed=(SIGMA,)))
+    unknowns = microfacet_unknowns(ks=Unknown(fixed=(0.21,)), sigma=Unknown(fixed=(SIGMA,)))
     problem = Problem.of(unknowns, 3)
     data = toy_data(radiance, weights)
     fit = search(problem, MODEL, data, unknowns.starts(1))
     physical = unknowns.unpack(fit.solution.point)
-    near = LinearisedModel.about(MODEL, physical.sigma, physical.mu)
+    near = LinearisedModel.about(MODEL, physical.numbers)
     found = uncertain_parameters(problem, near, data, fit, False)
     np.testing.assert_array_equal(found.standard_error.ks, 0)
-    assert float(found.standard_error.sigma) == 0
-    assert float(found.lower.sigma) == pytest.approx(SIGMA)
-    assert float(found.upper.sigma) == pytest.approx(SIGMA)
+    assert float(found.standard_error.numbers["sigma"]) == 0
+    assert float(found.lower.numbers["sigma"]) == pytest.approx(SIGMA)
+    assert float(found.upper.numbers["sigma"]) == pytest.approx(SIGMA)
     assert np.all(found.standard_error.kd > 0)
-    assert float(found.standard_error.mu) > 0
+    assert float(found.standard_error.numbers["mu"]) > 0
 
 
 def test_what_is_at_a_bound_is_held():
     _, fit, data = account(2)
     held = fit._replace(linear=fit.linear._replace(eliminated=fit.linear.eliminated.at[2].set(0.0)))
-    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
     again = uncertain_parameters(PROBLEM, near, data, held, True)
     assert float(again.standard_error.kd[2]) == 0
     assert float(again.standard_error.kd[1]) > 0
@@ -129,20 +135,18 @@ def test_what_is_at_a_bound_is_held():
 def test_a_parameter_without_evidence_has_the_error_of_its_range():
     # A lobe that does not change with sigma: all that is known of it are its bounds.
     found, fit, data = account(3)
-    near = LinearisedModel.about(MODEL, jnp.asarray(SIGMA), jnp.asarray(MU))
+    near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
     silent = LinearisedModel(
         near.diffuse,
         near.specular,
-        jnp.zeros_like(near.by_sigma),
-        near.by_mu,
-        near.sigma,
-        near.mu,
+        {**near.slopes, "sigma": jnp.zeros_like(near.slopes["sigma"])},
+        near.numbers,
     )
     blind = uncertain_parameters(PROBLEM, silent, data, fit, False)
     assert not within_reach(blind, "sigma")
     assert np.all(np.isfinite(parameter_vector(blind.upper)))
-    assert 0.005 < float(blind.lower.sigma) < 0.05
-    assert 0.4 < float(blind.upper.sigma) < 5
+    assert 0.005 < float(blind.lower.numbers["sigma"]) < 0.05
+    assert 0.4 < float(blind.upper.numbers["sigma"]) < 5
     # The others are known no worse for it: better, as sigma is no longer confused with them.
     assert np.all(np.asarray(blind.standard_error.kd) <= np.asarray(found.standard_error.kd) * 1.01)
 
@@ -155,9 +159,9 @@ def interval(**half_widths):
         ks = np.full(3, 1 + sign * half_widths.get("ks", 0.0))
         sigma = np.asarray(1 + sign * half_widths.get("sigma", 0.0))
         mu = np.asarray(2 + sign * half_widths.get("mu", 0.0))
-        return Parameters(kd, ks, sigma, mu, np.ones(1), np.ones(()))
+        return Parameters(kd, ks, {"sigma": sigma, "mu": mu}, np.ones(1), np.ones(()))
 
-    return Uncertain(side(0), side(-1), side(1), side(0))
+    return Uncertain(side(0), side(-1), side(1), side(0), origins={"sigma": 0.0, "mu": 1.0})
 
 
 @pytest.mark.parametrize("name", ["kd", "ks", "sigma", "mu"])

@@ -10,9 +10,10 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from inverse_problems import microfacet_unknowns, mu_unknown, sigma_unknown
 
-from jaxrender.inverse import MicrofacetUnknowns, Unknown
-from jaxrender.inverse.unknowns import MU_BOUNDS, SIGMA_BOUNDS, mu_unknown, sigma_unknown
+from jaxrender.brdf import INDEX_BOUNDS, WIDTH_BOUNDS
+from jaxrender.inverse import Unknown
 
 # Logarithms and an S-shaped curve there and back again, in float64.
 ROUND_TRIP = 1e-12
@@ -25,71 +26,77 @@ def fixed(value):
 @pytest.mark.parametrize("sigma", [0.05, 0.16, 0.7])
 @pytest.mark.parametrize("mu", [1.1, 1.5, 4.0])
 def test_unpack_undoes_pack(sigma, mu):
-    found = MicrofacetUnknowns().unpack(jnp.asarray(MicrofacetUnknowns().pack(sigma, mu)))
-    assert float(found.sigma) == pytest.approx(sigma, rel=ROUND_TRIP)
-    assert float(found.mu) == pytest.approx(mu, rel=ROUND_TRIP)
+    found = microfacet_unknowns().unpack(
+        jnp.asarray(microfacet_unknowns().pack({"sigma": sigma, "mu": mu}))
+    )
+    assert float(found.numbers["sigma"]) == pytest.approx(sigma, rel=ROUND_TRIP)
+    assert float(found.numbers["mu"]) == pytest.approx(mu, rel=ROUND_TRIP)
 
 
 def test_unpack_undoes_pack_with_some_fixed():
-    unknowns = MicrofacetUnknowns(sigma=fixed(0.3))
+    unknowns = microfacet_unknowns(sigma=fixed(0.3))
     assert unknowns.names == ("mu",)
-    found = unknowns.unpack(jnp.asarray(unknowns.pack(0.1, 1.7)))
-    assert float(found.sigma) == pytest.approx(0.3, rel=ROUND_TRIP)
-    assert float(found.mu) == pytest.approx(1.7, rel=ROUND_TRIP)
-    unknowns = MicrofacetUnknowns(mu=fixed(1.4))
+    found = unknowns.unpack(jnp.asarray(unknowns.pack({"sigma": 0.1, "mu": 1.7})))
+    assert float(found.numbers["sigma"]) == pytest.approx(0.3, rel=ROUND_TRIP)
+    assert float(found.numbers["mu"]) == pytest.approx(1.7, rel=ROUND_TRIP)
+    unknowns = microfacet_unknowns(mu=fixed(1.4))
     assert unknowns.names == ("sigma",)
-    found = unknowns.unpack(jnp.asarray(unknowns.pack(0.1, 1.7)))
-    assert float(found.sigma) == pytest.approx(0.1, rel=ROUND_TRIP)
-    assert float(found.mu) == pytest.approx(1.4, rel=ROUND_TRIP)
+    found = unknowns.unpack(jnp.asarray(unknowns.pack({"sigma": 0.1, "mu": 1.7})))
+    assert float(found.numbers["sigma"]) == pytest.approx(0.1, rel=ROUND_TRIP)
+    assert float(found.numbers["mu"]) == pytest.approx(1.4, rel=ROUND_TRIP)
 
 
 def test_a_metal_has_no_index():
-    unknowns = MicrofacetUnknowns(mu=None)
+    unknowns = microfacet_unknowns(mu=None)
     assert unknowns.names == ("sigma",)
-    assert unknowns.unpack(jnp.asarray(unknowns.pack(0.2, None))).mu is None
+    assert unknowns.unpack(jnp.asarray(unknowns.pack({"sigma": 0.2}))).numbers.get("mu") is None
 
 
 @pytest.mark.parametrize("x", [-50.0, -3.0, 0.0, 3.0, 50.0])
 def test_parameters_stay_within_bounds(x):
-    unknowns = MicrofacetUnknowns(sigma=sigma_unknown(lower=0.1, upper=0.4))
+    unknowns = microfacet_unknowns(sigma=sigma_unknown(lower=0.1, upper=0.4))
     found = unknowns.unpack(jnp.array([x, x]))
-    assert 0.1 * (1 - ROUND_TRIP) <= float(found.sigma) <= 0.4 * (1 + ROUND_TRIP)
-    assert MU_BOUNDS[0] * (1 - ROUND_TRIP) <= float(found.mu) <= MU_BOUNDS[1] * (1 + ROUND_TRIP)
+    assert 0.1 * (1 - ROUND_TRIP) <= float(found.numbers["sigma"]) <= 0.4 * (1 + ROUND_TRIP)
+    assert (
+        INDEX_BOUNDS[0] * (1 - ROUND_TRIP)
+        <= float(found.numbers["mu"])
+        <= INDEX_BOUNDS[1] * (1 + ROUND_TRIP)
+    )
 
 
 def test_parameters_grow_with_their_search_variables():
-    unknowns = MicrofacetUnknowns()
+    unknowns = microfacet_unknowns()
     low, high = (unknowns.unpack(jnp.array([x, x])) for x in (-1.0, 1.0))
-    assert float(low.sigma) < float(high.sigma)
-    assert float(low.mu) < float(high.mu)
+    assert float(low.numbers["sigma"]) < float(high.numbers["sigma"])
+    assert float(low.numbers["mu"]) < float(high.numbers["mu"])
 
 
 def test_starts_are_inside_and_distinct_the_users_first():
-    unknowns = MicrofacetUnknowns(
+    unknowns = microfacet_unknowns(
         sigma=sigma_unknown(start=0.31), mu=mu_unknown(start=1.9), free_gains=3
     )
     starts = unknowns.starts(8)
     assert starts.shape == (8, 4)
     assert len(np.unique(starts[:, 0])) == 8
     first = unknowns.unpack(jnp.asarray(starts[0]))
-    assert float(first.sigma) == pytest.approx(0.31, rel=ROUND_TRIP)
-    assert float(first.mu) == pytest.approx(1.9, rel=ROUND_TRIP)
+    assert float(first.numbers["sigma"]) == pytest.approx(0.31, rel=ROUND_TRIP)
+    assert float(first.numbers["mu"]) == pytest.approx(1.9, rel=ROUND_TRIP)
     found = [unknowns.unpack(jnp.asarray(start)) for start in starts]
-    sigmas = np.array([float(physical.sigma) for physical in found])
-    assert np.all((sigmas > SIGMA_BOUNDS[0]) & (sigmas < SIGMA_BOUNDS[1]))
+    sigmas = np.array([float(physical.numbers["sigma"]) for physical in found])
+    assert np.all((sigmas > WIDTH_BOUNDS[0]) & (sigmas < WIDTH_BOUNDS[1]))
     # They cover the bounds, not a corner of them.
     assert sigmas.max() / sigmas.min() > 5
     np.testing.assert_array_equal(starts[:, 2:], 0)
 
 
 def test_a_start_outside_narrow_bounds_is_moved_inside():
-    unknowns = MicrofacetUnknowns(sigma=sigma_unknown(lower=0.3, upper=0.5))
-    sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).sigma)
+    unknowns = microfacet_unknowns(sigma=sigma_unknown(lower=0.3, upper=0.5))
+    sigma = float(unknowns.unpack(jnp.asarray(unknowns.starts(1)[0])).numbers["sigma"])
     assert 0.3 < sigma < 0.5
 
 
 def test_only_what_is_next_to_a_bound_is_at_it():
-    unknowns = MicrofacetUnknowns(free_gains=2)
+    unknowns = microfacet_unknowns(free_gains=2)
     assert unknowns.at_bound(jnp.array([20.0, 0.0, -40.0])).tolist() == [True, False, False]
     assert unknowns.at_bound(jnp.array([0.0, -20.0, 40.0])).tolist() == [False, True, False]
     assert unknowns.at_bound(jnp.array([4.0, -4.0, 0.0])).tolist() == [False, False, False]
@@ -97,21 +104,24 @@ def test_only_what_is_next_to_a_bound_is_at_it():
 
 def test_a_start_at_a_bound_is_tried_again_where_a_search_moves_it():
     """From far out, a step of one in the search variable moves mu by two millionths."""
-    unknowns = MicrofacetUnknowns(free_gains=2)
+    unknowns = microfacet_unknowns(free_gains=2)
     inside, at_bound = np.array([1.5, -2.0, 70.0]), np.array([-1.0, 300.0, 70.0])
     starts = unknowns.restarts(np.stack([inside, at_bound]))
     np.testing.assert_array_equal(starts[:2], [inside, at_bound])
     [pulled] = starts[2:]
     assert (pulled[0], pulled[2]) == (-1.0, 70.0)
     by_one = [
-        float(unknowns.unpack(jnp.asarray(p - [0, 1.0, 0])).mu - unknowns.unpack(jnp.asarray(p)).mu)
+        float(
+            unknowns.unpack(jnp.asarray(p - [0, 1.0, 0])).numbers["mu"]
+            - unknowns.unpack(jnp.asarray(p)).numbers["mu"]
+        )
         for p in (at_bound, pulled)
     ]
     assert abs(by_one[1]) > 1e3 * abs(by_one[0])
 
 
 def test_gains_are_relative_to_the_first_photograph():
-    unknowns = MicrofacetUnknowns(free_gains=3)
+    unknowns = microfacet_unknowns(free_gains=3)
     assert unknowns.names == ("sigma", "mu", "gain 1", "gain 2")
     point = jnp.concatenate([jnp.zeros(2), jnp.log(jnp.array([2.0, 0.5]))])
     np.testing.assert_allclose(unknowns.unpack(point).gains, [1, 2, 0.5], rtol=ROUND_TRIP)
@@ -126,8 +136,8 @@ def test_wrong_bounds_and_starts_are_refused():
 
 def test_a_step_too_far_leaves_a_slope_to_come_back_on():
     """The logistic curve has none beyond 37, nor beyond 17 in single precision."""
-    unknowns = MicrofacetUnknowns()
+    unknowns = microfacet_unknowns()
     far = jnp.array([100.0, 100.0])
     here, there = unknowns.unpack(far), unknowns.unpack(far - 1)
-    assert float(there.sigma) < float(here.sigma) < SIGMA_BOUNDS[1]
-    assert float(there.mu) < float(here.mu) < MU_BOUNDS[1]
+    assert float(there.numbers["sigma"]) < float(here.numbers["sigma"]) < WIDTH_BOUNDS[1]
+    assert float(there.numbers["mu"]) < float(here.numbers["mu"]) < INDEX_BOUNDS[1]

@@ -9,12 +9,18 @@
 
 import numpy as np
 import pytest
-from inverse_problems import ball_samples, known_light, material, photograph, with_noise
+from inverse_problems import (
+    ball_samples,
+    known_light,
+    material,
+    microfacet_unknowns,
+    photograph,
+    with_noise,
+)
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Components
-from jaxrender.inverse import FitSettings, MicrofacetUnknowns, fit_brdf
-from jaxrender.inverse.uncertainty import Parameters
+from jaxrender.inverse import FitSettings, fit_brdf
 from jaxrender.inverse.variants import (
     Variant,
     _others,
@@ -33,7 +39,7 @@ def variants_by_truth():
     for angle in ("exit", "half"):
         truth = material(mu=1.4, fresnel=angle)
         noisy = with_noise(photograph(truth, *ball_samples(lowest_cosine=0.1)), 0.002)
-        fit = fit_brdf(noisy, light, MicrofacetUnknowns(), material(mu=1.4), SETTINGS)
+        fit = fit_brdf(noisy, light, microfacet_unknowns(), material(mu=1.4), SETTINGS)
         found[angle] = fit, fit_variants(fit, light, SETTINGS)
     return found
 
@@ -57,7 +63,7 @@ def test_the_right_model_stands_and_the_wrong_falls(variants_by_truth):
     assert not better.rejected
     # The half angle explains what the exit angle could not.
     assert better.chi_squared < -10
-    assert float(better.parameters.mu) == pytest.approx(1.4, rel=0.05)
+    assert float(better.parameters.numbers["mu"]) == pytest.approx(1.4, rel=0.05)
 
 
 @pytest.mark.slow
@@ -68,11 +74,11 @@ def test_a_metal_varies_its_masking_alone(variants_by_truth):
 
 
 def moved(parameters, chi_squared, **factors):
-    values = {
+    numbers = {
         name: np.asarray(value) * factors.get(name, 1.0)
-        for name, value in parameters._asdict().items()
+        for name, value in parameters.numbers.items()
     }
-    return Variant("half", "none", Parameters(**values), chi_squared)
+    return Variant("half", "none", parameters._replace(numbers=numbers), chi_squared)
 
 
 @pytest.mark.slow

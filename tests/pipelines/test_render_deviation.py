@@ -36,18 +36,18 @@ def rendered(finished, tmp_path_factory):
 
 def values_of(result):
     brdf = result["brdf"]
-    return np.array([*brdf["kd"], brdf["ks"], brdf["ks"], brdf["ks"], brdf["sigma"], brdf["mu"]])
+    return np.array([*brdf["kd"], brdf["ks"], brdf["ks"], brdf["ks"], brdf["mu"], brdf["sigma"]])
 
 
 def test_the_diagonal_are_the_standard_errors(finished):
     covariance, error = read_covariance(finished / "result.nc"), read_result(finished)
     error = error["standard_error"]
     found = np.sqrt(np.diag(covariance.matrix))
-    expected = [*error["kd"], *3 * [error["ks"]], error["sigma"], error["mu"]]
+    expected = [*error["kd"], *3 * [error["ks"]], error["mu"], error["sigma"]]
     np.testing.assert_allclose(found[:8], expected, rtol=1e-9)
     with h5netcdf.File(finished / "result.nc") as file:
         names = file["covariance"].attrs["numbers"].split()
-    assert names[:8] == ["kd[0]", "kd[1]", "kd[2]", "ks[0]", "ks[1]", "ks[2]", "sigma", "mu"]
+    assert names[:8] == ["kd[0]", "kd[1]", "kd[2]", "ks[0]", "ks[1]", "ks[2]", "mu", "sigma"]
 
 
 def test_materials_drawn_from_the_covariance_scatter_as_the_map_says(finished, rendered):
@@ -61,7 +61,7 @@ def test_materials_drawn_from_the_covariance_scatter_as_the_map_says(finished, r
     images = []
     for draw in draws:
         with mock.patch.multiple(
-            small_captures, KD=tuple(draw[:3]), KS=draw[3], SIGMA=draw[6], MU=draw[7]
+            small_captures, KD=tuple(draw[:3]), KS=draw[3], MU=draw[6], SIGMA=draw[7]
         ):
             arguments = view.normals[used], view.outgoing[used], MOVING[frame]
             images.append(small_captures.reflected(*arguments))
@@ -91,7 +91,9 @@ def test_gain_and_scale_are_factors():
     rng = np.random.default_rng(1)
     channels, gains = 3, 2
     root = rng.normal(size=(2 * channels + 3 + gains, 2 * channels + 3 + gains))
-    covariance = MaterialCovariance(root @ root.T, channels)
+    amplitudes = [f"{name}[{k}]" for name in ("kd", "ks") for k in range(channels)]
+    names = (*amplitudes, "sigma", "mu", "gains[0]", "gains[1]", "scale")
+    covariance = MaterialCovariance(root @ root.T, channels, names)
     values = rng.uniform(0.5, 1.5, len(root))
     diffuse, specular, by_sigma, by_mu = rng.uniform(0.2, 1, (4, 5, channels))
 
@@ -108,9 +110,11 @@ def test_gain_and_scale_are_factors():
     ks = values[3:6]
     parts = np.stack([diffuse, specular, ks * by_sigma, ks * by_mu], axis=1)
     radiance = values[:3] * diffuse + ks * specular
-    found = image_deviation(covariance.of_frame(1), parts, radiance, (values[9], values[10]))
+    found = image_deviation(
+        covariance.of_frame(1, ("sigma", "mu")), parts, radiance, (values[9], values[10])
+    )
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-    elsewhere = covariance.of_frame(None)
+    elsewhere = covariance.of_frame(None, ("sigma", "mu"))
     assert not elsewhere[:, 4].any()
     assert elsewhere[:, 5, 5] == pytest.approx(covariance.matrix[-1, -1])
 

@@ -17,12 +17,12 @@ from jaxrender.geometry import Components, to_local, world_from_local
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf_table.table import BRDFSamples, BRDFTable
 from jaxrender.inverse.elimination import Data, Problem, search
-from jaxrender.inverse.models import Columns, LinearisedModel, Rows
+from jaxrender.inverse.models import Columns, LinearisedModel, Numbers, Rows
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import DirectionalSources
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Float
 
 _STARTS = 4
 # A cell at the rim of what was measured may reach below the horizon.
@@ -82,10 +82,10 @@ class CellModel(eqx.Module):
     outgoing: Float[AnyArray, "sample node 3"]
     channels: int = eqx.field(static=True)
 
-    def columns(self, sigma: Float[Array, ""], mu: Float[Array, ""] | None) -> Columns:
+    def columns(self, numbers: Numbers) -> Columns:
         """Evaluate both lobes, divided by cos t_i."""
         incoming, outgoing = Components.of(self.incoming), Components.of(self.outgoing)
-        lobe = self.variant.with_roughness(sigma, mu).specular_transfer(incoming, outgoing)
+        lobe = self.variant.with_numbers(numbers).specular_transfer(incoming, outgoing)
         mean = jnp.mean(lobe / jnp.maximum(incoming.z, _SMALLEST_COSINE), axis=1)
         specular = jnp.repeat(mean[:, None], self.channels, axis=1)
         return Columns(jnp.ones_like(specular), specular)
@@ -96,7 +96,7 @@ class CellModel(eqx.Module):
         return CellModel(self.variant, incoming, outgoing, self.channels)
 
 
-def fit_table(table: BRDFTable, unknowns: MicrofacetUnknowns, variant: Microfacet) -> TableFit:
+def fit_table(table: BRDFTable, unknowns: Unknowns, variant: Microfacet) -> TableFit:
     """Fit kd, ks, sigma and mu of T 6.2 to a tabulated BRDF.
 
     Cells are weighed by their standard errors, so the highlight does not rule alone as in the
@@ -121,18 +121,11 @@ def fit_table(table: BRDFTable, unknowns: MicrofacetUnknowns, variant: Microface
     data = Data(values, 1 / deviation, np.zeros(len(values), int))
     fit = search(problem, model, data, unknowns.starts(_STARTS))
     physical = problem.unknowns.unpack(fit.solution.point)
-    near = LinearisedModel.about(model, physical.sigma, physical.mu)
+    near = LinearisedModel.about(model, physical.numbers)
     found = uncertain_parameters(problem, near, data, fit, noise_given=True)
     value = found.value
-    brdf = Microfacet(
-        np.asarray(value.kd),
-        np.asarray(value.ks),
-        float(value.sigma),
-        None if variant.mu is None else float(value.mu),
-        variant.fresnel,
-        variant.masking,
-        variant.distribution,
-    )
+    lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
+    brdf = lobe.with_amplitudes(np.asarray(value.kd), np.asarray(value.ks))
     return TableFit(brdf, found, table_error(table, brdf), bool(fit.solution.converged))
 
 

@@ -19,10 +19,12 @@ gauge that rests on what was found has its part in both.
 from typing import NamedTuple
 
 import jax
+import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 
+from jaxrender.brdf import Parametric
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.inverse.factorization.projection import (
     Scatter,
@@ -91,7 +93,7 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
     unknown = jnp.concatenate([jnp.asarray(part).ravel() for part in (*state.guess[:3], light.T)])
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
-    settings = task.response.variant.mu is None, gauge, light.shape
+    settings = task.response.variant, gauge, light.shape
     parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], settings)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     told = _told(np.asarray(data.penalty)[: response.slow_count], alone, variance)
@@ -149,36 +151,47 @@ def _joint_covariance(
 def _in_gauge(
     unknown: Float[Array, "number"],
     covariance: Float[np.ndarray, "number number"],
-    settings: tuple[bool, str, tuple[int, int]],
+    settings: tuple[Parametric, str, tuple[int, int]],
 ) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
     """Carry gloss, log sigma, log(mu - 1) and light over to a gauge, with their covariance.
 
-    ``settings`` are whether it is a metal, the gauge, and the light's shape.
+    ``settings`` are the model, in whose own numbers the lobe is put, the gauge, and the light's
+    shape.
     """
-    metal, gauge, (parts, channels) = settings
+    variant, gauge, (parts, channels) = settings
 
-    def numbers(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
+    def body_and_light(
+        vector: Float[Array, "number"],
+    ) -> tuple[Parameters, Float[Array, "channel part"]]:
         gloss, lobe, light = jnp.split(vector, [channels, channels + 2])
         share, light = jax.nn.sigmoid(gloss), light.reshape(channels, parts)
         factor = gauge_factors(share, light[:, 0], gauge)
-        mu = jnp.where(metal, 0, 1 + jnp.exp(lobe[1]))
-        body = [(1 - share) * factor, share * factor, jnp.exp(lobe[:1]), mu[None], jnp.ones(2)]
-        return jnp.concatenate([*body, (light / factor[:, None]).ravel()])
+        numbers = own_numbers(variant, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
+        one = jnp.ones((), vector.dtype)
+        body = Parameters((1 - share) * factor, share * factor, numbers, one[None], one)
+        return body, light / factor[:, None]
 
-    slopes = np.asarray(jax.jacfwd(numbers)(unknown))
+    def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
+        return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
+
+    slopes = np.asarray(jax.jacfwd(flat)(unknown))
     spread = slopes @ covariance @ slopes.T
-    error = np.sqrt(np.maximum(np.diag(spread), 0))
-    body = 2 * channels + 4
-    value, errors = (
-        Parameters(n[:channels], n[channels:-4], n[-4], n[-3], n[-2:-1], n[-1])
-        for n in (np.asarray(numbers(unknown), float)[:body], error[:body])
+    at = body_and_light(unknown)
+    error, of_light = jax.flatten_util.ravel_pytree(at)[1](
+        jnp.asarray(np.sqrt(np.maximum(np.diag(spread), 0)))
     )
-    if metal:
-        value = value._replace(mu=np.asarray(np.nan))
-    return (
-        intervals(value, errors, spread[:body, :body]),
-        error[body:].reshape(channels, parts).T,
-    )
+    value, error = (jax.tree.map(lambda x: np.asarray(x, float), one) for one in (at[0], error))
+    size = len(spread) - channels * parts
+    origins = {one.name: one.origin for one in variant.searched}
+    return intervals(value, error, origins, spread[:size, :size]), np.asarray(of_light).T
+
+
+def own_numbers(
+    variant: Parametric, sigma: Float[AnyArray, ""], mu: Float[AnyArray, ""]
+) -> dict[str, Float[Array, ""]]:
+    """Put a width, and an index where there is one, in the model's own numbers."""
+    index = {} if variant.mu is None else {variant.index.name: variant.index.of_index(mu)}
+    return {variant.shape.name: variant.shape.of_width(sigma), **index}
 
 
 def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple) -> RecoveredScene:

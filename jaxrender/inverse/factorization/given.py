@@ -1,18 +1,24 @@
 """What is known of a material, as a factorization has it; its own units where all is known."""
 
+from collections.abc import Callable
+
 import numpy as np
 
+from jaxrender.brdf import Parametric
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.state import Known
 from jaxrender.inverse.uncertainty import Uncertain
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknown, Unknowns
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import Float
 
 
-def known_of(unknowns: MicrofacetUnknowns, channels: int = 3, *, matt: bool = False) -> Known:
+def known_of(
+    unknowns: Unknowns, lobe: Parametric, channels: int = 3, *, matt: bool = False
+) -> Known:
     """Say what of the material is known; only ratios of kd and ks mean anything without the light.
 
+    What is told of the numbers of ``lobe`` is said of the width and the index that they stand for.
     ``matt``: it has one lobe alone, and so a share that is known.
     """
     share = None
@@ -23,11 +29,22 @@ def known_of(unknowns: MicrofacetUnknowns, channels: int = 3, *, matt: bool = Fa
     elif matt:
         # One lobe alone, which is called kd: a base or, of oren-nayar, the lobe of the search.
         share = (0.0 if unknowns.ks.fixed is not None else 1.0,) * channels
-    return Known(share, unknowns.sigma, unknowns.mu)
+    sigma = _through(unknowns[lobe.shape.name], lobe.shape.width_of)
+    has_index = lobe.index.name in unknowns
+    mu = _through(unknowns[lobe.index.name], lobe.index.index_of) if has_index else None
+    return Known(share, sigma, mu)
+
+
+def _through(told: Unknown, function: Callable[[float], float]) -> Unknown:
+    """Tell the same of a number that this one stands for; it may fall where this one rises."""
+    if told.fixed is not None:
+        return Unknown(fixed=tuple(float(function(value)) for value in told.fixed))
+    low, high = sorted(float(function(bound)) for bound in (told.lower, told.upper))
+    return Unknown(None, low, high, None if told.start is None else float(function(told.start)))
 
 
 def reflectances_of(
-    unknowns: MicrofacetUnknowns, channels: int = 3
+    unknowns: Unknowns, channels: int = 3
 ) -> tuple[Float[np.ndarray, "channel"], Float[np.ndarray, "channel"]] | None:
     """Take kd and ks where both are known; else None."""
     if unknowns.kd.fixed is None or unknowns.ks.fixed is None:
@@ -54,10 +71,9 @@ def in_units_of(
         total=scene.total / total,
     )
     value, low, high, error = (p._replace(kd=kd, ks=ks) for p in found.parameters[:4])
-    parameters = Uncertain(value, low, high, error)
-    zero = parameters.standard_error._replace(kd=0 * kd, ks=0 * ks)
+    exact = error._replace(kd=0 * kd, ks=0 * ks)
     return found._replace(
         brdf=found.brdf.with_amplitudes(kd, ks),
         scene=scene,
-        parameters=parameters._replace(standard_error=zero),
+        parameters=Uncertain(value, low, high, exact, origins=found.parameters.origins),
     )

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import INDEX_BOUNDS, Microfacet, normalised_fresnel
 from jaxrender.inverse.factorization.account import GAUGES, gauge_factors
 from jaxrender.inverse.factorization.gram import BinnedGram
 from jaxrender.inverse.factorization.roughness import (
@@ -30,7 +30,6 @@ from jaxrender.inverse.factorization.roughness import (
     roughness_from_source,
 )
 from jaxrender.inverse.solvers import Solution, simplex
-from jaxrender.inverse.unknowns import MU_BOUNDS
 from jaxrender.shapes import AnyArray, Array, Float
 
 # l* of T 6.15: of the order of 1 / sigma of most materials.
@@ -142,9 +141,9 @@ def _factor(inner: Callable, channels: list, start: Start, gauge: str) -> Nested
     if gauge not in GAUGES:
         raise ValueError(f"gauge={gauge!r}: choose one of {', '.join(GAUGES)}")
     share, mu = start
-    if not 0 < share < 1 or not (mu is None or MU_BOUNDS[0] < mu < MU_BOUNDS[1]):
+    if not 0 < share < 1 or not (mu is None or INDEX_BOUNDS[0] < mu < INDEX_BOUNDS[1]):
         raise ValueError(
-            f"start {start}: give 0 < share < 1, and mu within {MU_BOUNDS}, or None for a metal"
+            f"start {start}: give 0 < share < 1, and mu within {INDEX_BOUNDS}, or None for a metal"
         )
     point = [np.log(share / (1 - share))] + ([] if mu is None else [np.log(mu - 1)])
     found = [_search(inner, channel, jnp.asarray(point)) for channel in channels]
@@ -185,6 +184,6 @@ def _judged(inner: Callable, data, point: Float[Array, "unknown"]) -> Inner:
 
 def _material(point: Float[Array, "unknown"]) -> tuple[Float[Array, ""], Float[Array, ""] | None]:
     """Read a point of the search: K_s, and mu where there are two unknowns."""
-    low, high = MU_BOUNDS
+    low, high = INDEX_BOUNDS
     mu = None if len(point) == 1 else jnp.clip(1 + jnp.exp(point[1]), low, high)
     return jax.nn.sigmoid(point[0]), mu

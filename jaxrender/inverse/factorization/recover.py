@@ -31,7 +31,7 @@ from jaxrender.inverse.factorization.state import (
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
-from jaxrender.inverse.uncertainty import Uncertain, in_own_units, within_reach
+from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
 
 # Lamps are looked for, and everything fitted along with them, on about this many samples; the last
@@ -78,7 +78,7 @@ def factorize(
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
     Of ``variant`` only the kind counts: any parametric model; of a microfacet whether it is a
-    metal, Fresnel angle, masking, distribution.  Its width is ``parameters.value.sigma``.  Of a
+    metal, Fresnel angle, masking, distribution.  Of a
     Lambertian body a share of no gloss is ``known``, of one with a single lobe that all is gloss;
     what of the light such a body does not tell, ``scene.told`` says.
     Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
@@ -108,8 +108,7 @@ def factorize(
     assert state.joint is not None
     _, noise = weigh_by_noise(task, state)
     value = parameters.value
-    mu = None if variant.mu is None else float(value.mu)
-    lobe = variant.with_roughness(float(value.sigma), mu)
+    lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
     brdf = lobe.with_amplitudes(value.kd, value.ks)
     predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
     return Factorization(
@@ -163,29 +162,26 @@ def _judge(
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
-    variant = task.response.variant
-    own = in_own_units(parameters, variant)
+    variant, guess = task.response.variant, state.guess
     free = free_unknowns(task, state)
     channels = task.radiance.shape[1]
-    searched = {
-        "kd": bool(free[:channels].any()),
-        "ks": bool(free[:channels].any()),
-        "sigma": bool(free[channels]),
-        "mu": bool(free[channels + 1]),
-    }
+    shares = bool(free[:channels].any())
+    searched = {"kd": shares, "ks": shares}
+    searched |= {variant.shape.name: bool(free[channels])}
+    searched |= {variant.index.name: bool(free[channels + 1])}
     bound = {
-        "sigma": _at_bound(float(parameters.value.sigma), task.bounds.sigma, 0.0),
-        "mu": _at_bound(float(parameters.value.mu), task.bounds.mu, 1.0),
+        variant.shape.name: _at_bound(float(guess.sigma), task.bounds.sigma, 0.0),
+        variant.index.name: _at_bound(float(guess.mu), task.bounds.mu, 1.0),
     }
     identifiable, reasons = {}, []
     for name in (name for name, is_free in searched.items() if is_free):
-        reached = within_reach(own, name, variant.index.of_index(1.0))
+        reached = within_reach(parameters, name)
         called = variant.called(name) or name
         identifiable[called] = reached and not bound.get(name, False)
         if bound.get(name, False):
             reasons.append(f"{called} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, own, called, isinstance(variant, Glossy)))
+            reasons.append(_why(name, parameters, called, variant))
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -203,19 +199,19 @@ def _judge(
     return (Outcome.CONVERGED if good else Outcome.NOT_IDENTIFIABLE), identifiable, tuple(reasons)
 
 
-def _at_bound(value: float, bounds: tuple[float, float], origin: float) -> bool:
-    low, high = (abs(np.log((value - origin) / (bound - origin))) for bound in bounds)
+def _at_bound(logarithm: float, bounds: tuple[float, float], origin: float) -> bool:
+    low, high = (abs(logarithm - np.log(bound - origin)) for bound in bounds)
     return bool(min(low, high) < _AT_BOUND)
 
 
-def _why(name: str, parameters: Uncertain, called: str, glossy: bool) -> str:
-    low, high = (np.ravel(getattr(bound, name)) for bound in parameters[1:3])
+def _why(name: str, parameters: Uncertain, called: str, variant: Parametric) -> str:
+    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
     shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
     sentence = f"{called} is not identifiable: its 90 % interval is {shown}"
-    if name in ("sigma", "mu") and not glossy:
+    if name not in ("kd", "ks") and not isinstance(variant, Glossy):
         return f"{sentence}; these views show too little of the lobe's shape"
-    if name == "sigma":
+    if name == variant.shape.name:
         return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
-    if name == "mu":
+    if name == variant.index.name:
         return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
     return f"{sentence}; too little tells gloss and matt apart"

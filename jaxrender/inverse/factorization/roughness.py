@@ -22,10 +22,9 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import eval_legendre
 
-from jaxrender.brdf import Microfacet, normalised_fresnel
+from jaxrender.brdf import WIDTH_BOUNDS, Microfacet, normalised_fresnel
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.harmonics import band_limit_of, degree_table, evaluate
-from jaxrender.inverse.unknowns import SIGMA_BOUNDS
 from jaxrender.shapes import AnyArray, Array, Float
 from jaxrender.spectra import exit_cosine_transfer
 
@@ -167,15 +166,15 @@ def _inverted(by_degree: Float[np.ndarray, "degree"], cap: _Cap, filtered_by: Fi
         its_centre, its_total = cap.above_rim(source)
         return its_centre * total - centre * its_total
 
-    low, high = np.log(SIGMA_BOUNDS)
+    low, high = np.log(WIDTH_BOUNDS)
     if excess(low) < 0:
         raise ValueError(
-            f"no directional source: the peak is sharper than a lamp's of sigma {SIGMA_BOUNDS[0]}, "
+            f"no directional source: the peak is sharper than a lamp's of sigma {WIDTH_BOUNDS[0]}, "
             "cut at the same degree, so it is noise or ringing; give the region of a lamp"
         )
     if excess(high) > 0:
         raise ValueError(
-            f"no directional source: the peak is wider than a lamp's of sigma {SIGMA_BOUNDS[1]}; "
+            f"no directional source: the peak is wider than a lamp's of sigma {WIDTH_BOUNDS[1]}; "
             "give the region of a lamp"
         )
     root = brentq(excess, low, high, xtol=1e-12, full_output=True)[0]

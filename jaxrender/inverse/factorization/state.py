@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import logit
 
+from jaxrender.brdf import WIDTH_BOUNDS
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.factorization.joint import Bounds, Descent, Joint, descend_jointly
@@ -25,7 +26,7 @@ from jaxrender.inverse.factorization.response import (
 )
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
-from jaxrender.inverse.unknowns import Unknown, index_bounds, mu_unknown, sigma_unknown
+from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Bool, Float
 
@@ -57,7 +58,8 @@ class Known(NamedTuple):
     """What is known of the material beforehand.
 
     ``share`` is ks / (kd + ks) of each channel.  It is 0 or 1 where the material has one lobe.
-    ``sigma`` and ``mu`` are fixed, or free within bounds.  None: free within the model's bounds.
+    The width ``sigma`` and the index ``mu`` are fixed, or free within bounds.  None: free within
+    the model's bounds.
     """
 
     share: tuple[float, ...] | None = None
@@ -99,12 +101,15 @@ class Task(NamedTuple):
     @property
     def sigma(self) -> Unknown:
         """What is known of the width."""
-        return self.known.sigma or sigma_unknown()
+        return self.known.sigma or Unknown(None, *WIDTH_BOUNDS)
 
     @property
     def mu(self) -> Unknown:
         """What is known of the index."""
-        return self.known.mu or mu_unknown(*index_bounds(self.response.variant))
+        index = self.response.variant.index
+        own = index.searched
+        bounds = (index.index_of(bound) for bound in (own.lowest, own.highest))
+        return self.known.mu or Unknown(None, *bounds)
 
     @property
     def bounds(self) -> Bounds:
@@ -134,7 +139,7 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
     known, radiance = task.known, task.radiance
     channels, lamps = radiance.shape[1], task.settings.most_sources
-    sigma, mu = _first(task.sigma, _START_SIGMA), _first(task.mu, _START_MU)
+    sigma, mu = task.sigma.first(_START_SIGMA), task.mu.first(_START_MU)
     variant = task.response.variant
     energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
     even = np.full(channels, 1 / (1 + energy))
@@ -149,13 +154,6 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
     weights = weights / (misfit * _rms(task, weights * radiance))
     return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
-
-
-def _first(unknown: Unknown, otherwise: float) -> float:
-    """Choose where a search begins: at the fixed value, the stated start, or inside the bounds."""
-    if unknown.fixed is not None:
-        return float(unknown.fixed[0])
-    return unknown.start or float(np.clip(otherwise, unknown.lower, unknown.upper))
 
 
 def _between(unknown: Unknown) -> tuple[float, float]:

@@ -44,7 +44,7 @@ class Remedy(NamedTuple):
 
     cause: str
     mend: str
-    grams: Float[np.ndarray, "frame channel 4 4"]
+    grams: Float[np.ndarray, "frame channel column column"]
 
 
 def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[str, ...]:
@@ -81,12 +81,13 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
     return tuple(sentences)
 
 
-_NAMED = {"kd": "kd", "ks": "ks", "sigma": "roughness", "mu": "refractive index"}
+_NAMED = {"sigma": "roughness", "mu": "refractive index"}
 
 
 def _named(name: str, brdf: Parametric) -> str:
     """Say in words what a glossy material has, and by its own name what another one has."""
-    return _NAMED[name] if isinstance(brdf, Glossy) else str(brdf.called(name))
+    own = str(brdf.called(name))
+    return _NAMED.get(own, own) if isinstance(brdf, Glossy) else own
 
 
 def _remedies(foreseen: Foreseen) -> list[Remedy]:

@@ -1,10 +1,11 @@
 """Fisher information of photographs about a material, a few numbers for each photograph.
 
-To first order in (kd, ks, sigma, mu) each sample is a combination of four columns a channel: D, S,
-dS/dsigma and dS/dmu.  Their weighted inner products G_fc over the samples of photograph f say all
-that it says of the material, whatever the number of samples, and add up over photographs:
+To first order in kd, ks and the numbers of the lobe each sample is a combination of a few columns a
+channel: D, S, and the derivatives of S by each number.  Their weighted inner products G_fc over the
+samples of photograph f say all that it says of the material, whatever the number of samples, and
+add up over photographs:
 
-I = sum_fc T_c' G_fc T_c,    T_c = d(kd_c, ks_c, ks_c sigma, ks_c mu) / d(unknowns)
+I = sum_fc T_c' G_fc T_c,    T_c = d(kd_c, ks_c, ks_c number, ...) / d(unknowns)
 
 So hundreds of candidate photographs are weighed at once.  An unknown exposure of a photograph is
 projected off.  The twin, from all samples, is ``inverse.uncertainty``.
@@ -23,12 +24,12 @@ from jaxrender.inverse.forecast.situation import Foreseen, unknowns_at
 from jaxrender.inverse.uncertainty import to_parameters
 from jaxrender.shapes import Array, Float
 
-# What the bounds of sigma and mu alone tell about their search variables, as in ``uncertainty``.
+# What the bounds of the numbers alone tell about their search variables, as in ``uncertainty``.
 _PRIOR = 3 / np.pi**2
 
 
 class Errors(NamedTuple):
-    """Relative standard errors by name (mu: of mu - 1; the worst channel), and log det I."""
+    """Relative standard errors by name (of mu - 1 for mu; the worst channel), and log det I."""
 
     relative: dict[str, Float[np.ndarray, "*candidate"]]
     log_determinant: Float[np.ndarray, "*candidate"]
@@ -44,20 +45,20 @@ class Reading(NamedTuple):
     """How information about columns becomes information about the unknowns of a material.
 
     ``unit`` is the step of each unknown that changes what it stands for (``unknowns``) by its own
-    size (mu: mu - 1).
+    size above its origin.
     """
 
-    by_unknown: Float[np.ndarray, "channel 4 unknown"]
+    by_unknown: Float[np.ndarray, "channel column unknown"]
     relative: Float[np.ndarray, "parameter unknown"]
     names: tuple[str, ...]
-    amplitudes: Float[np.ndarray, "channel 4"]
+    amplitudes: Float[np.ndarray, "channel column"]
     prior: Float[np.ndarray, "unknown"]
     free_gains: bool
     unknowns: tuple[str, ...]
     unit: Float[np.ndarray, "unknown"]
 
     def information(
-        self, grams: Float[np.ndarray, "*candidate frame channel 4 4"]
+        self, grams: Float[np.ndarray, "*candidate frame channel column column"]
     ) -> Float[np.ndarray, "*candidate unknown unknown"]:
         """Add up the information of photographs, the first of them of known exposure."""
         half = np.einsum("...fcab,cbu->...fcau", grams, self.by_unknown)
@@ -105,15 +106,18 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     first, slopes, value, spread = (np.array(part) for part in _slopes(problem, vector))
     at_bound = (eliminated <= np.asarray(problem.lower)) | (eliminated >= np.asarray(problem.upper))
     held = np.concatenate([known.at_bound(jnp.asarray(point)), at_bound])
-    value[-1] -= 1.0
     channels = len(slopes)
-    names = ["kd"] * channels + ["ks"] * channels + ["sigma", "mu"]
+    numbers = [one.name for one in known.searched]
+    names = ["kd"] * channels + ["ks"] * channels + numbers
+    value -= [known.origins.get(name, 0.0) for name in names]
     asked = np.any((spread != 0) & ~held[None], axis=1) & (value != 0)
     first[:, 2:] = 0
     prior = np.concatenate([np.full(searched, _PRIOR), np.zeros(len(eliminated))])
     stands_for = np.array([*known.names, *_linear_names(np.asarray(problem.mix))])
-    rows = {"sigma": -2, "mu": -1}
-    steps = [value[rows[name]] / spread[rows[name], at] for at, name in enumerate(known.names)]
+    steps = [
+        value[names.index(name)] / spread[names.index(name), at]
+        for at, name in enumerate(known.names)
+    ]
     unit = np.concatenate([np.array(steps, float), eliminated])
     return Reading(
         slopes[..., ~held],
@@ -141,18 +145,17 @@ def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
     known = problem.unknowns
     searched = len(known.names)
 
-    def amplitudes(vector: Float[Array, "unknown"]) -> Float[Array, "channel 4"]:
-        physical = known.unpack(vector[:searched])
+    def amplitudes(vector: Float[Array, "unknown"]) -> Float[Array, "channel column"]:
+        numbers = known.unpack(vector[:searched]).numbers
         linear = problem.linear(vector[searched:])
-        mu = jnp.zeros_like(physical.sigma) if physical.mu is None else physical.mu
         ks = jax.lax.stop_gradient(linear.ks)
-        return jnp.stack([linear.kd, linear.ks, ks * physical.sigma, ks * mu], axis=-1)
+        by_number = [ks * numbers[one.name] for one in known.searched]
+        return jnp.stack([linear.kd, linear.ks, *by_number], axis=-1)
 
     def parameters(vector: Float[Array, "unknown"]) -> Float[Array, "parameter"]:
         found = to_parameters(problem, vector[:searched], vector[searched:])
-        return jnp.concatenate(
-            [found.kd, found.ks, jnp.stack([found.sigma, jnp.nan_to_num(found.mu)])]
-        )
+        numbers = [found.numbers[one.name][None] for one in known.searched]
+        return jnp.concatenate([found.kd, found.ks, *numbers])
 
     return (
         amplitudes(vector),
@@ -162,17 +165,22 @@ def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
     )
 
 
-def frame_grams(foreseen: Foreseen) -> Float[np.ndarray, "frame channel 4 4"]:
-    """Add up the inner products of the four columns over the samples of each photograph."""
-    model, data = foreseen.model, foreseen.data
-    parts = (model.diffuse, model.specular, model.by_sigma, model.by_mu)
-    columns = np.stack([np.asarray(part) for part in parts], axis=-1)
+def frame_grams(foreseen: Foreseen) -> Float[np.ndarray, "frame channel column column"]:
+    """Add up the inner products of the columns over the samples of each photograph."""
+    columns, data = columns_of(foreseen), foreseen.data
     return grams_by_frame(columns * np.asarray(data.weights)[..., None], np.asarray(data.frame))
 
 
+def columns_of(foreseen: Foreseen) -> Float[np.ndarray, "sample channel column"]:
+    """Lay out D, S, and the derivatives of S by each number of the supposed material."""
+    model = foreseen.model
+    slopes = [model.slopes[name] for name in foreseen.supposed.brdf.numbers]
+    return np.stack([np.asarray(a) for a in (model.diffuse, model.specular, *slopes)], axis=-1)
+
+
 def grams_by_frame(
-    weighted: Float[np.ndarray, "*candidate sample channel 4"], frame: np.ndarray
-) -> Float[np.ndarray, "*candidate frame channel 4 4"]:
+    weighted: Float[np.ndarray, "*candidate sample channel column"], frame: np.ndarray
+) -> Float[np.ndarray, "*candidate frame channel column column"]:
     """Do so for weighted columns, of several candidates at once."""
     of_frame = [weighted[..., frame == number, :, :] for number in range(int(frame.max()) + 1)]
     products = [np.einsum("...sca,...scb->...cab", part, part) for part in of_frame]

@@ -14,13 +14,20 @@ from scipy.special import expit, logit
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.harmonics import degrees
+from jaxrender.inverse.factorization.account import own_numbers
 from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.projection import Measured, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals, within_reach
+from jaxrender.inverse.uncertainty import (
+    Parameters,
+    Uncertain,
+    intervals,
+    relative_error,
+    within_reach,
+)
 from jaxrender.lighting import DirectionalSources, candidates, take
 from jaxrender.shapes import Array, Float
 
@@ -95,8 +102,8 @@ def forecast_joint(
     few = covariance[: len(sought), : len(sought)]
     errors = np.zeros(channels + 2)
     errors[sought] = np.sqrt(np.diag(few))
-    parameters = _parameters(guess, errors, metal)
-    names = [*(("kd", "ks") if mixed_lobes else ()), "sigma", *(() if metal else ("mu",))]
+    parameters = _parameters(guess, errors, brdf)
+    names = [*(("kd", "ks") if mixed_lobes else ()), *brdf.numbers]
     identifiable = {name: within_reach(parameters, name) for name in names}
     # What remains of the material's curvature when the lamps' directions answer, too.
     own = np.linalg.inv(few) - np.eye(len(few)) / _PRIOR_VARIANCE
@@ -180,29 +187,29 @@ def _radiance(
         return jnp.einsum("csp,pc->sc", mixed(response, guess), light)
 
 
-def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], metal: bool) -> Uncertain:
+def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parametric) -> Uncertain:
     share = expit(np.asarray(guess.gloss))
     channels = len(share)
     of_share = share * (1 - share) * errors[:channels]
-    sigma, mu = float(jnp.exp(guess.sigma)), 1 + float(jnp.exp(guess.mu))
     one, zero = np.ones(()), np.zeros(())
-    value = Parameters(
-        1 - share, share, np.asarray(sigma), np.asarray(np.nan if metal else mu), one[None], one
-    )
-    of_mu = zero if metal else np.asarray((mu - 1) * errors[channels + 1])
-    error = Parameters(
-        of_share, of_share, np.asarray(sigma * errors[channels]), of_mu, zero[None], zero
-    )
-    return intervals(value, error)
+
+    def numbers(lobe: Float[Array, "2"]) -> dict[str, Float[Array, ""]]:
+        return own_numbers(brdf, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
+
+    lobe = jnp.stack([jnp.asarray(guess.sigma), jnp.asarray(guess.mu)])
+    slopes, own = jax.jacfwd(numbers)(lobe), numbers(lobe)
+    spread = errors[channels : channels + 2]
+    values = {name: np.asarray(own[name], float) for name in brdf.numbers}
+    known = {n: np.asarray(np.linalg.norm(np.asarray(slopes[n]) * spread)) for n in values}
+    value = Parameters(1 - share, share, values, one[None], one)
+    error = Parameters(of_share, of_share, known, zero[None], zero)
+    return intervals(value, error, {one.name: one.origin for one in brdf.searched})
 
 
 _TOO_LITTLE_OF_THE_LOBE = "these views show too little of the lobe's shape"
-_WHY = {
-    "kd": "too little tells gloss and matt apart",
-    "ks": "too little tells gloss and matt apart",
-    "sigma": "blurring the light and sharpening the gloss look the same under it",
-    "mu": "too few grazing samples show how the gloss grows towards the horizon",
-}
+_TOO_LITTLE_GLOSS = "too little tells gloss and matt apart"
+_BLURRED = "blurring the light and sharpening the gloss look the same under it"
+_NOT_GRAZING = "too few grazing samples show how the gloss grows towards the horizon"
 
 
 def _sentences(
@@ -211,12 +218,12 @@ def _sentences(
     found = ["gauge: in each channel only light times reflectance shows; kd + ks = 1 fixes it"]
     for name, told in identifiable.items():
         if not told:
-            value = np.asarray(getattr(parameters.value, name)) - (name == "mu")
-            worst = float(np.max(np.asarray(getattr(parameters.standard_error, name)) / value))
-            why = _WHY[name] if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
-            own = name if name == "sigma" else brdf.called(name)
+            worst = relative_error(parameters, name)
+            reasons = {brdf.shape.name: _BLURRED, brdf.index.name: _NOT_GRAZING}
+            why = reasons.get(name, _TOO_LITTLE_GLOSS)
+            why = why if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
             found.append(
-                f"{own} cannot be told with the light unknown: standard error "
+                f"{brdf.called(name)} cannot be told with the light unknown: standard error "
                 f"{100 * worst:.0f} % of its value; {why}"
             )
     if all(identifiable.values()):

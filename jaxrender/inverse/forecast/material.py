@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.inverse.brdf import BRDFFit
-from jaxrender.inverse.conditioning import SigmaEvidence, sigma_evidence
+from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.elimination import Fit, Problem
 from jaxrender.inverse.forecast.causes import causes_of
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
@@ -30,12 +30,14 @@ from jaxrender.inverse.known_light import KnownLight, prepare_light
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.solvers import Solution
-from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.uncertainty import (
+    Uncertain,
+    relative_error,
+    uncertain_parameters,
+    within_reach,
+)
+from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.shapes import Float
-
-ALL_FREE = MicrofacetUnknowns()
-_NAMES = ("kd", "ks", "sigma", "mu")
 
 
 class MaterialForecast(NamedTuple):
@@ -49,7 +51,7 @@ class MaterialForecast(NamedTuple):
 
     parameters: Uncertain
     identifiable: dict[str, bool]
-    evidence: SigmaEvidence | None
+    evidence: WidthEvidence | None
     unknowns: tuple[str, ...]
     singular_values: Float[np.ndarray, "unknown"]
     weakest: Float[np.ndarray, "unknown"]
@@ -58,25 +60,25 @@ class MaterialForecast(NamedTuple):
     highest_degree: int = 0
 
     def relative_error(self, name: str) -> float:
-        """The standard error as a part of the value (mu: of mu - 1), in the worst channel."""
-        value = np.asarray(getattr(self.parameters.value, name)) - (name == "mu")
-        error = np.asarray(getattr(self.parameters.standard_error, name))
-        return float(np.max(error / np.where(value != 0, np.abs(value), np.nan)))
+        """The standard error as a part of the value above its origin, in the worst channel."""
+        return relative_error(self.parameters, name)
 
 
 def forecast_material(
     foreseen: Foreseen,
-    unknowns: MicrofacetUnknowns = ALL_FREE,
+    unknowns: Unknowns | None = None,
     split: str | float = "auto",
     explain: bool = True,
 ) -> MaterialForecast:
     """Predict the error bars of a fit, what will be identifiable, and why not.
 
-    Parameters that are fixed are taken to be fixed at what is supposed of them.  ``split`` is that
-    of the fit; ``explain`` looks for what would mend what cannot be told.
+    All is free where no ``unknowns`` are given.  Parameters that are fixed are taken to be fixed at
+    what is supposed of them.  ``split`` is that of the fit; ``explain`` looks for what would mend
+    what cannot be told.
     Raises ``ValueError`` for a supposed material outside the bounds of the search.
     """
-    problem = problem_of(unknowns, foreseen.supposed.brdf)
+    brdf = foreseen.supposed.brdf
+    problem = problem_of(unknowns or unknowns_of(brdf), brdf)
     evidence = _evidence(problem, foreseen, _fit_at(problem, foreseen), split)
     return _forecast(problem, foreseen, evidence, explain)
 
@@ -92,7 +94,7 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
     near = final.model
     physical = final.problem.unknowns.unpack(final.fit.solution.point)
     if not isinstance(near, LinearisedModel):
-        near = LinearisedModel.about(final.model, physical.sigma, physical.mu)
+        near = LinearisedModel.about(final.model, physical.numbers)
     # What the photographs show, before any gauge.
     amounts = (np.asarray(part) for part in final.fit.linear[1:])
     supposed = Supposed(fit.brdf.with_amplitudes(*amounts), final.noise)
@@ -104,12 +106,13 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
 
 
 def _forecast(
-    problem: Problem, foreseen: Foreseen, evidence: SigmaEvidence | None, explain: bool
+    problem: Problem, foreseen: Foreseen, evidence: WidthEvidence | None, explain: bool
 ) -> MaterialForecast:
     fit = _fit_at(problem, foreseen)
     parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
-    asked = {name: getattr(problem.unknowns, name) for name in _NAMES}
-    free = [name for name, unknown in asked.items() if unknown is not None and unknown.free]
+    asked = {"kd": problem.unknowns.kd, "ks": problem.unknowns.ks}
+    free = [name for name, unknown in asked.items() if unknown.free]
+    free += problem.unknowns.free_numbers
     identifiable = {name: within_reach(parameters, name) for name in free}
     lost = [name for name in free if not identifiable[name]]
     sentences = causes_of(foreseen, problem, lost) if explain else ()
@@ -132,7 +135,7 @@ def _fit_at(problem: Problem, foreseen: Foreseen) -> Fit:
 
 def _evidence(
     problem: Problem, foreseen: Foreseen, fit: Fit, split: str | float
-) -> SigmaEvidence | None:
+) -> WidthEvidence | None:
     """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
     brdf, (samples, frame, light) = foreseen.supposed.brdf, foreseen.situation
     if not isinstance(brdf, Glossy):
@@ -141,7 +144,7 @@ def _evidence(
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     dual = prepare_light(light, observations, lobe, split, None).dual.for_frames(frame)
     spectral = DualModel(kind_of(brdf), samples, dual, transfer="gaussian")
-    return sigma_evidence(problem, foreseen.model, spectral, foreseen.data, fit)
+    return width_evidence(problem, foreseen.model, spectral, foreseen.data, fit)
 
 
 def _spectrum(
@@ -160,12 +163,12 @@ def _spectrum(
 
 
 def _closing(
-    problem: Problem, free: list[str], lost: list[str], evidence: SigmaEvidence | None
+    problem: Problem, free: list[str], lost: list[str], evidence: WidthEvidence | None
 ) -> tuple[str, ...]:
     sentences = []
     if free and not lost:
         sentences.append("every free parameter will be identifiable")
-    if "sigma" in free and evidence is not None:
+    if evidence is not None and evidence.name in free:
         sentences.append(evidence.sentence())
     if problem.unknowns.free_scale:
         sentences.append(

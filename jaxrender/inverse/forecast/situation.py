@@ -5,7 +5,7 @@ their derivatives; weighed by the noise to be expected they are all that a forec
 """
 
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,8 +18,8 @@ from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Unknown
-from jaxrender.shapes import Float, Int
+from jaxrender.inverse.unknowns import Unknown, Unknowns
+from jaxrender.shapes import Array, Float, Int
 
 # What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
 TYPICAL_MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
@@ -77,8 +77,7 @@ def foresee(
     brdf = supposed.brdf
     nodes = exact_nodes(situation.light, situation.frame, float(brdf.width), angle_per_sigma)
     model = ExactModel(kind_of(brdf), situation.samples, nodes)
-    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
-    near = LinearisedModel.about(model, jnp.asarray(float(brdf.sigma)), mu)
+    near = LinearisedModel.about(model, numbers_of(brdf))
     return foreseen_of(situation, supposed, near)
 
 
@@ -87,6 +86,11 @@ def kind_of(brdf: Kind) -> Kind:
     zero = np.zeros(len(np.asarray(brdf.kd)))
     mu = None if brdf.mu is None else 1.5
     return brdf.with_roughness(0.1, mu).with_amplitudes(zero, zero)
+
+
+def numbers_of(brdf: Parametric) -> dict[str, Float[Array, ""]]:
+    """The numbers of a material's lobe, as arrays: they may differ without another compilation."""
+    return {name: jnp.asarray(float(value)) for name, value in brdf.numbers.items()}
 
 
 def foreseen_of(situation: Situation, supposed: Supposed, near: LinearisedModel) -> Foreseen:
@@ -111,31 +115,40 @@ def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndar
     Raises ``ValueError`` where it lies outside the bounds of the search.
     """
     unknowns = problem.unknowns
-    for name, unknown in (("sigma", unknowns.sigma), ("mu", unknowns.mu)):
-        value = getattr(brdf, name)
-        if unknown is None or not unknown.free:
-            continue
+    for name in unknowns.free_numbers:
+        unknown, value = unknowns[name], getattr(brdf, name)
         if value is None or not unknown.lower <= float(value) <= unknown.upper:
             raise ValueError(
                 f"the supposed {name} is {value}, but it is looked for between {unknown.lower:g} "
                 f"and {unknown.upper:g}: suppose a value in between, or widen its bounds"
             )
-    point = unknowns.pack(float(brdf.sigma), None if brdf.mu is None else float(brdf.mu))
+    point = unknowns.pack({name: float(value) for name, value in brdf.numbers.items()})
     both = np.concatenate([np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)])
     mix = np.asarray(problem.mix)
     return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
 
 
-def problem_of(unknowns: MicrofacetUnknowns, brdf: Parametric) -> Problem:
+def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
     """Lay out the unknowns of a supposed material, fixed ones at what is supposed of them."""
-    held = {}
-    for name in ("kd", "ks", "sigma", "mu"):
-        unknown, value = getattr(unknowns, name), getattr(brdf, name)
-        if value is None:
-            held[name] = None
-        elif unknown is not None and not unknown.free:
-            held[name] = Unknown(fixed=tuple(float(v) for v in np.ravel(np.asarray(value))))
-    return Problem.of(replace(unknowns, **held), len(np.asarray(brdf.kd)))
+
+    def held(told: Unknown, value: Any) -> Unknown:
+        return (
+            told if told.free else Unknown(fixed=tuple(np.ravel(np.asarray(value, float)).tolist()))
+        )
+
+    searched = [
+        (one, held(told, getattr(brdf, one.name)))
+        for one, told in zip(unknowns.searched, unknowns.numbers)
+        if getattr(brdf, one.name) is not None
+    ]
+    known = replace(
+        unknowns,
+        kd=held(unknowns.kd, brdf.kd),
+        ks=held(unknowns.ks, brdf.ks),
+        numbers=tuple(told for _, told in searched),
+        searched=tuple(one for one, _ in searched),
+    )
+    return Problem.of(known, len(np.asarray(brdf.kd)))
 
 
 def thinned(situation: Situation, most: int) -> tuple[Situation, float]:
@@ -153,9 +166,8 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
     samples, frame, light = situation
     brdf = supposed.brdf
     nodes = exact_nodes(light, frame, float(brdf.width), _COARSE)
-    mu = None if brdf.mu is None else jnp.asarray(float(brdf.mu))
     model = ExactModel(kind_of(brdf), samples, nodes)
-    columns = _columns(model, jnp.asarray(float(brdf.sigma)), mu)
+    columns = _columns(model, numbers_of(brdf))
     return _mixed(brdf, columns.diffuse, columns.specular)
 
 
@@ -165,8 +177,8 @@ def _mixed(brdf: Parametric, diffuse, specular) -> Float[np.ndarray, "sample cha
 
 
 @eqx.filter_jit
-def _columns(model: ExactModel, sigma, mu) -> Columns:
-    return model.columns(sigma, mu)
+def _columns(model: ExactModel, numbers: dict[str, Float[Array, ""]]) -> Columns:
+    return model.columns(numbers)
 
 
 def _drawn(situation: Situation, supposed: Supposed, count: int, seed: int) -> Situation:

@@ -27,7 +27,7 @@ from jaxrender.inverse.texture.rounds import (
 from jaxrender.inverse.texture.search import refine
 from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.texture.whole_surface import Texture, solve_surface
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float, Int
 
 METHODS = ("joint", "thesis")
@@ -36,7 +36,7 @@ METHODS = ("joint", "thesis")
 def fit_texture(
     measured: SiteObservations,
     forward: Forward,
-    unknowns: MicrofacetUnknowns,
+    unknowns: Unknowns,
     settings: TextureSettings | None = None,
     start: Float[np.ndarray, "unknown"] | None = None,
     *,
@@ -79,7 +79,7 @@ def fit_texture_by_region(
     measured: SiteObservations,
     region: Int[np.ndarray, "site"],
     forward: Forward,
-    unknowns: MicrofacetUnknowns,
+    unknowns: Unknowns,
     settings: TextureSettings | None = None,
 ) -> tuple[Texture, dict[int, TextureFit]]:
     """Recover a texture with a sigma and a mu (and a spread of K_s) for each region of a mask.
@@ -100,17 +100,15 @@ def fit_texture_by_region(
     return joined, fits
 
 
-def check_variation(unknowns: MicrofacetUnknowns, settings: TextureSettings) -> None:
+def check_variation(unknowns: Unknowns, settings: TextureSettings) -> None:
     """Raise ``ValueError`` where sigma cannot vary over the surface."""
-    if not unknowns.sigma.free:
+    if not unknowns["sigma"].free:
         raise ValueError("sigma is fixed, and to vary over the surface: let one of the two go")
     if settings.method != "joint":
         raise ValueError(f"method={settings.method!r} knows one sigma: choose joint")
 
 
-def _check(
-    measured: SiteObservations, unknowns: MicrofacetUnknowns, settings: TextureSettings
-) -> None:
+def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSettings) -> None:
     if settings.method not in METHODS:
         raise ValueError(f"method={settings.method!r}: choose one of {', '.join(METHODS)}")
     if not (unknowns.kd.free and unknowns.ks.free):

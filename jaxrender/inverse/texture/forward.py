@@ -49,7 +49,8 @@ def dual_forward(
 
     def search(index: Int[np.ndarray, "kept"]) -> Model:
         own = final(index)
-        return TabulatedModel(roughness_table(variant, own.samples, own.light, sigma_range))
+        table = roughness_table(variant, own.samples, own.light, sigma_range)
+        return TabulatedModel(variant, table)
 
     return Forward(search if shadows is None else final, final)
 

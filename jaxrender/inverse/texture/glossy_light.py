@@ -55,7 +55,7 @@ from jaxrender.inverse.texture.view_start import (
     solve_with_spread,
     with_one_ks,
 )
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 _CHUNK = 2**12
@@ -121,7 +121,7 @@ class GlossyTexture(NamedTuple):
 
 
 def recover_glossy(
-    problem: GlossyProblem, unknowns: MicrofacetUnknowns, mean_ks: float = 1.0
+    problem: GlossyProblem, unknowns: Unknowns, mean_ks: float = 1.0
 ) -> GlossyTexture:
     """Recover the light from what moves with the view, then K_d and K_s of every site.
 
@@ -154,7 +154,7 @@ def recover_glossy(
 
 
 def _columns_at(
-    problem: GlossyProblem, unknowns: MicrofacetUnknowns, part: SiteObservations
+    problem: GlossyProblem, unknowns: Unknowns, part: SiteObservations
 ) -> HarmonicColumns:
     samples = _samples(problem, part)
     basis = diffuse_basis(samples, problem.band_limit)
@@ -162,7 +162,7 @@ def _columns_at(
     return HarmonicColumns(basis, samples, problem.variant, unknowns, how)
 
 
-def _recovered(unknowns: MicrofacetUnknowns, fit: ViewDependentFit, scale: float) -> GlossyLight:
+def _recovered(unknowns: Unknowns, fit: ViewDependentFit, scale: float) -> GlossyLight:
     """Put the end of a search into its units, with standard errors."""
     state, count = fit.state, len(fit.state.point)
     size, channels = state.light.shape
@@ -174,14 +174,14 @@ def _recovered(unknowns: MicrofacetUnknowns, fit: ViewDependentFit, scale: float
         row = np.asarray(slope)
         return float(np.sqrt(row @ fit.covariance[:count, :count] @ row))
 
-    mu = None if physical.mu is None else float(physical.mu)
+    mu = float(physical.numbers["mu"]) if "mu" in unknowns else None
     return GlossyLight(
         state.light * scale,
         np.stack([blocks[c, :, c] for c in range(channels)]) * scale**2,
-        float(physical.sigma),
+        float(physical.numbers["sigma"]),
         mu,
-        error_of(slopes.sigma),
-        None if mu is None else error_of(slopes.mu),
+        error_of(slopes.numbers["sigma"]),
+        None if mu is None else error_of(slopes.numbers["mu"]),
         fit.converged,
     )
 

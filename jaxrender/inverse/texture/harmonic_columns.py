@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, degrees, real_basis
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.reflection import polar_coefficients
 from jaxrender.shapes import Array, Float
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
@@ -55,7 +55,7 @@ class HarmonicColumns(eqx.Module):
     diffuse: Float[Array, "sample coefficient"]
     samples: SurfaceSamples
     variant: Microfacet
-    unknowns: MicrofacetUnknowns
+    unknowns: Unknowns
     how: tuple[int, bool] = eqx.field(static=True)
 
     def __call__(
@@ -66,6 +66,4 @@ class HarmonicColumns(eqx.Module):
         return self.diffuse, harmonic_columns(self.samples, lobe, self.how)
 
     def _lobe_at(self, point: Float[Array, "unknown"]) -> Microfacet:
-        physical = self.unknowns.unpack(point)
-        mu = None if self.variant.mu is None else physical.mu
-        return self.variant.with_roughness(physical.sigma, mu)
+        return self.variant.with_numbers(self.unknowns.unpack(point).numbers)

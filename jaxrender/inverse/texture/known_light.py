@@ -18,7 +18,7 @@ from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, ex
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.varying import SigmaField
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.reflection import FACETS
 from jaxrender.shapes import Int
 
@@ -39,7 +39,7 @@ def recover_texture(
     light: KnownLight,
     variant: Microfacet,
     *,
-    unknowns: MicrofacetUnknowns | None = None,
+    unknowns: Unknowns | None = None,
     settings: TextureSettings | None = None,
     exact: bool = True,
     shape: Shape | None = None,
@@ -54,7 +54,7 @@ def recover_texture(
     have places.  With ``field`` sigma varies over the surface, which takes ``exact``.
     """
     settings = settings or TextureSettings()
-    unknowns = unknowns or MicrofacetUnknowns(mu=MicrofacetUnknowns().mu if variant.mu else None)
+    unknowns = unknowns or unknowns_of(variant)
     if field is not None:
         check_variation(unknowns, settings)
         if not exact:
@@ -77,7 +77,7 @@ def recover_texture(
         forward = forward_under(
             light, observations, variant, found, reach, exact=exact, shape=shape
         )
-        start = unknowns.pack(fit.sigma, fit.mu)
+        start = unknowns.pack({"sigma": fit.sigma, "mu": fit.mu})
         fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
         if abs(np.log(_finest(fit) / found)) < _SPLIT_AGAIN or before == found:
             break
@@ -149,8 +149,8 @@ def _shadowed_exact(
     return model_of
 
 
-def _sigma_range(unknowns: MicrofacetUnknowns) -> tuple[float, float]:
-    if unknowns.sigma.fixed is not None:
-        sigma = unknowns.sigma.fixed[0]
-        return sigma, 1.01 * sigma
-    return unknowns.sigma.lower, unknowns.sigma.upper
+def _sigma_range(unknowns: Unknowns) -> tuple[float, float]:
+    told = unknowns["sigma"]
+    if told.fixed is not None:
+        return told.fixed[0], 1.01 * told.fixed[0]
+    return told.lower, told.upper

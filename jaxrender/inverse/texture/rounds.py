@@ -24,7 +24,7 @@ from jaxrender.inverse.texture.search import (
 from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.specular_prior import spread_of
 from jaxrender.inverse.texture.varying import SigmaField, VaryingSigma
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float
 
 # The noise settles in two or three rounds.
@@ -60,7 +60,7 @@ class Searched(NamedTuple):
 def search_in_rounds(
     some: SiteObservations,
     model,
-    unknowns: MicrofacetUnknowns,
+    unknowns: Unknowns,
     starts: Float[np.ndarray, "start unknown"],
     settings: TextureSettings,
 ) -> Searched:
@@ -98,7 +98,7 @@ def let_vary(
     site = np.full(int(whole.index.max()) + 1, -1)
     site[whole.index] = whole.site
     one = searched.problem.unknowns
-    assert isinstance(one, MicrofacetUnknowns)
+    assert isinstance(one, Unknowns)
     unknowns = field.unknowns(one, site[some.index])
     fit, prior, data, noise = searched.fit, searched.problem.prior, searched.data, searched.noise
     fit = fit._replace(point=jnp.asarray(unknowns.spread(np.asarray(fit.point))))
@@ -115,7 +115,7 @@ def let_vary(
 
 
 def _spread(
-    model: Model, data: SiteData, fit: LobeFit, unknowns: MicrofacetUnknowns | VaryingSigma
+    model: Model, data: SiteData, fit: LobeFit, unknowns: Unknowns | VaryingSigma
 ) -> SpecularPrior:
     material, precision, _ = free_textures(unknowns, model, data, fit.point)
     return spread_of(np.asarray(material.ks, float), np.asarray(precision, float))
@@ -125,7 +125,7 @@ def _noise_left(
     some: SiteObservations,
     model: Model,
     fit: LobeFit,
-    unknowns: MicrofacetUnknowns | VaryingSigma,
+    unknowns: Unknowns | VaryingSigma,
 ) -> NoiseModel:
     """Estimate the noise from what a material for every site leaves over.
 

@@ -25,7 +25,7 @@ from jaxrender.inverse.texture.site_systems import (
     solve_sites,
 )
 from jaxrender.inverse.texture.varying import VaryingSigma
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # The refinement on an expensive model ends when a step moves no search variable by more than this.
@@ -50,7 +50,7 @@ class LobeFit(NamedTuple):
 class TextureProblem(eqx.Module):
     """What is unknown of the lobe, the prior of K_s, and whether K_s is one for all sites."""
 
-    unknowns: MicrofacetUnknowns | VaryingSigma
+    unknowns: Unknowns | VaryingSigma
     prior: SpecularPrior
     shared: Bool[AnyArray, ""]
 
@@ -59,7 +59,7 @@ class TextureProblem(eqx.Module):
     ) -> tuple[SiteMaterial, Columns]:
         """Solve for the texture at a point; returned with the columns there."""
         physical = self.unknowns.unpack(point)
-        columns = model.columns(physical.sigma, physical.mu)
+        columns = model.columns(physical.numbers)
         return solve_sites(site_sums(data, columns), self.prior, self.shared), columns
 
 
@@ -104,7 +104,7 @@ def refine(problem: TextureProblem, model: Model, data: SiteData, start: LobeFit
     fit = start
     for _ in range(_STEPS):
         physical = problem.unknowns.unpack(fit.point)
-        near = LinearisedModel.about(model, physical.sigma, physical.mu)
+        near = LinearisedModel.about(model, physical.numbers)
         before, fit = fit, search(problem, near, data, fit.point[None])
         if np.all(np.abs(np.asarray(fit.point) - np.asarray(before.point)) < _SETTLED):
             return fit
@@ -123,7 +123,7 @@ def first_phase(
     point = jnp.asarray(starts[0])
     for turn in range(_TURNS):
         physical = problem.unknowns.unpack(point)
-        trust = confidence(model.columns(physical.sigma, physical.mu), exit_cosines)
+        trust = confidence(model.columns(physical.numbers), exit_cosines)
         weights = jnp.broadcast_to(jnp.sqrt(trust.diffuse)[:, None], data.radiance.shape)
         own = SiteData(data.radiance, weights, data.site, data.count)
         fit = search(shared, model, own, starts if turn == 0 else point[None], "simplex")
@@ -133,7 +133,7 @@ def first_phase(
 
 @eqx.filter_jit
 def free_textures(
-    unknowns: MicrofacetUnknowns | VaryingSigma,
+    unknowns: Unknowns | VaryingSigma,
     model: Model,
     data: SiteData,
     point: Float[Array, "unknown"],
@@ -143,7 +143,7 @@ def free_textures(
     Returned with the precision of each K_s and the radiance that is predicted.
     """
     physical = unknowns.unpack(point)
-    columns = model.columns(physical.sigma, physical.mu)
+    columns = model.columns(physical.numbers)
     material, precision = solve_freely(site_sums(data, columns))
     return material, precision, predicted(material, columns, data)
 

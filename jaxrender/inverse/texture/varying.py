@@ -9,7 +9,7 @@ ones are held together by a weak prior on their differences, and where nothing i
 it is nearby.  Errors are those of the field as it is: give it points enough to follow sigma.
 
 The search for it is that of one sigma (:mod:`.search`), with more unknowns: ``VaryingSigma`` stands
-in for ``MicrofacetUnknowns``, and every sample has its own sigma.
+in for ``Unknowns``, and every sample has its own sigma.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
-from jaxrender.inverse.unknowns import MicrofacetUnknowns, Physical
+from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Neighbouring control points differ in log sigma by about this much, as far as is known beforehand.
@@ -62,7 +62,7 @@ class SigmaField(NamedTuple):
         weights[known] = spline(places[known] @ axes)
         return cls(weights, _neighbours(apart))
 
-    def unknowns(self, one: MicrofacetUnknowns, site: Int[np.ndarray, "sample"]) -> "VaryingSigma":
+    def unknowns(self, one: Unknowns, site: Int[np.ndarray, "sample"]) -> "VaryingSigma":
         """Make the unknowns of samples that show the given sites."""
         return VaryingSigma(one, self.weights[site], self.pairs)
 
@@ -70,7 +70,7 @@ class SigmaField(NamedTuple):
 class VaryingSigma(eqx.Module):
     """A sigma at every control point, within the bounds of ``one`` sigma, and one mu for all."""
 
-    one: MicrofacetUnknowns
+    one: Unknowns
     weights: Float[AnyArray, "sample control"]
     pairs: Int[AnyArray, "pair 2"]
 
@@ -92,13 +92,14 @@ class VaryingSigma(eqx.Module):
         weights = jnp.asarray(self.weights, logs.dtype)
         sigma = jnp.exp(jnp.matmul(weights, logs, precision="highest"))
         others = self.one.unpack(self.alone(point, 0))
-        return Physical(sigma, others.mu, others.gains)
+        return Physical({**others.numbers, "sigma": sigma}, others.gains)
 
     def logs(self, point: Float[Array, "unknown"]) -> Float[Array, "control"]:
         """Return log sigma at the control points."""
 
         def log_of(own: Float[Array, "1"]) -> Float[Array, ""]:
-            return jnp.log(self.one.unpack(jnp.concatenate([own, point[self.controls :]])).sigma)
+            one = self.one.unpack(jnp.concatenate([own, point[self.controls :]]))
+            return jnp.log(one.numbers["sigma"])
 
         return jax.vmap(log_of)(point[: self.controls, None])
 
@@ -130,7 +131,7 @@ class SigmaMap(NamedTuple):
 
 def sigma_map(
     field: SigmaField,
-    one: MicrofacetUnknowns,
+    one: Unknowns,
     point: Float[np.ndarray, "unknown"],
     covariance: Float[np.ndarray, "unknown unknown"],
 ) -> SigmaMap:

@@ -27,7 +27,7 @@ from jaxrender.inverse.texture.site_systems import (
     solve_sites,
 )
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
-from jaxrender.inverse.unknowns import MicrofacetUnknowns
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Observations solved at once.
@@ -44,12 +44,12 @@ _LEAST_NOISE = 1e-6
 class Lobe(NamedTuple):
     """sigma and mu as search variables, with their covariance; ``field`` where sigma varies."""
 
-    unknowns: MicrofacetUnknowns
+    unknowns: Unknowns
     point: Float[np.ndarray, "unknown"]
     covariance: Float[np.ndarray, "unknown unknown"]
     field: SigmaField | None = None
 
-    def of_sites(self, site: Int[np.ndarray, "sample"]) -> MicrofacetUnknowns | VaryingSigma:
+    def of_sites(self, site: Int[np.ndarray, "sample"]) -> Unknowns | VaryingSigma:
         """Return the unknowns of samples that show the given sites."""
         return self.unknowns if self.field is None else self.field.unknowns(self.unknowns, site)
 
@@ -69,18 +69,17 @@ class Lobe(NamedTuple):
     def values(self) -> tuple[float, float]:
         """Return sigma (where it varies, the mean of its control points) and mu (NaN: a metal)."""
         sigma, mu = (float(value) for value in self._values(jnp.asarray(self.point)))
-        return sigma, float("nan") if self.unknowns.mu is None else mu
+        return sigma, mu if "mu" in self.unknowns else float("nan")
 
     def _values(self, point: Float[Array, "unknown"]) -> Float[Array, "2"]:
         if self.field is None:
             physical = self.unknowns.unpack(point)
-            sigma = physical.sigma
+            sigma = physical.numbers["sigma"]
         else:
             varying = self.field.unknowns(self.unknowns, np.zeros(1, int))
             physical = varying.unpack(point)
             sigma = jnp.exp(jnp.mean(varying.logs(point)))
-        mu = jnp.zeros_like(sigma) if physical.mu is None else physical.mu
-        return jnp.stack([sigma, mu])
+        return jnp.stack([sigma, physical.numbers.get("mu", jnp.zeros_like(sigma))])
 
 
 class Texture(NamedTuple):
@@ -188,7 +187,7 @@ def _solve(
     data: SiteData,
     exit_cosines: Float[AnyArray, "sample"],
     known: tuple[
-        MicrofacetUnknowns | VaryingSigma,
+        Unknowns | VaryingSigma,
         Float[AnyArray, "unknown"],
         Float[AnyArray, "unknown unknown"],
         SpecularPrior,
@@ -206,15 +205,15 @@ def _solve(
 
     with jax.default_matmul_precision("highest"):
         found = unknowns.unpack(point)
-        near = LinearisedModel.about(model, found.sigma, found.mu)
-        columns = near.columns(found.sigma, found.mu)
+        near = LinearisedModel.about(model, found.numbers)
+        columns = near.columns(found.numbers)
         data = weighted(jnp.asarray(data.radiance))
         first = solve_sites(site_sums(data, columns), prior)
         data = weighted(predicted(first, columns, data))
 
         def material_at(moved: Float[Array, "unknown"]) -> SiteMaterial:
             lobe = unknowns.unpack(moved)
-            return solve_sites(site_sums(data, near.columns(lobe.sigma, lobe.mu)), prior)
+            return solve_sites(site_sums(data, near.columns(lobe.numbers)), prior)
 
         sums = site_sums(data, columns)
         material = solve_sites(sums, prior)

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from jaxrender.inverse.posedness import RECOVERABLE
-from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Uncertain
+from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, relative_error
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis
 
 # A relative standard error at which a 90 % interval reaches as far as it may.
 _TELLABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
-_NAMES = ("kd", "ks", "sigma", "mu")
-_TITLES = ("$k_d$", "$k_s$", "$\\sigma$", "$\\mu - 1$")
+_TITLES = {"kd": "$k_d$", "ks": "$k_s$", "sigma": "$\\sigma$", "mu": "$\\mu - 1$"}
 
 
 def draw(path: Path, found: ConfigAnalysis) -> None:
@@ -50,17 +49,14 @@ def _draw_errors(axes, found: ConfigAnalysis) -> None:
     ]
     axes.set(title="material: predicted relative standard error", yscale="log")
     width = 0.8 / max(1, len(sets))
+    brdf = found.supposition.supposed.brdf
+    every = [name for name in ("kd", "ks", *brdf.numbers) if brdf.called(name)]
     for number, (title, parameters, identifiable) in enumerate(sets):
-        names = [name for name in _NAMES if name in identifiable]
-        heights = [max(_relative_error(parameters, name), 1e-6) for name in names]
-        places = np.array([_NAMES.index(name) for name in names]) + (number - 0.4) * width
+        names = [name for name in every if name in identifiable]
+        heights = [max(np.nan_to_num(relative_error(parameters, name)), 1e-6) for name in names]
+        places = np.array([every.index(name) for name in names]) + (number - 0.4) * width
         axes.bar(places, heights, width, label=title)
     axes.axhline(_TELLABLE, color="k", linestyle="--", linewidth=0.8, label="just identifiable")
-    axes.set_xticks(range(len(_NAMES)), _TITLES)
+    titles = [_TITLES.get(str(own), str(own)) for own in map(brdf.called, every)]
+    axes.set_xticks(range(len(every)), titles)
     axes.legend(fontsize=8)
-
-
-def _relative_error(parameters: Uncertain, name: str) -> float:
-    value = np.asarray(getattr(parameters.value, name)) - (name == "mu")
-    error = np.asarray(getattr(parameters.standard_error, name))
-    return float(np.max(error / np.where(value != 0, np.abs(value), np.inf)))

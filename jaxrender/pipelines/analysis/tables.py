@@ -8,9 +8,8 @@ from jaxrender.brdf import Parametric
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
 from jaxrender.inverse.next_best import Suggestion
-from jaxrender.inverse.own_words import called
 from jaxrender.inverse.posedness import RECOVERABLE
-from jaxrender.inverse.uncertainty import Uncertain, in_own_units
+from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options
 
 _CHANNELS = ("red", "green", "blue")
@@ -53,11 +52,9 @@ def _heading(found: ConfigAnalysis) -> str:
     amounts = dict(list(amounts.items())[: 1 if matt else 2])
     material = [f"{name} {_values(value)}" for name, value in amounts.items() if name]
     if not matt:
-        material.append(f"{brdf.shape.name} {_own_number(brdf):.3g}")
-        if brdf.has_index():
-            second = getattr(brdf, brdf.index.name)
-            shown = "none (metal)" if second is None else f"{float(second):.3g}"
-            material.append(f"{brdf.index.name} {shown}")
+        material += [f"{name} {float(value):.3g}" for name, value in brdf.numbers.items()]
+        if brdf.has_index() and brdf.mu is None:
+            material.append(f"{brdf.index.name} none (metal)")
     lines = [
         f"{len(found.prospect.cameras)} photographs, not looked at; {len(cosines):,} samples, "
         f"of which {len(situation.frame):,} for the last step; exit cosines from "
@@ -66,17 +63,9 @@ def _heading(found: ConfigAnalysis) -> str:
         f"supposed: {', '.join(material)}; noise {_noise(supposed.noise)}",
         f"          ({found.supposition.source})",
     ]
-    if brdf.shape.name != "sigma":
-        lines.append(
-            f"sigma stands for the lobe's width, {float(brdf.sigma):.3g} for this {brdf.shape.name}"
-        )
     if not found.prospect.shape.is_convex():
         lines.append("the shape is not convex: its shadows on itself are left out of the forecast")
     return "\n".join(lines)
-
-
-def _own_number(brdf: Parametric) -> float:
-    return float(brdf.shape.of_width(float(brdf.sigma)))
 
 
 def _section(title: str, reason: str | None, write, forecast) -> str:
@@ -91,7 +80,7 @@ def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
     if not values.size:
         return lines
     told = [
-        f"{called(brdf, name)} {amount:+.2f}"
+        f"{brdf.called(name)} {amount:+.2f}"
         for name, amount in zip(forecast.unknowns, forecast.weakest)
         if abs(amount) > 0.1
     ]
@@ -115,15 +104,14 @@ def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
 def _parameters(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> list[str]:
-    parameters = in_own_units(parameters, brdf)
     lines = [
         f"  {'':11s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
     ]
     for name, told in identifiable.items():
         # Value, bounds and error; the covariance is for machines.
-        rows = zip(*(np.ravel(np.asarray(getattr(part, name))) for part in parameters[:4]))
+        rows = zip(*(np.ravel(np.asarray(part.of(name))) for part in parameters[:4]))
         shown = list(rows)
-        same = name in ("sigma", "mu") or (len({f"{r}" for r in shown}) == 1)
+        same = name not in ("kd", "ks") or (len({f"{r}" for r in shown}) == 1)
         for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
             own = brdf.called(name) or name
             title = own if same else f"{own} {_CHANNELS[channel]}"

@@ -9,7 +9,6 @@ from jaxrender.inverse import Factorization
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.inverse.uncertainty import in_own_units
 from jaxrender.pipelines.result import finite, pixels_of, ranking_of
 from jaxrender.shapes import Float
 
@@ -39,7 +38,7 @@ def result_of(recovered: Recovered) -> dict[str, Any]:
     """Build the summary of ``result.json``."""
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
-    parameters = in_own_units(found.parameters, found.brdf)
+    parameters = found.parameters
     result = {
         "task": recovered.task,
         "outcome": found.outcome.value,

@@ -134,17 +134,12 @@ def _values(contents: Contents, what: str, name: str) -> list[float]:
     key = {"value": "brdf", "interval": "interval90", "error": "standard_error"}[what]
     if name in result.get(key, {}):
         return numbers(result[key][name])
-    if fitted is None or not hasattr(fitted.value, name):
+    if fitted is None or name not in ("kd", "ks", *fitted.value.numbers):
         return []
-    if what == "interval":
-        pair = np.stack([np.asarray(getattr(p, name)) for p in (fitted.lower, fitted.upper)], -1)
-        found = pair
-    else:
-        part = fitted.value if what == "value" else fitted.standard_error
-        found = np.asarray(getattr(part, name))
-    found = np.asarray(found, float)
-    # A metal's mu is NaN there.
-    return found.ravel().tolist() if np.isfinite(found).all() else []
+    parts = {"value": [fitted.value], "error": [fitted.standard_error]}
+    pair = parts.get(what, [fitted.lower, fitted.upper])
+    found = np.stack([np.asarray(part.of(name), float) for part in pair], -1)
+    return found.ravel().tolist()
 
 
 def _is_absolute(result: dict[str, Any]) -> bool:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from jaxrender import inverse
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Shape
-from jaxrender.inverse import KnownLight, MicrofacetUnknowns, Observations
+from jaxrender.inverse import KnownLight, Observations, Told
 from jaxrender.inverse.models import MatteModel
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.texture import (
@@ -18,7 +19,6 @@ from jaxrender.inverse.texture import (
     forward_under,
     recover_texture,
 )
-from jaxrender.inverse.unknowns import Unknown
 from jaxrender.pipelines.config import RunConfig, TextureConfig
 from jaxrender.pipelines.scene import settings_of, unknowns_of
 from jaxrender.pipelines.texture.sites import SurfaceSites
@@ -138,7 +138,8 @@ def _fit_matte(
     reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
     forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
     dark = Forward(*(_darkened(model) for model in (forward.final, forward.final)))
-    unknowns = MicrofacetUnknowns(sigma=Unknown(fixed=(_NO_LOBE,)), mu=None)
+    told = {"sigma": Told(fixed=_NO_LOBE)}
+    unknowns = inverse.unknowns_of(variant.as_metal(), told)
     return fit_texture(by_site(observations, site, sites.count), dark, unknowns, settings)
 
 

@@ -2,13 +2,14 @@
 
 from html.parser import HTMLParser
 
+import jax
 import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import BRDFFit, Observations, Outcome
-from jaxrender.inverse.conditioning import SigmaEvidence
+from jaxrender.inverse.conditioning import WidthEvidence
 from jaxrender.inverse.elimination import Data, Fit
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.passes import Stop
@@ -69,19 +70,21 @@ def sample_fit(light, mu=1.5, kd=KD, ks=0.2, refined=True, noise=None):
     value = Parameters(
         np.array(kd),
         np.full(channels, ks),
-        np.array(SIGMA),
-        np.array(np.nan if mu is None else mu),
+        {"sigma": np.array(SIGMA)} | ({} if mu is None else {"mu": np.array(mu)}),
         np.ones(1),
         np.array(1.0),
     )
-    scaled = [Parameters(*(factor * np.asarray(x) for x in value)) for factor in (0.9, 1.1, 0.05)]
+    scaled = [
+        jax.tree.map(lambda x, factor=factor: np.asarray(factor * x), value)
+        for factor in (0.9, 1.1, 0.05)
+    ]
     stop = sample_stop(channels, noise)
     return BRDFFit(
         Microfacet(np.array(kd), np.full(channels, ks), SIGMA, mu),
         Outcome.CONVERGED,
         Uncertain(value, *scaled),
         {"kd": True, "ks": True, "sigma": True, "mu": True},
-        SigmaEvidence(0.01, 0.02, float("inf")),
+        WidthEvidence(0.01, 0.02, float("inf")),
         stop,
         stop if refined else None,
         prepared(light),
