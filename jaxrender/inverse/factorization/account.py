@@ -188,7 +188,7 @@ def _in_gauge(
 
 def own_numbers(
     variant: Parametric, sigma: Float[AnyArray, ""], mu: Float[AnyArray, ""]
-) -> dict[str, Float[Array, ""]]:
+) -> dict[str, Float[AnyArray, ""]]:
     """Put a width, and an index where there is one, in the model's own numbers."""
     index = {} if variant.mu is None else {variant.index.name: variant.index.of_index(mu)}
     return {variant.shape.name: variant.shape.of_width(sigma), **index}

@@ -29,7 +29,7 @@ from jaxrender.inverse.uncertainty import (
     within_reach,
 )
 from jaxrender.lighting import DirectionalSources, candidates, take
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
 # The prior variance of an unknown's logarithm and the light's expected size, as in a factorization.
 _PRIOR_VARIANCE = 4.0
@@ -193,7 +193,7 @@ def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parame
     of_share = share * (1 - share) * errors[:channels]
     one, zero = np.ones(()), np.zeros(())
 
-    def numbers(lobe: Float[Array, "2"]) -> dict[str, Float[Array, ""]]:
+    def numbers(lobe: Float[Array, "2"]) -> dict[str, Float[AnyArray, ""]]:
         return own_numbers(brdf, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
 
     lobe = jnp.stack([jnp.asarray(guess.sigma), jnp.asarray(guess.mu)])
