@@ -134,8 +134,8 @@ class Ward(_AlongAndAcross, ByOwnNumber, Glossy):
 class AnisotropicWard(_AlongAndAcross):
     """Ward's own model with a roughness along +X and another across it, both to be found.
 
-    ``roughness_y`` is searched for as an index (``IndexParameter``): it lies above 0 as mu lies
-    above 1.  Raises ``ValueError`` for a roughness outside (0, 1].
+    Under unknown light ``roughness_y`` is found as an index (``IndexParameter``): it lies above 0
+    as mu lies above 1.  Raises ``ValueError`` for a roughness outside (0, 1].
     """
 
     index: ClassVar[IndexParameter] = IndexParameter("roughness_y", 1.0, 1.0)

@@ -3,6 +3,7 @@
 - A lobe of two numbers, neither of them a width or an index alone, is found from photographs by the
   exact integral within its stated errors, and every number is named by its own name.
 - Of its numbers any can be fixed or bounded; bounds are honoured.
+- Under unknown light a number that no factorization looks for is refused.
 - Numbers that contradict the class are refused with the class and the number.
 """
 
@@ -13,7 +14,7 @@ import pytest
 from inverse_problems import ball_samples, known_light, photograph, with_noise
 
 from jaxrender.brdf import CosineLobe, Searched
-from jaxrender.inverse import FitSettings, Outcome, Told, fit_brdf, unknowns_of
+from jaxrender.inverse import FitSettings, Outcome, Told, factorize, fit_brdf, unknowns_of
 
 STATED_ERRORS = 3.5
 KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.6)
@@ -69,6 +70,11 @@ def test_bounds_of_the_further_number_are_honoured(photographs):
     assert float(fit.brdf.c_z) == pytest.approx(0.95, rel=0.01)
     assert float(fit.brdf.exponent) == pytest.approx(25.0)
     assert "c_z is at a bound of its range" in fit.reasons
+
+
+def test_a_further_number_is_refused_where_the_light_is_unknown(photographs):
+    with pytest.raises(ValueError, match="BentLobe has c_z beside a width and an index"):
+        factorize(photographs, TRUTH)
 
 
 @pytest.mark.parametrize(

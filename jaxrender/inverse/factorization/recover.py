@@ -83,9 +83,10 @@ def factorize(
     what of the light such a body does not tell, ``scene.told`` says.
     Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
     ``shape`` and the observations' places are to be given; its shadows are then modelled, its
-    interreflections are not.  Raises ``ValueError`` for too few samples, or where they see too
-    little of the sphere of directions.
+    interreflections are not.  Raises ``ValueError`` for too few samples, where they see too
+    little of the sphere of directions, and for a model of more numbers than a width and an index.
     """
+    _check_numbers(variant)
     hiding = concave(shape)
     if hiding is not None and isinstance(variant, Glossy):
         observations = with_transfer(observations, hiding, settings.band_limit)
@@ -123,6 +124,16 @@ def factorize(
         noise,
         gauge,
     )
+
+
+def _check_numbers(variant: Parametric) -> None:
+    found = (variant.shape.name, variant.index.name)
+    others = [one.name for one in variant.searched if one.name not in found]
+    if others:
+        raise ValueError(
+            f"{type(variant).__name__} has {', '.join(others)} beside a width and an index, which "
+            "is found under known light alone: give the light, or a model without it"
+        )
 
 
 def _task(
