@@ -20,8 +20,10 @@
     our own: tables over two directions, with standard errors; coefficient trees
 ``photometric``
     luminaires: IES files
-``jsonfiles`` ``numbered_words`` ``alta_parametrisations``
-    what formats above share; the coordinates that ALTA's files may be in
+``netcdf`` ``atomic`` ``jsonfiles`` ``numbered_words``
+    what formats share: files of named arrays, files that appear whole or not at all, texts
+``alta_parametrisations``
+    the coordinates that ALTA's files may be in
 
 Every error is an ``InputError`` that names file, place, value and remedy.
 """

@@ -7,8 +7,6 @@ follow, which are read past.  ``alta_parametrisations`` has the coordinates that
 other ones and its binary files are refused.
 """
 
-import os
-import uuid
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +15,7 @@ import numpy as np
 from jaxrender.brdf import BRDF
 from jaxrender.errors import InputError
 from jaxrender.io.alta_parametrisations import COORDINATES, PARAMETRISATIONS, meaningless
+from jaxrender.io.atomic import replacing
 from jaxrender.io.jsonfiles import read_text
 from jaxrender.shapes import Float
 
@@ -104,8 +103,6 @@ def write_alta(
     path = Path(path)
     if parametrisation not in COORDINATES:
         raise ValueError(f"parametrisation={parametrisation!r}: choose of {', '.join(COORDINATES)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no such folder {path.parent}; make it first")
     coordinates = COORDINATES[parametrisation](measurements.outgoing, measurements.incoming)
     table = np.concatenate([coordinates, measurements.values], axis=1)
     if not np.isfinite(table).all():
@@ -118,14 +115,9 @@ def write_alta(
         f"#PARAM_OUT {'RGB_COLOR' if channels == 3 else 'INV_STERADIAN'}\n"
         "#VS 0\n#ALTA HEADER END\n"
     )
-    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with aside.open("w", encoding="ascii", newline="\n") as file:
-            file.write(header)
-            np.savetxt(file, table, "%.17g")
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with replacing(path) as aside, aside.open("w", encoding="ascii", newline="\n") as file:
+        file.write(header)
+        np.savetxt(file, table, "%.17g")
 
 
 def _sections(path: Path) -> tuple[dict[str, list[str]], list[tuple[int, list[str]]]]:

@@ -8,8 +8,6 @@ OpenImageIO lets several kinds of damage pass in silence (broken pixels, partial
 orientations, clipped values on writing); every one of them is an ``InputError`` here.
 """
 
-import os
-import uuid
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +19,7 @@ import OpenImageIO as oiio
 from jaxtyping import Bool, Float
 
 from jaxrender.errors import InputError
+from jaxrender.io.atomic import replacing
 from jaxrender.shapes import AnyArray
 
 # Refused before any memory is asked for: a damaged header can claim any size.
@@ -98,12 +97,8 @@ def write_image(path: str | Path, pixels: Float[AnyArray, "row column channel"])
     """
     path = Path(path)
     values = _writable(path, np.asarray(pixels))
-    aside = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{path.suffix}")
-    try:
+    with replacing(path) as aside:
         _write(path, aside, values)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def _open(path: Path) -> "tuple[oiio.ImageInput, oiio.ImageSpec]":
@@ -218,8 +213,6 @@ def _writable(path: Path, pixels: np.ndarray) -> np.ndarray:
     suffix = path.suffix.lower()
     if suffix not in _STORED_AS:
         raise InputError(f"{path}: unknown image format {suffix!r}; use {', '.join(_STORED_AS)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
     channels = (1, 3) if suffix in _WITHOUT_ALPHA else (1, 3, 4)
     if pixels.shape[-1] not in channels or pixels.size == 0:
         raise InputError(

@@ -6,8 +6,6 @@ Little-endian: three int32, the nodes 90 of theta_h, 90 of theta_d and 180 of ph
 ``IsotropicTable``, the lower corner of the cell that a look-up without interpolation takes it for.
 """
 
-import os
-import uuid
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +13,7 @@ import numpy as np
 
 from jaxrender.brdf import BRDF, IsotropicTable
 from jaxrender.errors import InputError
+from jaxrender.io.atomic import replacing
 from jaxrender.shapes import Bool, Float
 
 DIMENSIONS = (90, 90, 180)
@@ -103,17 +102,9 @@ def write_merl(path: str | Path, table: MerlTable) -> None:
 
     Raises InputError where the folder is missing.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no such folder {path.parent}; make it first")
-    aside = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        with aside.open("wb") as file:
-            np.array(DIMENSIONS, _HEADER).tofile(file)
-            np.ascontiguousarray(table.raw, _NUMBER).tofile(file)
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with replacing(Path(path)) as aside, aside.open("wb") as file:
+        np.array(DIMENSIONS, _HEADER).tofile(file)
+        np.ascontiguousarray(table.raw, _NUMBER).tofile(file)
 
 
 def _above_horizon() -> Bool[np.ndarray, "90 90 180"]:

@@ -8,9 +8,10 @@ import math
 from typing import Any, NamedTuple
 
 from jaxrender.geometry import EMBEDDINGS
+from jaxrender.io.netcdf import Format
 from jaxrender.wavelets import WAVELETS, CoefficientTree, Wavelet, daubechies
 
-FORMAT, VERSION = "jaxrender wavelet coefficient tree", 1
+FORMAT = Format("jaxrender wavelet coefficient tree", 1, "jaxrender compress")
 
 NODE_ARRAYS = ("child_mask", "value_mask")
 BRDF_AXES = ("kappa_i", "lambda_i", "kappa_r", "lambda_r")
@@ -97,8 +98,6 @@ def attributes(tree: CoefficientTree, about: TreeAbout) -> dict[str, Any]:
     given = about._asdict() | {"axis_names": " ".join(about.axis_names)}
     given.pop("wavelengths")
     return {
-        "format": FORMAT,
-        "format_version": VERSION,
         **given,
         "wavelet": tree.wavelet.name,
         "size": tree.size,

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5netcdf
 import numpy as np
 
 from jaxrender.brdf import (
@@ -25,10 +24,12 @@ from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.alta import read_alta
 from jaxrender.io.measured import read_cornell
 from jaxrender.io.merl import read_merl
+from jaxrender.io.netcdf import opened
 from jaxrender.io.rgl import read_rgl
+from jaxrender.io.tables import FORMAT as TABLE
 from jaxrender.io.tables import read_table
 from jaxrender.io.tree_layout import BRDF_AXES
-from jaxrender.io.tree_layout import FORMAT as TREE_FORMAT
+from jaxrender.io.tree_layout import FORMAT as TREE
 from jaxrender.io.trees import read_tree
 from jaxrender.io.utia import read_utia
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
@@ -147,12 +148,9 @@ def _rgl(path: Path, spectral: bool) -> Source:
     return Source(path.name, material.brdf, "wavelengths", wavelengths, said)
 
 
-def _netcdf(path: Path, spectral: bool) -> Source:
-    try:
-        with h5netcdf.File(path, "r") as file:
-            is_tree = file.attrs.get("format") == TREE_FORMAT
-    except OSError as error:
-        raise InputError(f"{path}: not NetCDF-4, or damaged ({error}); fetch it again") from None
+def _netcdf(path: Path, _: bool) -> Source:
+    with opened(path, TREE, TABLE) as file:
+        is_tree = file.format == TREE
     return _tree(path) if is_tree else _table(path)
 
 

@@ -5,13 +5,13 @@ All of it lies below ``XDG_CACHE_HOME`` or ``~/.cache`` and may be deleted at an
 
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from jaxrender.io.atomic import replacing
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.scene import input_files
@@ -47,20 +47,11 @@ def remembered(
     except (OSError, ValueError):
         made = make()
     with suppress(OSError):
-        _keep(path, made)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # No other run reads half of it.
+        with replacing(path) as aside:
+            np.save(aside, made)
     return made
-
-
-def _keep(path: Path, array: np.ndarray) -> None:
-    """Write aside and rename, so that no other run reads half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as stream:
-        try:
-            np.save(stream, array)
-        except OSError:
-            Path(stream.name).unlink()
-            raise
-    os.replace(stream.name, path)
 
 
 def _base() -> Path:

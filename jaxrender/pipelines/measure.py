@@ -18,6 +18,7 @@ import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
+from jaxrender.io.atomic import replacing
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 from jaxrender.pipelines.output import fingerprint_of
 from jaxrender.pipelines.patches import facets_of, patch_of
@@ -155,12 +156,8 @@ class _Kept(NamedTuple):
 
     def keep(self, block: Block) -> None:
         """Write a row, whole or not at all."""
-        aside = self.folder / f".{uuid.uuid4().hex}.npz"
-        try:
+        with replacing(self._path(block.row)) as aside:
             np.savez(aside, values=block.values, standard_errors=block.standard_errors)
-            os.replace(aside, self._path(block.row))
-        finally:
-            aside.unlink(missing_ok=True)
 
     def rows(self, meter: Gonioreflectometer, settings: MeasureSettings) -> set[int]:
         """Say which rows are whole; a damaged one is measured again."""

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import CubeGrid, Grid, LatLongGrid, degrees, orders
+from jaxrender.io.netcdf import Format, Variable
 from jaxrender.reflection.shrm import GlobalShrm, LocalShrm, Shrm
 
-FORMAT, VERSION = "jaxrender spherical harmonic reflection map", 1
+FORMAT = Format("jaxrender spherical harmonic reflection map", 1, "jaxrender prefilter --shrm")
 
 FRAMES: dict[str, type[Shrm]] = {"local": LocalShrm, "global": GlobalShrm}
 GRIDS: dict[str, type[Grid]] = {"latitude-longitude": LatLongGrid, "cube": CubeGrid}
 DIMENSIONS = ("row", "column", "outgoing", "channel")
 AXES = ("world", "probe")
-ANGLES = {"polar_angle": ("row",), "azimuth": ("column",)}
 
 # What each convention means, for those who have the file alone.
 _FORMULA = "B(C, o) = sum over k of maps[C, k] Y_k(o), k = p (p + 1) + q of `degree` and `order`"
@@ -58,16 +58,20 @@ class ShrmAbout(NamedTuple):
     comment: str = ""
 
 
-def coordinates(grid: Grid, order: int) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
-    """Name what tells an array's places apart: dimensions and values."""
-    found = {
-        "degree": (("outgoing",), degrees(order).astype(np.int32)),
-        "order": (("outgoing",), orders(order).astype(np.int32)),
-    }
+def coordinates(grid: Grid, order: int) -> dict[str, Variable]:
+    """Make the arrays that tell a map's places apart."""
+    found = {}
+    for name, numbers in (("degree", degrees(order)), ("order", orders(order))):
+        words = f"{name} of an outgoing harmonic"
+        found[name] = Variable(("outgoing",), numbers.astype(np.int32), "1", words)
     if isinstance(grid, LatLongGrid):
-        values = grid.polar_angles(), grid.azimuths()
-        return found | {n: (d, v) for (n, d), v in zip(ANGLES.items(), values)}
-    return found | {"direction": (("row", "column", "component"), grid.directions())}
+        polar, azimuth = grid.polar_angles(), grid.azimuths()
+        found["polar_angle"] = Variable(("row",), polar, "radian", "polar angle of C")
+        found["azimuth"] = Variable(("column",), azimuth, "radian", "azimuth of C")
+    else:
+        dimensions = ("row", "column", "component")
+        found["direction"] = Variable(dimensions, grid.directions(), "1", "C of a texel")
+    return found
 
 
 def attributes(shrm: Shrm, about: ShrmAbout) -> dict[str, Any]:
@@ -87,8 +91,6 @@ def attributes(shrm: Shrm, about: ShrmAbout) -> dict[str, Any]:
         )
     weighted = int(shrm.weighted)
     return {
-        "format": FORMAT,
-        "format_version": VERSION,
         **about._asdict(),
         "central_direction_meaning": CENTRE_MEANING[about.central_direction],
         "formula": _FORMULA,

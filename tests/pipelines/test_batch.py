@@ -462,16 +462,16 @@ def test_an_index_of_nothing_yet_is_readable(tmp_path):
 
 def test_the_index_is_whole_or_as_it_was(tmp_path, monkeypatch):
     write_index(tmp_path, [], [Row("a", {}, "pending", "", {})])
-    before = (tmp_path / "index.nc").read_bytes()
+    before = (tmp_path / "index.csv").read_bytes()
 
     def half(path, *_):
         path.write_text("half")
         raise OSError("disk full")
 
-    monkeypatch.setattr(index_module, "_write_netcdf", half)
+    monkeypatch.setattr(index_module, "_write_csv", half)
     with pytest.raises(OSError, match="disk full"):
         write_index(tmp_path, [], [Row("b", {}, "pending", "", {})])
-    assert (tmp_path / "index.nc").read_bytes() == before
+    assert (tmp_path / "index.csv").read_bytes() == before
     assert debris(tmp_path) == []
 
 

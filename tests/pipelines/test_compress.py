@@ -231,7 +231,10 @@ def test_wrong_files(tmp_path):
     (tmp_path / "empty").mkdir()
     for name, message in (
         ("paint.xyz", "no kind of file known by '.xyz'; give one of .binary"),
-        ("paint.nc", "not NetCDF-4, or damaged"),
+        (
+            "paint.nc",
+            "not a NetCDF-4 file; give one that `jaxrender compress` or `jaxrender measure`",
+        ),
         ("empty", "holds no finished result"),
     ):
         with pytest.raises(InputError, match=message):
