@@ -32,6 +32,7 @@ PLANTED = [
     ("io/one", "from jaxrender import fit", "jaxrender.io.one -> jaxrender (l.1)"),
     ("inverse/one", "import jaxopt", "jaxrender.inverse.one -> jaxopt (l.1)"),
     ("pipelines/two", "from lineax import QR", "jaxrender.pipelines.two -> lineax (l.1)"),
+    ("pipelines/three", "import h5netcdf", "jaxrender.pipelines.three -> h5netcdf (l.1)"),
     ("io/two", "import matplotlib.pyplot", "jaxrender.io.two -> matplotlib (l.1)"),
     ("pipelines/config/one", "import numpy", "jaxrender.pipelines.config.one -> numpy (l.1)"),
     ("pipelines/config/two", "from ..run import fit", "two -> jaxrender.pipelines.run (l.1)"),

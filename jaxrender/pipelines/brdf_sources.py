@@ -35,7 +35,7 @@ from jaxrender.io.utia import read_utia
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.result import read_result
+from jaxrender.pipelines.result import ARRAYS, read_result
 
 _LOOKED_AT = 4096
 _COLOURS = 3
@@ -174,14 +174,12 @@ def _tree(path: Path) -> Source:
 
 
 def _result(folder: Path) -> Source:
-    if not (folder / "result.json").is_file():
-        raise InputError(f"{folder}: holds no finished result (no result.json); run fit first")
-    config, found = load_run_config(folder / "config.yaml"), read_result(folder)
+    found, config = read_result(folder), load_run_config(folder / "config.yaml")
     if config.task == "texture":
         raise InputError(f"{folder}: a texture has a material for each texel; give a uniform one")
     said = f"recovered by a fit, outcome {found['outcome']}"
     if config.task == "brdf-spectrum":
-        brdf = HarmonicBRDF.of(read_spectrum(folder / "result.nc"))
+        brdf = HarmonicBRDF.of(read_spectrum(folder / ARRAYS))
         return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
     if "brdf" not in found:
         raise InputError(f"{folder}: a result of task {config.task} holds no material")

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import numpy as np
 
 from jaxrender.errors import InputError
@@ -13,11 +12,12 @@ from jaxrender.inverse import KnownLight, Observations, Outcome
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum, SpectrumBasis, fit_brdf_spectrum
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import write_environment
+from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, SpectrumConfig
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import finite, pixels_of, write_variable
+from jaxrender.pipelines.result import ARRAYS_FORMAT, Result
 from jaxrender.pipelines.scene import fault_of, settings_of
 from jaxrender.shapes import Float
 from jaxrender.spectra import light_coefficients
@@ -30,8 +30,7 @@ _NORMAL_90, _IDENTIFIABLE_WITHIN = 1.6448536269514722, 0.25
 _MUCH_LEFT = 0.1
 # Light of this amplitude beside degree 0 is next to none of a degree.
 _NEXT_TO_NONE = 0.01
-# What a result's file holds of a spectrum, by dimensions.
-_CHANNELS = ("unknown", "channel")
+_UNKNOWN = ("unknown",)
 
 
 class SpectrumRecovery(Recovery):
@@ -52,34 +51,29 @@ class SpectrumRecovery(Recovery):
         """The coefficients of the order asked for."""
         return self.orders[-1]
 
-    def result(self) -> dict[str, Any]:
-        """Build the summary of ``result.json``."""
-        spectrum, noise = self.spectrum, self.spectrum.noise
-        assert noise is not None
-        outcome, reasons = _judged(spectrum, self._amplitudes())
-        return finite(
-            {
-                "task": "brdf-spectrum",
-                "outcome": outcome.value,
-                "meaning": outcome.sentence,
-                "reasons": list(reasons),
-                "brdf": {"model": "spectrum"},
-                "interval90": {},
-                "standard_error": {},
-                "identifiable": {"lobe": outcome is Outcome.CONVERGED},
-                "spectrum": _summary(self.orders, self._amplitudes()),
-                "residual": {
-                    "relative_rms": spectrum.relative_rms,
-                    "samples": self.observations.count,
-                },
-                "noise": {"relative": float(noise.relative), "floor": float(noise.floor)},
-                "lighting": {
-                    "gauge": "given",
-                    "band_limit": spectrum.basis.band_limit,
-                    "coefficients_total": self.coefficients.tolist(),
-                },
-                "pixels": pixels_of(self.photographs),
-            }
+    def result(self) -> Result:
+        """Sum up how well the lobe is told."""
+        spectrum, amplitudes = self.spectrum, self._amplitudes()
+        assert spectrum.noise is not None
+        outcome, reasons = _judged(spectrum, amplitudes)
+        return Result(
+            task="brdf-spectrum",
+            outcome=outcome,
+            reasons=reasons,
+            brdf={"model": "spectrum"},
+            interval90={},
+            standard_error={},
+            identifiable={"lobe": outcome is Outcome.CONVERGED},
+            relative_rms=spectrum.relative_rms,
+            samples=self.observations.count,
+            noise=spectrum.noise,
+            lighting={
+                "gauge": "given",
+                "band_limit": spectrum.basis.band_limit,
+                "coefficients_total": self.coefficients.tolist(),
+            },
+            photographs=self.photographs,
+            own={"spectrum": _summary(self.orders, amplitudes)},
         )
 
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
@@ -94,24 +88,31 @@ class SpectrumRecovery(Recovery):
             images.append(image)
         return images
 
-    def write(self, folder: Path) -> None:
-        """Write the coefficients with their covariance, and the light."""
+    def arrays(self) -> dict[str, Group]:
+        """Lay out the coefficients with their covariance, and the light."""
         spectrum = self.spectrum
-        with h5netcdf.File(folder / "result.nc", "w") as file:
-            group = file.create_group("spectrum")
-            count, channels = spectrum.values.shape
-            group.dimensions = {"unknown": count, "other_unknown": count, "channel": channels}
-            group.attrs["reciprocal"] = int(spectrum.basis.reciprocal)
-            for name, index in zip(("degree", "outgoing_degree", "order"), spectrum.basis.indices):
-                write_variable(group, name, ("unknown",), index)
-            write_variable(group, "value", _CHANNELS, spectrum.values)
-            write_variable(group, "standard_error", _CHANNELS, spectrum.standard_error)
-            write_variable(group, "resolution", _CHANNELS, spectrum.resolution)
-            every = ("channel", "unknown", "other_unknown")
-            write_variable(group, "covariance", every, spectrum.covariance)
-            light = file.create_group("light")
-            light.dimensions = {"coefficient": len(self.coefficients), "channel": channels}
-            write_variable(light, "total", ("coefficient", "channel"), self.coefficients)
+        names = ("degree", "outgoing_degree", "order")
+        variables = {
+            name: Variable(_UNKNOWN, index, "1", f"{name.replace('_', ' ')} of a coefficient")
+            for name, index in zip(names, spectrum.basis.indices)
+        }
+        for name, values, units, words in (
+            ("value", spectrum.values, "1/sr", "coefficients of the lobe"),
+            ("standard_error", spectrum.standard_error, "1/sr", "standard errors of value"),
+            ("resolution", spectrum.resolution, "1", "part that the data have in a coefficient"),
+        ):
+            variables[name] = Variable((*_UNKNOWN, "channel"), values, units, words)
+        every = ("channel", *_UNKNOWN, "other_unknown")
+        words = "covariance of value"
+        variables["covariance"] = Variable(every, spectrum.covariance, "1/sr^2", words)
+        total = Variable(
+            ("coefficient", "channel"), self.coefficients, "radiance", "coefficients of the light"
+        )
+        reciprocal = {"reciprocal": int(spectrum.basis.reciprocal)}
+        return {"spectrum": Group(variables, reciprocal), "light": Group({"total": total})}
+
+    def write_images(self, folder: Path) -> None:
+        """Write the light."""
         if self.light.environment is not None:
             write_environment(folder / "lighting.exr", self.light.environment)
 
@@ -163,18 +164,15 @@ def recover_spectrum(
 
 
 def read_spectrum(path: Path) -> BRDFSpectrum:
-    """Read what ``write`` wrote; ``InputError`` where that has gone or is damaged."""
-    try:
-        with h5netcdf.File(path, "r") as file:
-            group = file["spectrum"]
-            limit = int(np.asarray(group["degree"][:]).max())
-            basis = SpectrumBasis(limit, bool(np.asarray(group.attrs["reciprocal"]).item()))
-            value, covariance, told = (
-                np.asarray(group[name][:]) for name in ("value", "covariance", "resolution")
-            )
-            return BRDFSpectrum(basis, value, covariance, told)
-    except (OSError, KeyError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); run fit again with --force") from None
+    """Read the coefficients of a result; ``InputError`` where it has none or is damaged."""
+    by_channel = (*_UNKNOWN, "channel")
+    with opened(path, ARRAYS_FORMAT) as file:
+        group = file.group("spectrum")
+        limit = int(group.array("degree", _UNKNOWN).max())
+        basis = SpectrumBasis(limit, bool(group.one_of("reciprocal", (0, 1))))
+        value, told = (group.array(name, by_channel) for name in ("value", "resolution"))
+        covariance = group.array("covariance", ("channel", *_UNKNOWN, "other_unknown"))
+    return BRDFSpectrum(basis, value, covariance, told)
 
 
 def _coefficients(light: KnownLight, order: int) -> Float[np.ndarray, "coefficient channel"]:

@@ -9,13 +9,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5netcdf
 import numpy as np
 
 from jaxrender.inverse.uncertainty import Parameters, Uncertain
+from jaxrender.io.netcdf import Group, Variable, opened
+from jaxrender.pipelines.result import ARRAYS_FORMAT
 from jaxrender.shapes import AnyArray, Float
 
-_GROUP = "covariance"
+_GROUP, _MATRIX = "covariance", ("number", "other_number")
 
 
 class MaterialCovariance(NamedTuple):
@@ -63,29 +64,27 @@ def image_deviation(
     return np.sqrt(np.maximum(variance, 0))
 
 
-def write_covariance(file: h5netcdf.File, parameters: Uncertain) -> None:
-    """Write the covariance with what its rows are, where it is known."""
+def covariance_groups(parameters: Uncertain) -> dict[str, Group]:
+    """Lay out the covariance with what its rows are; no group where it is not known."""
     if parameters.covariance is None:
-        return
-    group = file.create_group(_GROUP)
-    matrix = np.asarray(parameters.covariance)
-    group.dimensions = {"number": len(matrix), "other_number": len(matrix)}
-    group.attrs["channels"] = len(parameters.value.kd)
-    group.attrs["numbers"] = " ".join(_names(parameters.value))
-    group.create_variable("matrix", ("number", "other_number"), data=matrix)
+        return {}
+    matrix = Variable(_MATRIX, parameters.covariance, "", "covariance of `numbers`")
+    names = " ".join(_names(parameters.value))
+    attributes = {"channels": len(parameters.value.kd), "numbers": names}
+    return {_GROUP: Group({"matrix": matrix}, attributes)}
 
 
 def read_covariance(path: Path) -> MaterialCovariance | None:
-    """Read the covariance of a result; None where it has none."""
-    if not path.is_file():
-        return None
-    with h5netcdf.File(path, "r") as file:
-        if _GROUP not in file.groups:
+    """Read the covariance of a result; None where it has none.
+
+    Raises ``InputError`` where the file has gone or is damaged.
+    """
+    with opened(path, ARRAYS_FORMAT) as file:
+        if _GROUP not in file:
             return None
-        group = file[_GROUP]
-        channels = int(np.asarray(group.attrs["channels"]).item())
-        names = tuple(str(group.attrs["numbers"]).split())
-        return MaterialCovariance(np.asarray(group["matrix"][:]), channels, names)
+        group = file.group(_GROUP)
+        matrix, channels = group.array("matrix", _MATRIX), group.attribute("channels", int)
+        return MaterialCovariance(matrix, channels, tuple(group.attribute("numbers", str).split()))
 
 
 def _names(parameters: Parameters) -> list[str]:

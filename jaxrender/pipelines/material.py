@@ -13,12 +13,15 @@ from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
+from jaxrender.io.netcdf import Group
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.exact_light import exact_forward
+from jaxrender.pipelines.material_result import Finding, groups_of, result_of
 from jaxrender.pipelines.progress import Progress
+from jaxrender.pipelines.ranking import sentence_of
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import Finding, result_of, sentence_of, write_arrays
+from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import (
     fault_of,
     lobe_of,
@@ -49,14 +52,17 @@ class MaterialRecovery(Recovery):
     def __init__(self, finding: Finding):
         self.finding, self.photographs = finding, finding.photographs
 
-    def result(self) -> dict[str, Any]:
-        """Build the summary of ``result.json``."""
+    def result(self) -> Result:
+        """Sum up what was found."""
         return result_of(self.finding)
 
-    def write(self, folder: Path) -> None:
-        """Write the arrays, and the light that was given with its slow part."""
+    def arrays(self) -> dict[str, Group]:
+        """Lay out the samples of both passes, the covariance and the light."""
+        return groups_of(self.finding)
+
+    def write_images(self, folder: Path) -> None:
+        """Write the light that was given, and its slow part."""
         finding = self.finding
-        write_arrays(folder / "result.nc", finding)
         if finding.light.environment is not None:
             write_environment(folder / "lighting.exr", finding.light.environment)
         if finding.fit.light.split is not None:

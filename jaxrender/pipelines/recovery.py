@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from jaxrender.inverse.photographs import Photograph
+from jaxrender.io.netcdf import Group
+from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
 
@@ -16,16 +18,20 @@ class Recovery(abc.ABC):
     photographs: list[Photograph]
 
     @abc.abstractmethod
-    def result(self) -> dict[str, Any]:
-        """Build the summary of ``result.json``."""
+    def result(self) -> Result:
+        """Sum up what was found."""
+
+    @abc.abstractmethod
+    def arrays(self) -> dict[str, Group]:
+        """Lay out the groups of ``result.nc``."""
 
     @abc.abstractmethod
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph again."""
 
     @abc.abstractmethod
-    def write(self, folder: Path) -> None:
-        """Write the arrays, and the light as images."""
+    def write_images(self, folder: Path) -> None:
+        """Write the light as images, and whatever else is one."""
 
     @abc.abstractmethod
     def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:

@@ -19,7 +19,7 @@ from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, r
 from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.result import read_result
+from jaxrender.pipelines.result import ARRAYS, RESULT, read_result
 from jaxrender.pipelines.scene import (
     fault_of,
     known_light,
@@ -62,10 +62,8 @@ def render_config(
     progress = progress or SilentProgress()
     if model not in MODELS:
         raise ValueError(f"model={model!r}: choose one of {', '.join(MODELS)}")
-    if not (result / "result.json").is_file():
-        raise InputError(f"{result}: holds no finished result (no result.json); run fit first")
-    config, found = load_run_config(result / "config.yaml"), read_result(result)
-    made_from = [result / "result.json", *(p for p in (scene.environment, scene.cameras) if p)]
+    found, config = read_result(result), load_run_config(result / "config.yaml")
+    made_from = [result / RESULT, *(p for p in (scene.environment, scene.cameras) if p)]
     missing = [path for path in made_from if not path.is_file()]
     if missing:
         raise InputError(f"{missing[0]}: no such file")
@@ -174,7 +172,7 @@ def _covariance(
             "together with those of the material; give --environment to see the material's"
         )
         return None
-    found = read_covariance(folder / "result.nc")
+    found = read_covariance(folder / ARRAYS)
     if found is None:
         progress.note(f"{folder}: no standard deviations: the result has no covariance")
     return found

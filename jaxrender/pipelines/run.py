@@ -20,6 +20,7 @@ from jaxrender.inverse.photographs import (
     trace_photographs,
 )
 from jaxrender.io import write_image
+from jaxrender.io.netcdf import Group, write
 from jaxrender.pipelines.brdf_spectrum import recover_spectrum
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
@@ -36,7 +37,14 @@ from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import provenance_of, read_result, write_json
+from jaxrender.pipelines.result import (
+    ARRAYS,
+    ARRAYS_FORMAT,
+    RESULT,
+    provenance_of,
+    read_result,
+    write_json,
+)
 from jaxrender.pipelines.scene import (
     capture_of,
     fault_of,
@@ -228,14 +236,14 @@ def _write(
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
     title, config, inputs = run
-    result = finding.result()
-    result["provenance"] = provenance_of(inputs, config.samples.seed)
+    result, provenance = finding.result(), provenance_of(inputs, config.samples.seed)
     with clock.stage("predict"):
         predictions = finding.predict()
     photographs = finding.photographs
     with clock.stage("write"):
         (folder / "config.yaml").write_text(resolved_yaml(config), encoding="utf-8")
-        finding.write(folder)
+        write(folder / ARRAYS, ARRAYS_FORMAT, Group(groups=finding.arrays()))
+        finding.write_images(folder)
         (folder / "images").mkdir()
         for photograph, predicted in zip(photographs, predictions):
             residual = np.where(photograph.covered[..., None], photograph.radiance - predicted, 0)
@@ -249,11 +257,11 @@ def _write(
             FramePictures(p.frame.name, p.radiance, q, p.selection.usable, p.covered)
             for p, q in ((photographs[k], predictions[k]) for k in shown)
         )
-        result["seconds"] = clock.taken()
-        write_report(folder, finding.contents(title, result, frames))
-    result["seconds"] = clock.taken()
-    write_json(folder / "result.json", result)
-    return result
+        so_far = result.document(provenance, clock.taken())
+        write_report(folder, finding.contents(title, so_far, frames))
+    document = result.document(provenance, clock.taken())
+    write_json(folder / RESULT, document)
+    return document
 
 
 def _inputs(config: RunConfig, capture) -> list[Path]:

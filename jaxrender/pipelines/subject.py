@@ -4,7 +4,6 @@ import abc
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import numpy as np
 
 from jaxrender.brdf import Parametric, material_named
@@ -12,8 +11,10 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import surface_sites
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
+from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.config import RunConfig
+from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT
 from jaxrender.pipelines.texture.surface import facets_of, lobes_of
 from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
 from jaxrender.shapes import Float
@@ -75,7 +76,7 @@ class SpectrumSubject(Subject):
     """A BRDF known by coefficients; it may ring, and is shown black where it is negative."""
 
     def __init__(self, folder: Path):
-        spectrum = read_spectrum(folder / "result.nc")
+        spectrum = read_spectrum(folder / ARRAYS)
         self.lobe, self.brdf = None, HarmonicBRDF.of(spectrum)
         self.width = _WIDTH_PER_WAVE * np.pi / max(spectrum.basis.band_limit, 1)
 
@@ -93,17 +94,11 @@ class TexturedSubject(Subject):
     """
 
     def __init__(self, config: RunConfig, folder: Path, shape: Shape):
-        path = folder / "result.nc"
-        try:
-            with h5netcdf.File(path, "r") as file:
-                group, lobe = file["texture"], file["lobe"]
-                kd, ks, region = (np.asarray(group[name][:]) for name in ("kd", "ks", "region"))
-                sigmas, mus = (np.asarray(lobe[name][:]) for name in ("sigma", "mu"))
-                own = np.asarray(group["sigma"][:]).ravel() if "sigma" in group else None
-        except (OSError, KeyError) as error:
-            raise InputError(
-                f"{path}: cannot be read ({error}); run fit again with --force"
-            ) from None
+        with opened(folder / ARRAYS, ARRAYS_FORMAT) as file:
+            group, lobe = file.group("texture"), file.group("lobe")
+            kd, ks, region = (group.array(name) for name in ("kd", "ks", "region"))
+            sigmas, mus = (lobe.array(name, ("region",)) for name in ("sigma", "mu"))
+            own = group.array("sigma").ravel() if "sigma" in group else None
         size = ks.shape if ks.ndim == 2 else (1, 1)
         self.shape, self.size = shape, (int(size[0]), int(size[1]))
         self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))

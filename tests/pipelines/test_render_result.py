@@ -214,7 +214,7 @@ def test_what_is_missing_or_damaged_is_named(finished, tmp_path):
         render_config(tmp_path / "nope", tmp_path / "again")
     with pytest.raises(ValueError, match=r"model='both': choose one of integral, dual"):
         render_config(finished / "out", tmp_path / "again", model="both")
-    with pytest.raises(InputError, match=r"result\.json: cannot be read .*No such file.* --force"):
+    with pytest.raises(InputError, match=r"holds no finished result \(no result\.json\); run fit"):
         read_finished(tmp_path)
     (tmp_path / "result.json").write_text("{")
     with pytest.raises(InputError, match=r"result\.json: cannot be read \(Expecting"):

@@ -17,13 +17,14 @@ from typing import Any, NamedTuple
 from jaxrender.errors import InputError
 from jaxrender.pipelines.batch.folder import check_ours, our_folder, sweep_away
 from jaxrender.pipelines.batch.index import INDEX, Row, write_index
-from jaxrender.pipelines.batch.plan import RESULT, Planned, State, plan_of
+from jaxrender.pipelines.batch.plan import Planned, State, plan_of
 from jaxrender.pipelines.batch.task import Failure
 from jaxrender.pipelines.batch.workers import Opener
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.config import load_recipe
 from jaxrender.pipelines.config.sweep import Sweep, shown
 from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.result import RESULT
 
 # The index is written anew while runs end, at most so often: a big one takes a while.
 _SECONDS_BETWEEN_INDICES = 10.0

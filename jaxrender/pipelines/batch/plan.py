@@ -23,7 +23,6 @@ from jaxrender.pipelines.scene import capture_of, input_files
 # Hexadecimal digits of a name: two of 1e5 runs share one by accident with probability 3e-10.
 _NAME_LENGTH = 16
 
-RESULT = "result.json"
 _ERROR = "error.json"
 
 
@@ -47,12 +46,10 @@ class Planned(NamedTuple):
         """What is in the run's folder: its state, with the result or the error."""
         if (self.folder / _ERROR).is_file():
             return State.FAILED, _read_error(self.folder)
-        if (self.folder / RESULT).is_file():
-            try:
-                return State.FINISHED, read_result(self.folder)
-            except InputError:
-                return State.PENDING, {}
-        return State.PENDING, {}
+        try:
+            return State.FINISHED, read_result(self.folder)
+        except InputError:
+            return State.PENDING, {}
 
     def job(self) -> Job:
         """The run as a worker is told of it."""

@@ -4,11 +4,11 @@
     what a config says of light and material, in the words of the recovery
 ``recovery``
     the task itself, and its predicted photographs
-``result`` ``files``
-    what was found as data; the light as images and arrays
+``result`` ``images``
+    what was found as data; the light as images
 """
 
-from jaxrender.pipelines.light.files import light_images
+from jaxrender.pipelines.light.images import light_images
 from jaxrender.pipelines.light.recovery import LightRecovery, recover_light
 
 __all__ = ["LightRecovery", "light_images", "recover_light"]

@@ -4,7 +4,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import jax.numpy as jnp
 import numpy as np
 
@@ -15,21 +14,24 @@ from jaxrender.inverse.comparison import Comparison, compare_factorizations, div
 from jaxrender.inverse.factorization import Round, predict
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import write_environment
+from jaxrender.io.netcdf import Group
 from jaxrender.lighting import Environment
+from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.deviation import write_covariance
+from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.light.asked import (
     asked_models,
     band_limit,
     factor_settings,
     in_given_units,
 )
-from jaxrender.pipelines.light.files import light_images, write_light, write_samples
+from jaxrender.pipelines.light.images import light_images
 from jaxrender.pipelines.light.result import Recovered, result_of
 from jaxrender.pipelines.progress import Progress
+from jaxrender.pipelines.ranking import sentence_of
 from jaxrender.pipelines.recovery import Recovery
-from jaxrender.pipelines.result import sentence_of
+from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.reflection import (
@@ -69,8 +71,8 @@ class LightRecovery(Recovery):
         scene = self.found.scene
         return DualLight(jnp.asarray(scene.slow), scene.sources)
 
-    def result(self) -> dict[str, Any]:
-        """Build the summary of ``result.json``."""
+    def result(self) -> Result:
+        """Sum up light and material."""
         return result_of(
             Recovered(
                 self.task,
@@ -93,15 +95,27 @@ class LightRecovery(Recovery):
         # A sum of few degrees may dip below zero where the light is dark.
         return [np.maximum(image, 0) for image in images]
 
-    def write(self, folder: Path) -> None:
-        """Write the light as images, whole and without its lamps, and all arrays as NetCDF."""
+    def arrays(self) -> dict[str, Group]:
+        """Lay out the light, the samples that it explains and the material's covariance."""
+        scene, sources = self.found.scene, self.found.scene.sources
+        light = light_group(
+            scene.slow,
+            slow_error=scene.slow_error,
+            total=scene.total,
+            direction=sources.directions,
+            irradiance=sources.irradiance,
+            irradiance_error=scene.energy_error,
+            direction_error=scene.direction_error,
+        )
+        samples = Group(sample_arrays(self.observations, self.found.predicted))
+        covariance = covariance_groups(self.found.parameters)
+        return {"light": light, "samples": samples, **covariance}
+
+    def write_images(self, folder: Path) -> None:
+        """Write the light, whole and without its lamps."""
         whole, slow = self._images
         write_environment(folder / "lighting.exr", Environment(whole))
         write_environment(folder / "lighting_slow.exr", Environment(slow))
-        with h5netcdf.File(folder / "result.nc", "w") as file:
-            write_light(file, self.found.scene)
-            write_samples(file, self.observations, self.found)
-            write_covariance(file, self.found.parameters)
 
     def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
         """Gather what the report shows."""

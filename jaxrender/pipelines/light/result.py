@@ -9,7 +9,8 @@ from jaxrender.inverse import Factorization
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.pipelines.result import finite, pixels_of, ranking_of
+from jaxrender.pipelines.ranking import ranking_of
+from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
 # A degree is told if the photographs tell more than this share of it.
@@ -34,30 +35,12 @@ class Recovered(NamedTuple):
     comparison: Comparison | None = None
 
 
-def result_of(recovered: Recovered) -> dict[str, Any]:
-    """Build the summary of ``result.json``."""
+def result_of(recovered: Recovered) -> Result:
+    """Sum up light and material, and how the fit came to them."""
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
     parameters = found.parameters
-    result = {
-        "task": recovered.task,
-        "outcome": found.outcome.value,
-        "meaning": found.outcome.sentence,
-        "reasons": list(found.reasons),
-        "brdf": {
-            "model": recovered.model,
-            **words.material(parameters.value),
-            **words.choices(),
-        },
-        "interval90": words.intervals(parameters.lower, parameters.upper),
-        "standard_error": words.values(parameters.standard_error),
-        "identifiable": found.identifiable,
-        "residual": {
-            "relative_rms": found.relative_rms,
-            "samples": recovered.samples,
-        },
-        "noise": {"relative": found.noise.relative, "floor": found.noise.floor},
-        "lighting": _lighting(recovered),
+    own: dict[str, Any] = {
         "path": [
             {
                 "sources": one.sources,
@@ -67,12 +50,29 @@ def result_of(recovered: Recovered) -> dict[str, Any]:
                 "relative_rms": one.relative_rms,
             }
             for one in found.rounds
-        ],
-        "pixels": pixels_of(recovered.photographs),
+        ]
     }
     if recovered.comparison is not None:
-        result["comparison"] = ranking_of(recovered.comparison)
-    return finite(result)
+        own["comparison"] = ranking_of(recovered.comparison)
+    return Result(
+        task=recovered.task,
+        outcome=found.outcome,
+        reasons=found.reasons,
+        brdf={
+            "model": recovered.model,
+            **words.material(parameters.value),
+            **words.choices(),
+        },
+        interval90=words.intervals(parameters.lower, parameters.upper),
+        standard_error=words.values(parameters.standard_error),
+        identifiable=found.identifiable,
+        relative_rms=found.relative_rms,
+        samples=recovered.samples,
+        noise=found.noise,
+        lighting=_lighting(recovered),
+        photographs=recovered.photographs,
+        own=own,
+    )
 
 
 def _sentence_on(told: Float[np.ndarray, "degree"]) -> str:

@@ -2,19 +2,32 @@
 
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 
 from jaxrender.geometry import Mesh
-from jaxrender.harmonics import band_limit_of, degrees, orders
 from jaxrender.inverse.texture import Texture, dilated, image_of_sites
 from jaxrender.io import write_image, write_mesh
-from jaxrender.pipelines.result import write_variable
+from jaxrender.io.netcdf import Group, Variable
+from jaxrender.pipelines.arrays import light_group
 from jaxrender.pipelines.texture.sites import SurfaceSites
 from jaxrender.pipelines.texture.surface import Surface
 from jaxrender.shapes import Bool, Float
 
 _MAPS = ("kd", "ks", "kd_error", "ks_error")
+# What a site has: units, meaning.
+_SITE = {
+    "kd": ("1/sr", "diffuse BRDF"),
+    "kd_error": ("1/sr", "standard error of kd"),
+    "ks": ("1", "specular reflectance"),
+    "ks_error": ("1", "standard error of ks"),
+    "misfit": ("1", "rms of a site's residuals over the noise"),
+    "seen": ("1", "observations of a site"),
+    "kd_marked": ("1", "whether kd is not to be trusted"),
+    "ks_marked": ("1", "whether ks is the prior's more than its own"),
+    "region": ("1", "number of the region, -1 for none"),
+    "sigma": ("radian", "width of the lobe"),
+    "sigma_error": ("radian", "standard error of sigma"),
+}
 
 
 def write_maps(folder: Path, surface: Surface, sites: SurfaceSites, reach: int) -> None:
@@ -59,50 +72,36 @@ def marks_image(texture: Texture, sites: SurfaceSites) -> Float[np.ndarray, "row
     return image_of_sites(marks.astype(float), sites.image)
 
 
-def write_texture_arrays(path: Path, surface: Surface, sites: SurfaceSites) -> None:
-    """Write every site's values, errors and marks, sigma and mu, and a recovered light."""
+def texture_groups(surface: Surface, sites: SurfaceSites) -> dict[str, Group]:
+    """Lay out every site's values, errors and marks, sigma and mu, and a recovered light."""
     texture = surface.texture
-    with h5netcdf.File(path, "w") as file:
-        group = file.create_group("texture")
-        channels = texture.kd.shape[1]
-        if sites.image is None:
-            size, names = (sites.count,), ("vertex",)
-        else:
-            size, names = sites.image, ("row", "column")
-        group.dimensions = {**dict(zip(names, size)), "channel": channels}
-        for name in ("kd", "kd_error"):
-            values = getattr(texture, name).reshape(*size, channels)
-            write_variable(group, name, (*names, "channel"), values)
-        for name in ("ks", "ks_error", "misfit", "seen", "kd_marked", "ks_marked"):
-            values = np.asarray(getattr(texture, name)).reshape(size)
-            # NetCDF has no truth values.
-            values = values.astype(np.int8) if values.dtype == bool else values
-            write_variable(group, name, names, values)
-        write_variable(group, "region", names, surface.region.reshape(size))
-        if surface.variation is not None:
-            for name, values in zip(("sigma", "sigma_error"), surface.variation):
-                write_variable(group, name, names, values.reshape(size))
-        lobe = file.create_group("lobe")
-        lobe.dimensions = {"region": len(surface.regions)}
-        for name in ("sigma", "mu", "sigma_error", "mu_error"):
-            given = [getattr(region, name) for region in surface.regions]
-            numbers = [np.nan if value is None else value for value in given]
-            write_variable(lobe, name, ("region",), numbers)
-        _write_light(file, surface)
+    names, size = (("row", "column"), sites.image)
+    if size is None:
+        names, size = ("vertex",), (sites.count,)
+    values = {name: getattr(texture, name) for name in _SITE if name in texture._fields}
+    values["region"] = surface.region
+    if surface.variation is not None:
+        values |= zip(("sigma", "sigma_error"), surface.variation)
+    variables = {}
+    for name, found in values.items():
+        inner = ("channel",) if np.ndim(found) == 2 else ()
+        shaped = np.reshape(found, (*size, *np.shape(found)[1:]))
+        variables[name] = Variable((*names, *inner), shaped, *_SITE[name])
+    groups = {"texture": Group(variables), "lobe": Group(_lobe(surface))}
+    if surface.light is not None:
+        coefficients, errors = surface.light
+        groups["light"] = light_group(coefficients, slow_error=errors)
+    return groups
 
 
-def _write_light(file: h5netcdf.File, surface: Surface) -> None:
-    if surface.light is None:
-        return
-    coefficients, errors = surface.light
-    light = file.create_group("light")
-    count, channels = coefficients.shape
-    light.dimensions = {"coefficient": count, "channel": channels}
-    write_variable(light, "degree", ("coefficient",), degrees(band_limit_of(count)))
-    write_variable(light, "order", ("coefficient",), orders(band_limit_of(count)))
-    write_variable(light, "slow", ("coefficient", "channel"), coefficients)
-    if errors is not None:
-        write_variable(light, "slow_error", ("coefficient", "channel"), errors)
+def _lobe(surface: Surface) -> dict[str, Variable]:
+    variables = {}
+    for name in ("sigma", "mu", "sigma_error", "mu_error"):
+        given = [getattr(region, name) for region in surface.regions]
+        numbers = [np.nan if value is None else value for value in given]
+        units = "radian" if name.startswith("sigma") else "1"
+        variables[name] = Variable(("region",), numbers, units, f"{name} of each region's lobe")
+    return variables
 
 
 def _write_vertices(path: Path, surface: Surface, sites: SurfaceSites) -> None:

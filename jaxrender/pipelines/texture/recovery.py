@@ -12,18 +12,20 @@ from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import Texture
 from jaxrender.io import write_environment
+from jaxrender.io.netcdf import Group
 from jaxrender.lighting import positive_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, TextureConfig
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.texture.files import (
     map_images,
     marks_image,
+    texture_groups,
     write_maps,
-    write_texture_arrays,
 )
 from jaxrender.pipelines.texture.known_light import under_known_light
 from jaxrender.pipelines.texture.sites import SurfaceSites, regions_of, sites_of
@@ -79,8 +81,8 @@ class TextureRecovery(Recovery):
         """What is known of every site."""
         return self.surface.texture
 
-    def result(self) -> dict[str, Any]:
-        """Build the summary of ``result.json``."""
+    def result(self) -> Result:
+        """Sum up the texture."""
         files = ("kd", "ks", "kd_error", "ks_error")
         if self.surface.variation is not None:
             files = (*files, "sigma", "sigma_error")
@@ -108,11 +110,14 @@ class TextureRecovery(Recovery):
             images.append(image)
         return images
 
-    def write(self, folder: Path) -> None:
-        """Write maps and arrays, and the light where it was recovered."""
+    def arrays(self) -> dict[str, Group]:
+        """Lay out every site, the lobe of each region, and the light if it was recovered."""
+        return texture_groups(self.surface, self.sites)
+
+    def write_images(self, folder: Path) -> None:
+        """Write the maps, and the light."""
         reach = (self.config.texture or TextureConfig()).dilate
         write_maps(folder, self.surface, self.sites, reach)
-        write_texture_arrays(folder / "result.nc", self.surface, self.sites)
         if self.surface.light is not None:
             light = positive_environment(*self.surface.light, _ROWS)
             write_environment(folder / "lighting.exr", light)
@@ -237,5 +242,5 @@ def recover_surface(
     recovery = TextureRecovery(
         config, surface, sites, (Known(light, field), observations), photographs
     )
-    progress.note(sentence_on(recovery.result()["texture"]))
+    progress.note(sentence_on(recovery.result().own["texture"]))
     return recovery

@@ -8,7 +8,7 @@ from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import Texture
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.result import finite, pixels_of
+from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.texture.sites import SurfaceSites
 from jaxrender.pipelines.texture.surface import IDENTIFIABLE_WITHIN, NORMAL_90, Region, Surface
 
@@ -25,37 +25,45 @@ def summary_of_surface(
     sites: SurfaceSites,
     photographs: list[Photograph],
     files: dict[str, str],
-) -> dict[str, Any]:
-    """Build the summary: sigma and mu with intervals, what the texture is like, what is marked."""
+) -> Result:
+    """Sum up sigma and mu with intervals, what the texture is like, and what is marked."""
     texture, brdf = surface.texture, config.brdf
     known = texture.seen[sites.of_observation[sites.of_observation >= 0]]
-    result: dict[str, Any] = {
-        "task": "texture",
-        "outcome": surface.outcome.value,
-        "meaning": surface.outcome.sentence,
-        "reasons": list(surface.reasons),
-        "brdf": {"model": brdf.model, **_means(config, texture), **_lobe(config, surface)},
-        "texture": _texture(texture, sites) | _variation(surface) | {"files": files},
-        **_errors(config, surface),
-        "residual": {"relative_rms": texture.relative_rms, "samples": len(known)},
-        "noise": {"relative": float(surface.noise.relative), "floor": float(surface.noise.floor)},
-        "lighting": {"gauge": surface.gauge},
-        "pixels": pixels_of(photographs),
+    own: dict[str, Any] = {
+        "texture": _texture(texture, sites) | _variation(surface) | {"files": files}
     }
     if any(region.name for region in surface.regions):
-        result["regions"] = [_region(region) for region in surface.regions]
+        own["regions"] = [_region(region) for region in surface.regions]
     if surface.ambiguity:
-        result["ambiguity"] = surface.ambiguity
+        own["ambiguity"] = surface.ambiguity
+    return Result(
+        task="texture",
+        outcome=surface.outcome,
+        reasons=surface.reasons,
+        brdf={"model": brdf.model, **_means(config, texture), **_lobe(config, surface)},
+        **_errors(config, surface),
+        relative_rms=texture.relative_rms,
+        samples=len(known),
+        noise=surface.noise,
+        lighting=_lighting(surface),
+        photographs=photographs,
+        own=own,
+    )
+
+
+def _lighting(surface: Surface) -> dict[str, Any]:
+    """Say in what units the light is, and which it is where it was recovered."""
+    lighting: dict[str, Any] = {"gauge": surface.gauge}
     if surface.light is not None:
-        result["lighting"] |= {
+        lighting |= {
             "band_limit": band_limit_of(len(surface.light.coefficients)),
             "coefficients": surface.light.coefficients.tolist(),
             "environment": "lighting.exr",
             "directional": [],
         }
         if surface.light.standard_error is not None:
-            result["lighting"]["coefficients_error"] = surface.light.standard_error.tolist()
-    return finite(result)
+            lighting["coefficients_error"] = surface.light.standard_error.tolist()
+    return lighting
 
 
 def interval(name: str, value: float, error: float) -> list[float]:

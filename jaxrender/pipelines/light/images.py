@@ -1,0 +1,38 @@
+"""A recovered light as images."""
+
+import numpy as np
+
+from jaxrender.harmonics import LatLongGrid
+from jaxrender.inverse.factorization import RecoveredScene
+from jaxrender.lighting import DirectionalSources, positive_environment
+from jaxrender.shapes import Float
+
+# Rows of the recovered light's image: its texels are smaller than any lobe that showed it.
+_ROWS = 128
+
+
+def light_images(
+    scene: RecoveredScene,
+) -> tuple[Float[np.ndarray, "row column channel"], Float[np.ndarray, "row column channel"]]:
+    """Draw the whole light, each lamp as one texel of its energy, and its slow part alone.
+
+    Where a sum of few degrees falls below zero the light is black; what that adds is taken off
+    elsewhere, so that the image has the coefficients that were found.
+    """
+    grid = LatLongGrid(_ROWS, 2 * _ROWS)
+    light = positive_environment(np.asarray(scene.slow), np.asarray(scene.slow_error), _ROWS)
+    slow = np.asarray(light.radiance)
+    whole = slow.copy()
+    rows, columns = texels_of(scene.sources, grid)
+    energy = np.maximum(np.asarray(scene.sources.irradiance), 0)
+    np.add.at(whole, (rows, columns), energy / grid.weights()[rows, columns, None])
+    return whole, slow
+
+
+def texels_of(sources: DirectionalSources, grid: LatLongGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Find the texel that holds each source."""
+    x, y, z = np.asarray(sources.directions, float).T
+    height, width = grid.shape
+    rows = np.clip(np.arccos(np.clip(z, -1, 1)) / np.pi * height, 0, height - 1).astype(int)
+    columns = ((np.arctan2(y, x) / (2 * np.pi)) % 1 * width).astype(int) % width
+    return rows, columns

@@ -1,0 +1,172 @@
+"""What task ``brdf`` found, as the data of ``result.json`` and the arrays of ``result.nc``."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import Shape
+from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.forecast import MaterialForecast
+from jaxrender.inverse.own_words import OwnWords
+from jaxrender.inverse.passes import Stop, values_of
+from jaxrender.inverse.photographs import Photograph
+from jaxrender.inverse.variants import Variant, model_sensitive
+from jaxrender.io.netcdf import Group, Variable
+from jaxrender.pipelines.arrays import light_group, sample_arrays
+from jaxrender.pipelines.deviation import covariance_groups
+from jaxrender.pipelines.ranking import ranking_of
+from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
+from jaxrender.spectra import light_coefficients
+
+
+class Finding(NamedTuple):
+    """A finished fit with everything that its result is made of."""
+
+    fit: BRDFFit
+    variants: tuple[Variant, ...]
+    light: KnownLight
+    shape: Shape
+    photographs: list[Photograph]
+    model: str
+    ks_per_channel: bool
+    transfer: TransferField | None = None
+    comparison: Comparison | None = None
+    forecast: MaterialForecast | None = None
+
+
+def result_of(finding: Finding) -> Result:
+    """Sum up values, intervals, what is identifiable, light, residuals."""
+    fit, words = finding.fit, _words(finding)
+    final, parameters = fit.final, fit.parameters
+    material = {"model": finding.model, **words.material(parameters.value)}
+    return Result(
+        task="brdf",
+        outcome=fit.outcome,
+        reasons=fit.reasons,
+        brdf=material | words.choices(),
+        interval90=words.intervals(parameters.lower, parameters.upper),
+        standard_error=words.values(parameters.standard_error),
+        identifiable=fit.identifiable,
+        relative_rms=final.relative_rms,
+        samples=final.observations.count,
+        noise=final.noise,
+        lighting=_lighting(finding),
+        photographs=finding.photographs,
+        own=_own(finding),
+    )
+
+
+def _own(finding: Finding) -> dict[str, Any]:
+    """Say what no other task does."""
+    fit, words = finding.fit, _words(finding)
+    own: dict[str, Any] = {
+        "model_sensitive": model_sensitive(fit, finding.variants),
+        "variants": [_variant(finding, variant) for variant in finding.variants],
+    }
+    if finding.model != "lambertian" and fit.evidence is not None:
+        sentence = fit.evidence.sentence()
+        own["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
+    if finding.comparison is not None:
+        own["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
+    if finding.forecast is not None:
+        own["forecast"] = _forecast(finding, finding.forecast)
+    if fit.exact is not None and isinstance(fit.brdf, Glossy):
+        frequency = fit.frequency
+        samples = frequency.observations.count
+        own["frequency"] = {
+            "brdf": words.material(values_of(frequency)),
+            "residual": {"relative_rms": frequency.relative_rms, "samples": samples},
+            "bias": words.biases(fit.bias),
+        }
+    bounced = interreflection(fit)
+    if bounced:
+        own["interreflection"] = {**bounced, "sentence": sentence_on(bounced)}
+    unknowns = fit.final.problem.unknowns
+    if unknowns.free_gains:
+        gains = np.asarray(fit.parameters.value.gains)
+        own["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
+    if unknowns.free_scale:
+        own["scale"] = float(fit.parameters.value.scale)
+    return own
+
+
+def groups_of(finding: Finding) -> dict[str, Group]:
+    """Lay out the samples of both passes, the covariance and the light's coefficients."""
+    fit, dual = finding.fit, finding.fit.light.dual
+    groups = {"frequency": _samples(fit.frequency)}
+    if fit.exact is not None:
+        groups["exact"] = _samples(fit.exact)
+    sources = dual.sources
+    light = light_group(dual.slow, direction=sources.directions, irradiance=sources.irradiance)
+    return groups | covariance_groups(fit.parameters) | {"light": light}
+
+
+def _words(finding: Finding) -> OwnWords:
+    return OwnWords(finding.model, finding.fit.brdf, not finding.ks_per_channel)
+
+
+def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
+    """Say what the material that was found could have been expected to tell."""
+    brdf = finding.fit.brdf
+    return {
+        "standard_error": _words(finding).values(forecast.parameters.standard_error),
+        "recoverable_degree": forecast.highest_degree,
+        "singular_values": forecast.singular_values.tolist(),
+        "unknowns": [brdf.called(name) for name in forecast.unknowns],
+        "weakest": forecast.weakest.tolist(),
+        "sentences": list(forecast.sentences),
+    }
+
+
+def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:
+    return {
+        "fresnel": variant.fresnel,
+        "masking": variant.masking,
+        **_words(finding).material(variant.parameters),
+        "chi_squared": variant.chi_squared,
+        "rejected": variant.rejected,
+    }
+
+
+def _lighting(finding: Finding) -> dict[str, Any]:
+    fit, light = finding.fit, finding.light
+    dual, split = fit.light.dual, fit.light.split
+    free = fit.final.problem.unknowns.free_scale
+    gauge = "mean of kd + ks is 1; the light as given, times scale, made the photographs"
+    lighting: dict[str, Any] = {"gauge": gauge if free else "given"}
+    if light.environment is not None:
+        sources = light_coefficients(dual.sources, dual.band_limit)
+        lighting |= {
+            "band_limit": dual.band_limit,
+            "coefficients": np.asarray(dual.slow).tolist(),
+            "coefficients_total": (np.asarray(dual.slow) + np.asarray(sources)).tolist(),
+            "environment": "lighting.exr",
+        }
+    if split is not None:
+        lighting["split"] = {
+            "sigma": split.sigma,
+            "sources": int(split.sources.directions.shape[0]),
+            "slow_energy": split.slow_energy,
+        }
+        if fit.light.needed is not None:
+            lighting["split"] |= {
+                "error": fit.light.needed.error,
+                "error_without": fit.light.needed.error_without,
+            }
+    lighting["directional"] = [
+        {"direction": d.tolist(), "irradiance": e.tolist()}
+        for d, e in zip(*(np.asarray(part) for part in dual.sources.nodes()))
+    ]
+    return lighting
+
+
+def _samples(stop: Stop) -> Group:
+    weights, pixels = stop.data.weights, stop.observations.pixels
+    variables = sample_arrays(stop.observations, stop.fit.predicted)
+    each = ("sample", "channel")
+    variables["weight"] = Variable(each, weights, "1/radiance", "weight of a residual")
+    variables["pixels"] = Variable(("sample",), pixels, "1", "pixels that a sample stands for")
+    return Group(variables)
