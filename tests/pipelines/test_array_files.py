@@ -40,7 +40,8 @@ def a_map(path):
 
 def a_covariance(path):
     one, three = np.ones(()), np.ones(3)
-    parameters = Parameters(three, three, one, one, np.ones(2), one)
+    numbers = {"sigma": one, "mu": one}
+    parameters = Parameters(three, three, numbers, np.ones(2), one)
     found = Uncertain(*[parameters] * 4, MATRIX)
     write(path, ARRAYS_FORMAT, Group(groups=covariance_groups(found)))
 
