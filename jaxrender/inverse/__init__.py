@@ -16,9 +16,9 @@
     one pass of a fit: least squares, noise and robust weights in turn
 ``uncertainty`` ``conditioning`` ``account`` ``variants``
     intervals; what rests on grazing angles; what is identifiable and why not; what on the model
-``photographs`` ``scene`` ``own_words``
-    photographs into observations; a scene, what of it is unknown, and its estimate; a material by
-    the numbers of its own model
+``photographs`` ``scene`` ``estimate`` ``own_words``
+    photographs into observations; a scene and what of it is unknown; what was found of it, shown
+    and saved; a material by the numbers of its own model
 ``known_light``
     the light split for the dual model, and as point masses for the integral
 ``brdf`` ``coarse_fit``
@@ -44,6 +44,7 @@
 """
 
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
+from jaxrender.inverse.estimate import Estimate
 from jaxrender.inverse.factorization import Factorization, FactorSettings, Known, factorize
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.lighting import (
@@ -60,7 +61,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
-from jaxrender.inverse.scene import Estimate, Scene, UnknownMaterial, fit, unknown
+from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
 from jaxrender.inverse.unknowns import Told, Unknown, Unknowns, unknowns_of
 
 __all__ = [

@@ -17,6 +17,7 @@ from jaxrender.catalogue import MODELS, Number
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
+from jaxrender.inverse.estimate import Estimate
 from jaxrender.inverse.factorization import (
     Factorization,
     FactorSettings,
@@ -28,7 +29,6 @@ from jaxrender.inverse.factorization import (
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
@@ -145,43 +145,6 @@ class Scene(NamedTuple):
     per_frame: tuple[DirectionalSources, ...] | None = None
     free_exposure: bool = False
     free_scale: bool = False
-
-
-class Estimate(NamedTuple):
-    """What a fit found, by the material's own numbers, and how well it is known.
-
-    ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
-    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
-    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
-    the fit itself.
-    """
-
-    model: str
-    material: Parametric
-    light: Light
-    values: dict[str, Float[np.ndarray, "..."]]
-    standard_error: dict[str, Float[np.ndarray, "..."]]
-    interval90: dict[str, Float[np.ndarray, "..."]]
-    identifiable: dict[str, bool]
-    outcome: Outcome
-    reasons: tuple[str, ...]
-    noise: NoiseModel
-    relative_rms: float
-    details: BRDFFit | Factorization
-
-    def __str__(self) -> str:
-        """Print a table of the numbers, and what is to be known about them."""
-        rows = [f"{self.model or type(self.material).__name__}: {self.outcome.sentence}"]
-        for name, value in self.values.items():
-            told = "" if self.identifiable.get(name, True) else "  not identifiable"
-            low, high = (_shown(self.interval90[name][..., end]) for end in (0, 1))
-            rows.append(f"  {name:<12} {_shown(value)}  90 %: {low} to {high}{told}")
-        rows.append(f"  residual {100 * self.relative_rms:.3g} %")
-        return "\n".join([*rows, *(f"  {reason}" for reason in self.reasons)])
-
-
-def _shown(values: float | Float[np.ndarray, "..."]) -> str:
-    return " ".join(f"{value:.4g}" for value in np.ravel(values))
 
 
 def fit(

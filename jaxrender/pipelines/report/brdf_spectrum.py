@@ -7,9 +7,10 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
 from jaxrender.pipelines.report.contents import SpectrumContents
-from jaxrender.pipelines.report.display import data_uri, exposed, exposure_for
+from jaxrender.pipelines.report.display import data_uri
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.pipelines.report.wording import counted, percent
 from jaxrender.shapes import Float

@@ -8,11 +8,12 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfaceSamples
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import LightNodes, condensed
 from jaxrender.pipelines.report.contents import ReportContents
-from jaxrender.pipelines.report.display import data_uri, exposed, exposure_for, with_alpha
+from jaxrender.pipelines.report.display import data_uri, with_alpha
 from jaxrender.reflection import integral_columns
 from jaxrender.shapes import Float
 

@@ -7,16 +7,9 @@ from jaxtyping import UInt8
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.pipelines.report.contents import FramePictures
-from jaxrender.pipelines.report.display import (
-    Picture,
-    bounding_box,
-    data_uri,
-    exposed,
-    exposure_for,
-    shrunk,
-    with_alpha,
-)
+from jaxrender.pipelines.report.display import Picture, bounding_box, data_uri, shrunk, with_alpha
 from jaxrender.shapes import Float
 
 # At most this many frames, spread over the capture.

@@ -7,12 +7,11 @@ import numpy as np
 from matplotlib import colormaps
 
 from jaxrender.harmonics import LatLongGrid, synthesise
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.pipelines.report.contents import TextureContents
 from jaxrender.pipelines.report.display import (
     Picture,
     data_uri,
-    exposed,
-    exposure_for,
     shrunk,
     tone_key,
     tone_mapped,

@@ -1,0 +1,146 @@
+"""What a fit in Python found: printed, shown as a ball, and saved for other programs."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Parametric
+from jaxrender.errors import InputError
+from jaxrender.geometry import Orthographic, Sphere, look_at
+from jaxrender.imaging import NoiseModel
+from jaxrender.imaging.display import exposed, exposure_for, png_of
+from jaxrender.inverse.brdf import BRDFFit
+from jaxrender.inverse.factorization import Factorization
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.own_words import plain
+from jaxrender.io import write_environment
+from jaxrender.io.atomic import replacing
+from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight, Light
+from jaxrender.reflection import render_lit
+from jaxrender.shapes import Float
+
+# The ball is seen from a little above, so that light from the zenith and the horizon both show.
+_SIDE, _EYE = 192, (2.0, -3.0, 1.2)
+# Rows of a picture of light that has no picture of its own.
+_ROWS = 128
+
+
+class Estimate(NamedTuple):
+    """What a fit found, by the material's own numbers, and how well it is known.
+
+    ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
+    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
+    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
+    the fit itself.
+    """
+
+    model: str
+    material: Parametric
+    light: Light
+    values: dict[str, Float[np.ndarray, "..."]]
+    standard_error: dict[str, Float[np.ndarray, "..."]]
+    interval90: dict[str, Float[np.ndarray, "..."]]
+    identifiable: dict[str, bool]
+    outcome: Outcome
+    reasons: tuple[str, ...]
+    noise: NoiseModel
+    relative_rms: float
+    details: BRDFFit | Factorization
+
+    def __str__(self) -> str:
+        """Print a table of the numbers, and what is to be known about them."""
+        rows = [f"{self.model or type(self.material).__name__}: {self.outcome.sentence}"]
+        for name, value in self.values.items():
+            told = "" if self.identifiable.get(name, True) else "  not identifiable"
+            low, high = (_shown(self.interval90[name][..., end]) for end in (0, 1))
+            rows.append(f"  {name:<12} {_shown(value)}  90 %: {low} to {high}{told}")
+        rows.append(f"  residual {100 * self.relative_rms:.3g} %")
+        return "\n".join([*rows, *(f"  {reason}" for reason in self.reasons)])
+
+    def ball(self, side: int = _SIDE) -> Float[np.ndarray, "row column channel"]:
+        """Render a ball of the material in the light, seen from a little above; [side, side, C].
+
+        Where the light is dark, as that of single photographs is here, a lamp beside the camera
+        lights it.
+        """
+        camera = Orthographic(side, side, look_at(_EYE, (0, 0, 0), (0, 0, 1)), scale=2.1 / side)
+        light = self.light
+        if not np.any(np.asarray(light.nodes().irradiance)):
+            white = np.ones((1, len(np.asarray(self.material.kd))))
+            towards = np.array([[1.0, -3.0, 2.5]])
+            light = DirectionalSources(towards / np.linalg.norm(towards), white)
+        return np.asarray(render_lit(self.material, light, Sphere(np.zeros(3), 1.0), camera))
+
+    def _repr_png_(self) -> bytes:
+        """Show the ball in a notebook."""
+        ball = self.ball()
+        return png_of(exposed(ball, exposure_for(ball[ball.sum(axis=-1) > 0])))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``estimate.json``, ``ball.png`` and pictures of the light; return the folder.
+
+        The JSON holds the numbers by their names, with errors and intervals, how the fit ended, and
+        the light: sources and coefficients as numbers, the rest as panoramas (z-up EXR) beside it.
+        Files of an earlier estimate are replaced.  Raises ``InputError`` where the folder cannot
+        be written to.
+        """
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            lights = [_light(part, folder, k) for k, part in enumerate(self.light.parts)]
+            with replacing(folder / "ball.png") as aside:
+                aside.write_bytes(self._repr_png_())
+            with replacing(folder / "estimate.json") as aside:
+                content = json.dumps(self._plain() | {"light": lights}, indent=1, allow_nan=False)
+                aside.write_text(content + "\n", encoding="utf-8")
+        except OSError as error:
+            raise InputError(
+                f"{folder}: cannot be written to: {error.strerror}; choose another folder"
+            ) from None
+        return folder
+
+    def _plain(self) -> dict[str, Any]:
+        """Lay out the numbers and the account of them; None where a number is not finite."""
+        numbers = {
+            key: {name: _finite(plain(value)) for name, value in getattr(self, key).items()}
+            for key in ("values", "standard_error", "interval90")
+        }
+        return {
+            "model": self.model or type(self.material).__name__,
+            "outcome": self.outcome.value,
+            "meaning": self.outcome.sentence,
+            "reasons": list(self.reasons),
+            **numbers,
+            "identifiable": self.identifiable,
+            "relative_rms": float(self.relative_rms),
+            "noise": {"relative": float(self.noise.relative), "floor": float(self.noise.floor)},
+        }
+
+
+def _light(part: Light, folder: Path, number: int) -> dict[str, Any]:
+    """Lay out one light as numbers, or write its panorama and name the file."""
+    if isinstance(part, HarmonicLight):
+        return {"coefficients": plain(part.coefficients)}
+    to_environment = getattr(part, "to_environment", None)
+    environment = part if isinstance(part, Environment) else None
+    if environment is None and to_environment is not None:
+        environment = to_environment(_ROWS)
+    if environment is None:
+        directions, irradiance = part.nodes()
+        return {"directions": plain(directions), "irradiance": plain(irradiance)}
+    name = f"light_{number}.exr"
+    write_environment(folder / name, environment)
+    return {"environment": name}
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no number for by None."""
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return value if np.isfinite(value) else None
+
+
+def _shown(values: float | Float[np.ndarray, "..."]) -> str:
+    return " ".join(f"{value:.4g}" for value in np.ravel(values))
