@@ -28,9 +28,10 @@ from scenes import probe
 
 from jaxrender.geometry import Mesh, Pinhole, Sphere, SurfaceSamples, look_at, observe
 from jaxrender.harmonics import LatLongGrid, analyse, looked_up, over_poles
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.io import read_environment
 from jaxrender.lighting import Environment
-from jaxrender.pipelines.report.display import exposed, exposure_for, tone_key, tone_mapped
+from jaxrender.pipelines.report.display import tone_key, tone_mapped
 from jaxrender.reflection import irradiance_matrix, quadratic_irradiance, reflection_maps
 from jaxrender.spectra import phong_transfer
 

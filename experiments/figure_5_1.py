@@ -45,9 +45,10 @@ from jaxrender.geometry import (
 )
 from jaxrender.harmonics import WINDOWS, LatLongGrid, looked_up, over_poles
 from jaxrender.imaging.colour import rgb_of_reflectance
+from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.io import read_cornell, read_environment, read_mesh
 from jaxrender.lighting import Environment, LightNodes
-from jaxrender.pipelines.report.display import exposed, exposure_for, tone_key, tone_mapped
+from jaxrender.pipelines.report.display import tone_key, tone_mapped
 from jaxrender.reflection import integral_columns, radiance
 from jaxrender.reflection.shrm import GlobalShrm, LocalShrm, exit_cosine, global_shrm, local_shrm
 from jaxrender.spectra import (

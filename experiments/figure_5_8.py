@@ -39,8 +39,8 @@ from figure_5_1 import (
 from figure_5_6 import amplification
 
 from jaxrender.geometry import Sphere
+from jaxrender.imaging.display import exposed
 from jaxrender.lighting import LightNodes
-from jaxrender.pipelines.report.display import exposed
 from jaxrender.reflection.shrm import AzimuthalTexture, exit_cosine
 from jaxrender.spectra import missing_energy
 

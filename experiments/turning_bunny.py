@@ -35,8 +35,8 @@ from PIL import Image
 from jaxrender.geometry import Mesh, Orthographic, look_at, reflect
 from jaxrender.geometry.tracing import EmbreeTracer
 from jaxrender.harmonics import LatLongGrid, looked_up, over_poles
+from jaxrender.imaging.display import exposure_for
 from jaxrender.io import read_environment
-from jaxrender.pipelines.report.display import exposure_for
 from jaxrender.reflection.shrm import GlobalShrm, exit_cosine, global_shrm, local_shrm
 from jaxrender.spectra import central_spectrum_of, light_coefficients
 

@@ -196,14 +196,17 @@ def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]
 
     For photographs without gains of their own.
     """
-    parts = (model.diffuse, model.specular, *model.slopes.values(), data.radiance)
+    # Rounding of single precision counts most in the last columns: sigma goes before mu, which the
+    # samples tell least of.
+    order = sorted(model.slopes, reverse=True)
+    parts = (model.diffuse, model.specular, *(model.slopes[n] for n in order), data.radiance)
     # Laid out as LAPACK wants it, every column in one piece.
     weighted = jnp.stack([(jnp.asarray(part) * data.weights).T for part in parts], axis=1)
     triangle = jnp.linalg.qr(jnp.swapaxes(weighted, 1, 2), mode="r")
     diffuse, specular, *slopes, radiance = jnp.moveaxis(triangle, (2, 0), (0, 2))
     weights = jnp.ones_like(radiance)
     frame = jnp.zeros(radiance.shape[0], int)
-    few = LinearisedModel(diffuse, specular, dict(zip(model.slopes, slopes)), model.numbers)
+    few = LinearisedModel(diffuse, specular, dict(zip(order, slopes)), model.numbers)
     return few, Data(radiance, weights, frame)
 
 
