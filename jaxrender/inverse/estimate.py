@@ -22,7 +22,7 @@ from jaxrender.reflection import render_lit
 from jaxrender.shapes import Float
 
 # The ball is seen from a little above, so that light from the zenith and the horizon both show.
-_SIDE, _EYE = 192, (2.0, -3.0, 1.2)
+_SIDE, _EYE = 192, np.array([2.0, -3.0, 1.2])
 # Rows of a picture of light that has no picture of its own.
 _ROWS = 128
 
@@ -65,7 +65,7 @@ class Estimate(NamedTuple):
         Where the light is dark, as that of single photographs is here, a lamp beside the camera
         lights it.
         """
-        camera = Orthographic(side, side, look_at(_EYE, (0, 0, 0), (0, 0, 1)), scale=2.1 / side)
+        camera = Orthographic(side, side, look_at(_EYE, np.zeros(3), np.eye(3)[2]), scale=2.1 / side)
         light = self.light
         if not np.any(np.asarray(light.nodes().irradiance)):
             white = np.ones((1, len(np.asarray(self.material.kd))))

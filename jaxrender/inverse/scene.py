@@ -95,7 +95,10 @@ def unknown(
                 _check_domain(number, told[number.name])
         material = UnknownMaterial(model, lobe, told, ks_per_channel)
     for name, one in material.told.items():
-        several = name in material.lobe.amplitude_names and (name != "ks" or ks_per_channel)
+        linear = name in material.lobe.amplitude_names
+        if linear and one.start is not None:
+            raise ValueError(f"{name} is solved for outright, from no start; leave it out")
+        several = linear and (name != "ks" or ks_per_channel)
         if isinstance(one.fixed, tuple) and len(one.fixed) > 1 and not several:
             hint = ", or ks_per_channel=True" if name == "ks" else ""
             raise ValueError(f"{name} is one number for all channels; give one{hint}")
@@ -246,8 +249,9 @@ def _with_the_light(
     material = scene.material
     unknowns = material.unknowns()
     channels = pool.radiance.shape[1]
-    matt = None if material.model not in MODELS else not MODELS[material.model].has_gloss
-    known = known_of(unknowns, material.lobe, channels, matt=bool(matt))
+    matt = material.model in MODELS and not MODELS[material.model].has_gloss
+    _check_ratio(material, unknowns, matt)
+    known = known_of(unknowns, material.lobe, channels, matt=matt)
     drawn = draw(pool, sharpness(pool), *draws).observations
     found = factorize(drawn, material.lobe, settings, known, shape=scene.shape)
     given = reflectances_of(unknowns, channels)
@@ -255,6 +259,24 @@ def _with_the_light(
         found = in_units_of(found, *given)
     light = HarmonicLight(found.scene.slow) + found.scene.sources
     return _estimate(material, found, light, (found.noise, found.relative_rms))
+
+
+def _check_ratio(material: UnknownMaterial, unknowns: Unknowns, matt: bool) -> None:
+    """Refuse what an unknown light leaves no room for: all but the ratio of kd and ks."""
+    for name in material.lobe.amplitude_names:
+        if name and material.told.get(name, Told()).bounds is not None:
+            raise ValueError(
+                f"{name} has bounds; under unknown light only the ratio of kd and ks is found: "
+                "leave it free, or give kd and ks"
+            )
+    if not matt and unknowns.kd.free != unknowns.ks.free:
+        raise ValueError(
+            "under unknown light only the ratio of kd and ks means anything; give both or none"
+        )
+    if material.ks_per_channel and unknowns.ks.free:
+        raise ValueError(
+            "under unknown light each channel has its own ks anyway; leave ks_per_channel out"
+        )
 
 
 def _estimate(

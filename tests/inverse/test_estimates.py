@@ -145,6 +145,7 @@ def test_light_and_material_are_found_together():
         ("ggx", {"mu": 0.9}, "mu=0.9: it must be above 1"),
         ("ggx", {"sigma": Told(bounds=(0, 1))}, "sigma=0: it must be above 0"),
         ("ggx", {"masking": "v"}, "masking='v': choose one of none, smith"),
+        ("ggx", {"kd": Told(start=0.2)}, "kd is solved for outright, from no start"),
     ],
 )
 def test_what_is_told_wrongly(model, numbers, fault):
@@ -160,6 +161,13 @@ def test_what_an_unknown_light_leaves_no_room_for():
         fit(Scene(unknown("phong"), BALL), seen, QUICK)
     with pytest.raises(ValueError, match="FactorSettings are for an unknown light"):
         fit(Scene(unknown("phong"), BALL, LAMPS), seen, FactorSettings())
+    for told, fault in (
+        ({"kd": (0.1, 0.2)}, "kd has bounds; under unknown light only the ratio"),
+        ({"ks": 0.1}, "only the ratio of kd and ks means anything; give both or none"),
+        ({"ks_per_channel": True}, "each channel has its own ks anyway"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            fit(Scene(unknown("phong", **told), BALL), seen)
 
 
 def test_metals_and_choices():
