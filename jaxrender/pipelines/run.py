@@ -140,10 +140,12 @@ def _with_photographs(
     )
     lighting = config.lighting
     if config.knows_light and not lighting.given:
-        lighting = made.lighting.model_copy(
-            update={"split": lighting.split, "free_scale": lighting.free_scale}
-        )
-    return config.model_copy(update={"capture": capture, "lighting": lighting})
+        stated = lighting.model_fields_set & {"split", "free_scale"}
+        lighting = made.lighting.model_copy(update={k: getattr(lighting, k) for k in stated})
+    with fault_of(f"the light of {config.capture.recipe}"):
+        config = config.model_copy(update={"capture": capture, "lighting": lighting})
+        config.refuse_in_vain()
+    return config
 
 
 def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress) -> Loaded:

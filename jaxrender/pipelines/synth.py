@@ -140,7 +140,7 @@ def _write_capture(
     first = cameras[0]
     intrinsics = {"w": first.width, "h": first.height, "fl_x": first.fl_x, "fl_y": first.fl_y}
     _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
-    _write_json(folder / "truth.json", recipe.model_dump(mode="json"))
+    _write_json(folder / "truth.json", recipe.written_out())
     lighting = _write_light(recipe, folder)
     _write_config(recipe, recipe_path, folder, (shape, lighting))
 
@@ -239,6 +239,9 @@ def _write_config(
     if model.has_gloss:
         brdf["ks_per_channel"] = len(set(truth["ks"])) > 1
     brdf |= {name: truth[name] for name in (*model.options, *model.names("stated"))}
+    if truth["mu"] == "none":
+        # A metal reflects the same at all angles.
+        brdf.pop("fresnel", None)
     brdf |= {name: "none" for name in model.names("searched") if truth[name] == "none"}
     config = {
         "task": "brdf" if recipe.texture is None else "texture",

@@ -32,7 +32,7 @@ from jaxrender.geometry import Mesh
 from jaxrender.imaging import SRGB
 from jaxrender.io import read_image, write_image, write_mesh
 
-FAST = ("solve.refine=off",)
+FAST = ("solve={starts: 2, refine: off}",)
 # Four standard errors: with a dozen parameters in all, chance exceeds it in one seed of a thousand.
 STANDARD_ERRORS = 4
 RECIPE = """\

@@ -59,14 +59,14 @@ def test_shapes(tmp_path):
 def test_unknowns_follow_the_config():
     brdf = {
         "kd": [0.1, 0.2, 0.3],
-        "ks": {"start": [0.1, 0.2, 0.3], "bounds": [0, 0.5]},
+        "ks": {"bounds": [0, 0.5]},
         "ks_per_channel": True,
         "sigma": {"bounds": [0.1, 0.3], "start": 0.2},
         "mu": 1.5,
     }
     found = unknowns_of(config_of(brdf=brdf, solve={"free_exposure": True}), photographs=7)
     assert found.kd.fixed == (0.1, 0.2, 0.3)
-    assert (found.ks.free, found.ks.start, found.ks.upper) == (True, pytest.approx(0.2), 0.5)
+    assert (found.ks.free, found.ks.start, found.ks.upper) == (True, None, 0.5)
     assert (found["sigma"].lower, found["sigma"].upper, found["sigma"].start) == (0.1, 0.3, 0.2)
     assert found["mu"].fixed == (1.5,)
     assert (found.ks_per_channel, found.free_gains, found.free_scale) == (True, 7, False)
@@ -108,7 +108,6 @@ def test_models_name_their_distribution(model, distribution, fresnel, masking):
 def test_settings_follow_the_config():
     solve = {
         "refine": "off",
-        "refine_samples": 77,
         "noise": {"relative": 0.02, "floor": 0.1},
         "loss": "huber",
         "method": "simplex",
@@ -116,14 +115,16 @@ def test_settings_follow_the_config():
         "band_limit": 9,
         "starts": 3,
     }
-    found = settings_of(config_of(solve=solve, samples={"seed": 5}, lighting={"split": 0.4}))
-    assert (found.refine, found.refine_samples, found.starts) == (False, 77, 3)
+    lighting = {"environment": {"path": "probe.exr"}, "split": 0.4}
+    found = settings_of(config_of(solve=solve, samples={"seed": 5}, lighting=lighting))
+    assert (found.refine, found.starts) == (False, 3)
     assert (found.noise.relative, found.noise.floor) == (0.02, 0.1)
     assert (found.loss, found.method, found.transfer) == ("huber", "simplex", "gaussian")
     assert (found.band_limit, found.seed, found.split) == (9, 5, 0.4)
     default = settings_of(config_of())
     assert (default.refine, default.noise, default.band_limit) == (True, None, None)
     assert default.split == "auto"
+    assert settings_of(config_of(solve={"refine_samples": 77})).refine_samples == 77
 
 
 def test_misuse_is_the_fault_of_its_key():

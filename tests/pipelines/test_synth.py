@@ -14,7 +14,7 @@ import json
 
 import numpy as np
 import pytest
-from small_captures import KD, KS, MU, SIGMA, jaxrender, reflected
+from small_captures import KD, KS, MU, SIGMA, jaxrender, reflected, write_json
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import SurfaceSamples, observe
@@ -202,7 +202,7 @@ def test_the_environment_that_is_handed_over_keeps_its_energy(tmp_path, rows):
 
 
 def test_an_identical_capture_is_left_alone(tmp_path, capsys):
-    (tmp_path / "recipe.json").write_text(recipe_of().model_dump_json())
+    write_json(tmp_path / "recipe.json", recipe_of().written_out())
     command = ["synth", tmp_path / "recipe.json", "--out", tmp_path / "capture"]
     assert jaxrender(*command) == 0
     before = (tmp_path / "capture/transforms.json").stat().st_mtime_ns
@@ -211,7 +211,7 @@ def test_an_identical_capture_is_left_alone(tmp_path, capsys):
     assert "photographs of recipe.json: rendered before" in capsys.readouterr().err
     assert (tmp_path / "capture/transforms.json").stat().st_mtime_ns == before
     other = recipe_of(brdf={**BRDF, "mu": 1.4})
-    (tmp_path / "recipe.json").write_text(other.model_dump_json())
+    write_json(tmp_path / "recipe.json", other.written_out())
     assert jaxrender(*command) == 2
     assert "holds the result of another run" in capsys.readouterr().err
     assert jaxrender(*command, "--force") == 0

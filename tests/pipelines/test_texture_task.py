@@ -149,7 +149,9 @@ def test_a_mesh_without_coordinates_has_vertices(tmp_path):
     plain = Paint(np.tile(KD[:1], (2, 1)), np.zeros(2))
     folder = write_painted(tmp_path / "capture", plain, 3, mesh)
     write_mesh(folder / "ball.ply", mesh)
-    out, result = run(folder, MATTE_TASK, shape="mesh: ball.ply")
+    with pytest.raises(InputError, match=r"texture\.size: found 16, but the mesh has no texture"):
+        run(folder, MATTE_TASK, shape="mesh: ball.ply")
+    out, result = run(folder, MATTE_TASK, "texture.size=auto", shape="mesh: ball.ply")
     said = result["texture"]
     assert said["sentence"] == (
         "162 vertices: the mesh has no texture coordinates, or not everywhere"
@@ -259,17 +261,26 @@ def test_bad_input_is_refused_in_words(ball, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("task: texture\nbrdf: {kd: 0.1}\n", "kd and ks are the texture that is sought"),
-        ("task: texture\nbrdf: {ks_per_channel: true}\n", "one ks for all channels; remove"),
+        ("task: texture\nbrdf: {kd: 0.1}\n", "known light finds kd of every site"),
+        ("task: texture\nbrdf: {ks_per_channel: true}\n", "has one ks for all channels; remove"),
         ("task: texture\nsolve: {free_exposure: true}\n", "needs known exposures"),
         ("task: texture\nsolve: {loss: huber}\n", "counts squared residuals"),
-        ("task: texture\ntexture: {unknown_light: true}\n", "remove one of them"),
+        (
+            "task: texture\ntexture: {unknown_light: true}\n",
+            "lighting: found .* recovers the light",
+        ),
         ("task: texture\ntexture: {size: 0}\n", "texture.size: found 0, accepted: 'auto' or"),
         ("task: texture\ntexture: {prio: variance}\n", "did you mean 'prior'"),
-        ("task: brdf\ntexture: {size: 4}\n", "found texture with task brdf; remove it"),
+        (
+            "task: brdf\ntexture: {size: 4}\n",
+            "texture: found {size: 4}, but task brdf finds no texture",
+        ),
         ("task: textur\n", "did you mean 'texture'"),
-        ("task: brdf-spectrum\nbrdf: {model: ggx}\n", "fits no model; remove brdf"),
-        ("task: brdf-spectrum\nsolve: {free_exposure: true}\n", "needs absolute radiance"),
+        (
+            "task: brdf-spectrum\nbrdf: {model: ggx}\n",
+            "brdf: found {model: 'ggx'}, but task brdf-spectrum fits no model",
+        ),
+        ("task: brdf-spectrum\nsolve: {free_exposure: true}\n", "solves one linear system"),
     ],
 )
 def test_configs_that_ask_for_what_cannot_be(tmp_path, text, message):
@@ -382,9 +393,15 @@ def test_a_varying_sigma_renders_again(varying, tmp_path):
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("solve.refine=off", "texture.sigma varying is found on the integral; remove solve.refine"),
-        ("brdf.sigma={fixed: 0.2}", "leaves sigma free; remove brdf.sigma"),
-        ("brdf={model: lambertian}", "needs a model that has gloss"),
+        ("solve.refine=off", "texture.sigma: varying is found on the integral"),
+        (
+            "brdf.sigma={fixed: 0.2}",
+            "brdf.sigma.fixed: found 0.2, but texture.sigma: varying finds",
+        ),
+        (
+            "brdf={model: lambertian}",
+            "brdf.model: found 'lambertian', but texture.sigma: varying needs",
+        ),
         ("solve.method=simplex", "is more than the simplex finds"),
         ("texture.control_points=1", "control_points is 1, with which sigma cannot vary"),
     ],
@@ -395,7 +412,7 @@ def test_what_a_varying_sigma_cannot_be_combined_with(ball, override, words):
         load_run_config(path, [override])
 
 
-def test_a_varying_sigma_needs_light(ball, tmp_path):
+def test_a_varying_sigma_needs_light(ball):
     path = write_config(ball, "task: texture\ntexture: {sigma: varying}\n", lighting="")
-    with pytest.raises(InputError, match="needs a light that is known: give lighting"):
-        fit(load_run_config(path, [f"output={tmp_path / 'out'}"]))
+    with pytest.raises(InputError, match="or choose task: texture under known light"):
+        load_run_config(path)

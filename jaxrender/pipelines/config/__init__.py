@@ -4,7 +4,8 @@ One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :m
 :mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`, :mod:`.texture`;
 :mod:`.run` is the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values`
 holds the kinds of value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document`
-(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).
+(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  What is stated
+has an effect or is refused (:mod:`.stated`); :mod:`.honoured` lists what a task has no use for.
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig

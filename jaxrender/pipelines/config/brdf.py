@@ -6,7 +6,7 @@ here at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
@@ -21,6 +21,7 @@ from pydantic import (
 
 from jaxrender.catalogue import MODELS, NAMES, Interval, Number, described, numbers_named
 from jaxrender.pipelines.config.parameter import Parameter, numbers_inside, one_number
+from jaxrender.pipelines.config.stated import Case
 from jaxrender.pipelines.config.values import Accepts, Section, Switch
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ Gauge = Literal["per-channel", "dielectric", "metal"]
 
 # Those of facets, which have a choice of Fresnel angle and masking.
 FACET_MODELS = tuple(name for name, model in MODELS.items() if model.options)
-# What a material without gloss is told to be instead.
-GLOSSY = "microfacet, ggx or beckmann"
 # Every key that belongs to some models alone.
 _CHOICES = ("fresnel", "masking")
 _KEYS_OF_SOME = (*(name for name in NAMES if name != "kd"), "ks_per_channel", *_CHOICES)
@@ -137,14 +136,13 @@ class _Brdf(Section):
         fields = {key: getattr(self, key) for key in kept}
         return BrdfConfig.model_validate({**fields, "model": model, "gauge": self.gauge})
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _complete(cls, given: Any) -> Any:
-        return with_defaults_of_model(given)
+    def _complete(cls, given: Any, make: Callable[[Any], Any]) -> Any:
+        return with_defaults_of_model(given, make)
 
     @model_validator(mode="after")
     def _agrees_with_its_model(self) -> _Brdf:
-        refuse_foreign_keys(self, self.models)
         for model in self.models:
             for name in MODELS[model].names("searched"):
                 known = self.known(name)
@@ -167,26 +165,35 @@ else:
     )
 
 
-def refuse_foreign_keys(section: Section, models: Iterable[str]) -> None:
-    """Refuse settings that none of a section's models has."""
-    models = tuple(models)
-    own = list(dict.fromkeys(key for model in models for key in _keys(model)))
-    fields = type(section).model_fields
-    given = [key for key in _KEYS_OF_SOME if key in fields and key not in own]
-    changed = [key for key in given if getattr(section, key) != fields[key].get_default()]
-    if not changed:
-        return
-    found = f"found {', '.join(changed)} with model {' and '.join(models)}, which"
-    if models == ("lambertian",):
-        raise ValueError(f"{found} has only kd; remove the key or choose model {GLOSSY}")
-    shown = ", ".join(key for key in own if key != "ks_per_channel")
-    raise ValueError(f"{found} has {shown}; remove the key, or choose another model")
+def foreign_keys(models_of: Callable[[Any], Iterable[str]]) -> tuple[Case, ...]:
+    """Make a case of each key that only some models have, for a root that names models so."""
+
+    def models(config: Any) -> str:
+        return " and ".join(
+            f"{model} ({', '.join(key for key in _keys(model) if key != 'ks_per_channel')})"
+            for model in models_of(config)
+        )
+
+    return tuple(
+        Case(
+            lambda config: f"model {models(config)}",
+            lambda config, key=key: not any(key in _keys(model) for model in models_of(config)),
+            {f"brdf.{key}": f"has no {key}"},
+            instead="choose another model",
+        )
+        for key in _KEYS_OF_SOME
+    )
 
 
-def with_defaults_of_model(given: Any) -> Any:
-    """Fill in what a model chooses unless told otherwise."""
+def with_defaults_of_model(given: Any, make: Callable[[Any], Any]) -> Any:
+    """Make a section in which a model's own choices hold, unless told otherwise."""
     model = MODELS.get(str(given.get("model"))) if isinstance(given, dict) else None
-    return given if model is None else {**model.options, **given}
+    if model is None:
+        return make(given)
+    made = make({**model.options, **given})
+    # Nobody has stated these.
+    made.model_fields_set.intersection_update(given)
+    return made
 
 
 def refuse_outside(model: str, name: str, values: Iterable[float]) -> None:

@@ -74,8 +74,4 @@ class CaptureConfig(Section):
             raise ValueError(
                 "missing key 'geometry'; photographs need {sphere: ...} or {mesh: ...}"
             )
-        if self.recipe is not None and self.images is not None:
-            raise ValueError(
-                "found images with a recipe; only transforms names photographs, remove it"
-            )
         return self

@@ -64,6 +64,14 @@ class NotYaml(Exception):
         self.message = message
 
 
+class StatedInVain(ValueError):
+    """Keys that have no effect; ``reasons`` are by their locations."""
+
+    def __init__(self, message: str, reasons: dict[Location, str]):
+        super().__init__(message)
+        self.reasons = reasons
+
+
 @dataclass
 class Document:
     """Plain data; the place of each key and of each value, by location; problems met so far."""

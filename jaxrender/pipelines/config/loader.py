@@ -64,7 +64,7 @@ def resolved_yaml(config: RunConfig | RecipeConfig) -> str:
     # Long enough that no path is ever folded.
     yaml.width = 4096
     stream = io.StringIO()
-    yaml.dump(_laid_out(config.model_dump(mode="json", exclude_none=True)), stream)
+    yaml.dump(_laid_out(config.written_out()), stream)
     return stream.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, create_model, model_validator
@@ -11,13 +12,14 @@ from jaxrender.pipelines.config.brdf import (
     Fresnel,
     Masking,
     Model,
-    refuse_foreign_keys,
+    foreign_keys,
     refuse_outside,
     stated,
     with_defaults_of_model,
 )
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import DirectionalConfig, EnvironmentConfig
+from jaxrender.pipelines.config.stated import Case, Root
 from jaxrender.pipelines.config.values import (
     Count,
     Direction,
@@ -47,14 +49,13 @@ class _RecipeBrdf(Section):
         """Look a number up: of an amplitude one for each channel, or the word none."""
         return getattr(self, name)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _defaults(cls, given: Any) -> Any:
-        return with_defaults_of_model(given)
+    def _defaults(cls, given: Any, make: Callable[[Any], Any]) -> Any:
+        return with_defaults_of_model(given, make)
 
     @model_validator(mode="after")
     def _complete(self) -> _RecipeBrdf:
-        refuse_foreign_keys(self, [self.model])
         entry = MODELS[self.model]
         for name in entry.names("searched"):
             value = self.number(name)
@@ -167,8 +168,28 @@ class RecipeNoiseConfig(Section):
     """Constant part, in radiance."""
 
 
-class RecipeConfig(Section):
+class RecipeConfig(Root):
     """Everything that made a set of synthetic photographs."""
+
+    cases = (
+        *foreign_keys(lambda recipe: [recipe.brdf.model]),
+        Case(
+            "a metal",
+            lambda recipe: recipe.brdf.number("mu") == "none",
+            {"brdf.fresnel": "reflects the same at all angles"},
+        ),
+        Case(
+            "a pattern of checks",
+            lambda recipe: recipe.texture is not None and recipe.texture.pattern == "checker",
+            {"texture.seed": "is not drawn"},
+            instead="choose texture.pattern: noise",
+        ),
+        Case(
+            "light of sources alone",
+            lambda recipe: not (recipe.lighting.area or recipe.lighting.environment),
+            {"environment_height": "needs no image"},
+        ),
+    )
 
     geometry: RecipeGeometryConfig
     """The shape."""

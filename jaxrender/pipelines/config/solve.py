@@ -87,22 +87,3 @@ class SolveConfig(Section):
     def transfer_name(self) -> str:
         """What the forward model calls the chosen filter."""
         return self.transfer if self.model == "dual" else f"{self.model}-{self.view_degree}"
-
-    @model_validator(mode="after")
-    def _one_filter(self) -> SolveConfig:
-        # By value, since a config written out in full names every key.
-        if self.model != "dual" and self.transfer != "exit-cosine":
-            raise ValueError(
-                f"model {self.model} has its own filter; remove transfer, or the model"
-            )
-        if self.model == "dual" and self.view_degree != _VIEW_DEGREE:
-            raise ValueError(
-                "view_degree belongs to models azimuthal and shrm; remove it, or choose one of them"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _bounces_are_refined(self) -> SolveConfig:
-        if self.interreflection and self.refine == "off":
-            raise ValueError("interreflection is part of the refinement; remove refine: off")
-        return self

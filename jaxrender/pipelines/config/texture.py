@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import model_validator
+
 from jaxrender.pipelines.config.values import ConfigPath, Count, Section, Switch, WholeNumber
 
 
@@ -27,6 +29,12 @@ class TextureConfig(Section):
     """What picks a matte object's texture under unknown light: paint of few colours, or even."""
     dilate: WholeNumber = 2
     """Texels by which the maps are continued beyond what was seen, so that seams do not show."""
+
+    @model_validator(mode="after")
+    def _can_vary(self) -> TextureConfig:
+        if self.sigma == "varying" and self.control_points < 2:
+            raise ValueError("control_points is 1, with which sigma cannot vary; give more")
+        return self
 
 
 class SpectrumConfig(Section):

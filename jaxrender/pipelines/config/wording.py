@@ -9,13 +9,19 @@ from __future__ import annotations
 import difflib
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BaseModel, ValidationError
 
-from jaxrender.pipelines.config.document import Document, Location, Problem
+from jaxrender.pipelines.config.document import (
+    Document,
+    Location,
+    Place,
+    Problem,
+    StatedInVain,
+)
 from jaxrender.pipelines.config.values import Accepts
 
 # Unions name their branches by tags in angle brackets, which no key can be.
@@ -34,15 +40,38 @@ def problems_of(
         if location in unknown:
             yield Problem(document.key_place(location), _unknown(location, root))
             continue
-        # A section is best pointed at by its key, a plain value by itself.
-        is_section = isinstance(_at(document.data, location), dict)
-        place = document.key_place(location) if is_section else document.value_place(location)
-        if entry["type"] == "missing" and is_section:
+        raised = entry.get("ctx", {}).get("error")
+        if isinstance(raised, StatedInVain):
+            for key, why in raised.reasons.items():
+                value = _written(document.data, key)
+                place = _place(document, key, value)
+                yield Problem(place, stated_in_vain(_dotted(key), value, why))
+            continue
+        place = _place(document, location, _at(document.data, location))
+        if entry["type"] == "missing" and isinstance(_at(document.data, location), dict):
             missing = (*location, entry["loc"][-1])
             if missing not in misspelt:
                 yield Problem(place, _missing(missing, root))
         else:
             yield Problem(place, _refused(entry, location, root, document))
+
+
+def stated_in_vain(key: str, value: Any, why: str) -> str:
+    """Say of a key that it has no effect."""
+    return f"{key}: found {shown(value)}, but {why}"
+
+
+def _written(data: Any, location: Location) -> Any:
+    """Look up what was written, of a shorthand the whole of it."""
+    for part in location:
+        data = data.get(part) if isinstance(data, dict) else data
+    return data
+
+
+def _place(document: Document, location: Location, value: Any) -> Place:
+    """Point at a section by its key, at a plain value by itself."""
+    at_key = isinstance(value, dict)
+    return document.key_place(location) if at_key else document.value_place(location)
 
 
 def _refused(entry: Any, location: Location, root: type[BaseModel], document: Document) -> str:
@@ -54,7 +83,7 @@ def _refused(entry: Any, location: Location, root: type[BaseModel], document: Do
     annotation = _annotation(root, location)
     near = _nearest(found, sorted(_words(annotation))) if isinstance(found, str) else None
     hint = f", did you mean {near!r}?" if near else ""
-    return f"{name}: found {_shown(found)}, accepted: {_accepted(annotation)}{hint}"
+    return f"{name}: found {shown(found)}, accepted: {_accepted(annotation)}{hint}"
 
 
 def _missing(location: Location, root: type[BaseModel]) -> str:
@@ -165,7 +194,7 @@ def _words(annotation: Any) -> Iterator[str]:
 
 def _accepted(annotation: Any) -> str:
     """What an annotation accepts, in words."""
-    return _joined(list(dict.fromkeys(_phrases(annotation))))
+    return joined(list(dict.fromkeys(_phrases(annotation))))
 
 
 def _phrases(annotation: Any) -> Iterator[str]:
@@ -186,14 +215,15 @@ def _phrases(annotation: Any) -> Iterator[str]:
     # None means that the key may be left out, which no one who gave it asks about.
 
 
-def _joined(phrases: list[str]) -> str:
+def joined(phrases: Sequence[str]) -> str:
+    """Join phrases, the last by "or"."""
     if len(phrases) < 2:
         return "".join(phrases)
     return f"{', '.join(phrases[:-1])} or {phrases[-1]}"
 
 
-def _shown(value: Any) -> str:
-    """A value of the config as it would be written there, shortened."""
+def shown(value: Any) -> str:
+    """Write a value as a config would, shortened."""
     if value is None:
         return "nothing"
     text = _flow(value)

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import prepare_light
@@ -178,8 +177,7 @@ class TextureRecovery(Recovery):
         if self.known.transfer is None and self.config.solve.refine == "exact":
             # As the sites were solved.
             transfer = FACETS
-        split = self.config.lighting.split
-        prepared = prepare_light(light, self.observations, brdf, split, None, transfer=transfer)
+        prepared = prepare_light(light, self.observations, brdf, "auto", None, transfer=transfer)
 
         def model(number: int) -> ForwardModel | ShadowedModel:
             sources = light.sources_of(number)
@@ -225,16 +223,6 @@ def recover_surface(
             observations = observations._replace(transfer=vectors)
     with clock.stage("texture"), fault_of(place):
         if light is None:
-            if texture.regions is not None:
-                raise InputError(
-                    "texture.regions: under unknown light all regions share the light, which is "
-                    "not modelled; give the light, or remove texture.regions"
-                )
-            if texture.sigma == "varying":
-                raise InputError(
-                    "texture.sigma varying needs a light that is known: give lighting, or remove "
-                    "texture.sigma"
-                )
             surface = under_unknown_light(config, observations, sites)
         else:
             regions = regions_of(texture.regions, sites)

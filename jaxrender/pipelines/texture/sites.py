@@ -68,15 +68,30 @@ class SurfaceSites(NamedTuple):
 
 
 def sites_of(shape: Shape, photographs: list[Photograph], config: TextureConfig) -> SurfaceSites:
-    """Find the site of every pixel of every photograph."""
+    """Find the site of every pixel of every photograph.
+
+    Raises ``InputError`` for settings of texels where the sites are a mesh's vertices.
+    """
     image = _image_size(shape, photographs, config)
     found = [surface_sites(shape, photograph.view, image) for photograph in photographs]
+    if found[0].image is None:
+        _refuse_what_needs_texels(config)
     usable = [s.of_pixel[p.selection.usable] for s, p in zip(found, photographs)]
     site, count = np.concatenate(usable), found[0].count
     points = np.concatenate([p.view.points[p.selection.usable] for p in photographs])
     pictures = tuple(one.of_pixel for one in found)
     places = _middles(points, site, count)
     return SurfaceSites(site, pictures, count, found[0].image, shape, places)
+
+
+def _refuse_what_needs_texels(config: TextureConfig) -> None:
+    for name in ("size", "regions", "dilate"):
+        value = getattr(config, name)
+        if value != TextureConfig.model_fields[name].default:
+            raise InputError(
+                f"texture.{name}: found {value}, but the mesh has no texture coordinates, so that "
+                "each vertex has a material; remove it, or give a mesh with texture coordinates"
+            )
 
 
 def _middles(
@@ -93,11 +108,7 @@ def regions_of(path: Path | None, sites: SurfaceSites) -> tuple[Int[np.ndarray, 
     """Number the material of every site by the colours of a picture; also what to call each."""
     if path is None:
         return np.zeros(sites.count, int), [""]
-    if sites.image is None:
-        raise InputError(
-            f"{path}: a picture of regions needs texture coordinates, which the mesh does not "
-            "have; give a mesh with them, or remove texture.regions"
-        )
+    assert sites.image is not None
     pixels = read_image(path).pixels
     colours, label = np.unique(pixels.reshape(-1, 3), axis=0, return_inverse=True)
     if len(colours) > _MOST_REGIONS:

@@ -45,25 +45,22 @@ lighting:
   free_scale: true
 brdf:
   kd: [0.1, 0.2, 0.3]
-  ks: {bounds: [0, 1], start: [0.1, 0.2, 0.3]}
-  sigma: {start: 0.2}
-  mu: none
+  ks: {bounds: [0, 1]}
+  sigma: {bounds: [0.1, 1], start: 0.2}
+  mu: 1.5
   ks_per_channel: true
   fresnel: half
   masking: smith
-  gauge: metal
 samples: {min_cosine: 0.2, count: 1e4, seed: 3}
 solve:
   band_limit: 12
   transfer: gaussian
-  refine: off
   refine_samples: 100
   method: simplex
   loss: cauchy
   noise: {relative: 0.01}
   starts: 2
   free_exposure: true
-  most_sources: 3
   variants: false
 output: runs/full
 """

@@ -116,21 +116,17 @@ def test_every_key_is_read():
     assert config.lighting.directional[0].irradiance == (1.0, 2.0, 3.0)
     assert config.lighting.split == 0.5
     assert config.brdf.kd == Parameter(fixed=(0.1, 0.2, 0.3))
-    assert config.brdf.ks == Parameter(bounds=(0.0, 1.0), start=(0.1, 0.2, 0.3))
-    assert config.brdf.sigma == Parameter(start=0.2)
-    assert config.brdf.mu == "none"
+    assert config.brdf.ks == Parameter(bounds=(0.0, 1.0))
+    assert config.brdf.sigma == Parameter(bounds=(0.1, 1.0), start=0.2)
+    assert config.brdf.mu == Parameter(fixed=1.5)
     assert config.samples.count == 10000
-    assert config.solve.refine == "off"
+    assert config.solve.refine_samples == 100
     assert config.solve.noise == NoiseConfig(relative=0.01, floor=0.0)
     assert config.solve.variants is False
-    assert (config.brdf.gauge, config.solve.most_sources) == ("metal", 3)
 
 
 LIGHT_TASKS = {
     "task: factorize\n": None,
-    "task: factorize\nlighting: {directional: [{direction: [0, 0, 1], irradiance: 1}]}\n": (
-        "task factorize recovers the light; remove lighting, or choose task: brdf"
-    ),
     "task: factorize\nbrdf: {model: lambertian}\n": None,
     "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\n": None,
     "task: lighting\nbrdf: {model: lambertian}\n": (
@@ -144,32 +140,6 @@ LIGHT_TASKS = {
         "under unknown light only the ratio of kd and ks means anything; fix both or none"
     ),
     "task: factorize\nbrdf: {sigma: {bounds: [0.3, 0.5], start: 0.4}}\n": None,
-    "task: factorize\nsolve: {method: simplex}\n": (
-        "task factorize has one search; remove solve.method, or choose task: brdf"
-    ),
-    "task: factorize\nsolve: {transfer: gaussian}\n": (
-        "task factorize filters by exit cosine; remove solve.transfer, or choose task: brdf"
-    ),
-    "task: factorize\nsolve: {starts: 1}\n": (
-        "task factorize has one start; remove solve.starts, or choose task: brdf"
-    ),
-    "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\nsolve: {refine_samples: 100}\n": (
-        "task lighting refines on all samples; remove solve.refine_samples, or choose task: brdf"
-    ),
-    "task: factorize\nlighting: {split: 0.1}\n": (
-        "task factorize has no light to split; remove lighting.split, or choose task: brdf"
-    ),
-    "task: factorize\nlighting: {free_scale: true}\n": (
-        "task factorize finds the scale of the light; remove lighting.free_scale, or choose "
-        "task: brdf"
-    ),
-    "task: factorize\nbrdf: {kd: {bounds: [0.1, 0.2]}}\n": (
-        "task factorize finds only the ratio of kd and ks, without bounds or start; leave brdf.kd "
-        "free, or fix both"
-    ),
-    "task: factorize\nsolve: {free_exposure: true}\n": (
-        "task factorize needs known exposures; remove solve.free_exposure"
-    ),
     "task: lighting\nbrdf: {kd: 0.1, sigma: 0.1}\n": (
         "task lighting needs a known material; fix ks, mu, or choose task: factorize"
     ),
@@ -225,7 +195,8 @@ def test_recipe_defaults():
     ],
 )
 def test_parameter_shorthands(text, expected):
-    parameter = run_config(GOOD + f"brdf: {{kd: {text}}}\n").brdf.kd
+    name = "sigma" if "start" in text else "kd"
+    parameter = getattr(run_config(GOOD + f"brdf: {{{name}: {text}}}\n").brdf, name)
     assert parameter == expected
     assert parameter.free == (expected.fixed is None)
 

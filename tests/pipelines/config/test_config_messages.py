@@ -265,9 +265,8 @@ MATERIALS = {
         "brdf: found sigma 2 with model ggx, where it is above 0 and at most 1; "
         "give another, or choose another model"
     ),
-    "{model: lambertian, ks: 1, mu: none}": (
-        "brdf: found ks, mu with model lambertian, which has only kd; "
-        "remove the key or choose model microfacet, ggx or beckmann"
+    "{model: lambertian, ks: 1}": (
+        "brdf.ks: found 1, but model lambertian (kd) has no ks; remove it, or choose another model"
     ),
 }
 
@@ -318,8 +317,8 @@ SECTIONS = {
         "photographs need {sphere: ...} or {mesh: ...}"
     ),
     "task: brdf\ncapture: {recipe: a, images: b}\n": (
-        "bad.yaml:2:1: capture: found images with a recipe; "
-        "only transforms names photographs, remove it"
+        "bad.yaml:2:30: capture.images: found 'b', but a recipe has photographs of its own; "
+        "remove it, or give capture.transforms"
     ),
     "task: brdf\ncapture: {transforms: a, geometry: {sphere: {}, mesh: b}}\n" + LIGHT: (
         "bad.yaml:2:26: capture.geometry: found sphere and mesh; give exactly one of sphere, mesh"
@@ -371,8 +370,12 @@ RECIPES = {
         "1; give another, or choose another model"
     ),
     ("kd: 0.1, ks: 0.2", "model: lambertian, kd: 0.1, ks: 0.2"): (
-        "bad.yaml:2:1: brdf: found ks with model lambertian, which has only kd; "
-        "remove the key or choose model microfacet, ggx or beckmann"
+        "bad.yaml:2:40: brdf.ks: found 0.2, but model lambertian (kd) has no ks; remove it, or "
+        "choose another model\n"
+        "bad.yaml:2:52: brdf.sigma: found 0.1, but model lambertian (kd) has no sigma; remove it, "
+        "or choose another model\n"
+        "bad.yaml:2:61: brdf.mu: found 1.5, but model lambertian (kd) has no mu; remove it, or "
+        "choose another model"
     ),
     ("directional: [{direction: [0, 0, 1], irradiance: 3}]", "area: []"): (
         "bad.yaml:3:1: lighting: no light given; "

@@ -1,0 +1,103 @@
+"""What a user states has an effect, or is refused: the rule, for the root of any config.
+
+A ``Case`` is a situation of a config with the keys that have no effect in it, and why.  A root
+lists its cases; a key that was stated in vain is an error of that key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+from pydantic import BaseModel, model_validator
+
+from jaxrender.pipelines.config.document import Location, StatedInVain
+from jaxrender.pipelines.config.values import Section
+from jaxrender.pipelines.config.wording import stated_in_vain
+
+
+class Case(NamedTuple):
+    """A situation, and what is of no use in it.
+
+    ``name`` may depend on the config.  ``keys`` maps a dotted key, or a section, to a reason that
+    goes on from it.  ``agrees`` are values that ask for what is done anyway; a switch that is off
+    asks for nothing.  ``instead`` is what would help, other than to remove the key.
+    """
+
+    name: str | Callable[[Any], str]
+    applies: Callable[[Any], bool]
+    keys: Mapping[str, str]
+    agrees: Mapping[str, tuple[Any, ...]] = {}
+    instead: str = ""
+
+
+class Root(Section):
+    """The root of a config."""
+
+    cases: ClassVar[tuple[Case, ...]] = ()
+
+    def in_vain(self) -> dict[str, str]:
+        """Say of each key that has no effect, stated or not, why that is and what would help."""
+        found: dict[str, str] = {}
+        for case in (one for one in self.cases if one.applies(self)):
+            name = case.name if isinstance(case.name, str) else case.name(self)
+            instead = f", or {case.instead}" if case.instead else ""
+            for key, why in case.keys.items():
+                value = at(self, key)
+                agrees = value is False or value in case.agrees.get(key, ())
+                if not agrees and not any(f"{key}.".startswith(f"{one}.") for one in found):
+                    found[key] = f"{name} {why}; remove it{instead}"
+        return found
+
+    def refuse_in_vain(self) -> None:
+        """Raise ``StatedInVain``, a ``ValueError``, for stated keys that have no effect."""
+        found = {key: why for key, why in self.in_vain().items() if is_stated(self, key)}
+        if found:
+            lines = (stated_in_vain(key, _written(self, key), why) for key, why in found.items())
+            reasons: dict[Location, str] = {tuple(k.split(".")): why for k, why in found.items()}
+            raise StatedInVain("\n".join(lines), reasons)
+
+    def written_out(self) -> dict[str, Any]:
+        """Put all that has an effect, defaults included, in plain data."""
+        plain = self.model_dump(mode="json", exclude_none=True)
+        for key in self.in_vain():
+            *parts, name = key.split(".")
+            section: Any = plain
+            for part in parts:
+                section = section.get(part) if isinstance(section, dict) else None
+            if isinstance(section, dict):
+                section.pop(name, None)
+        return plain
+
+    @model_validator(mode="after")
+    def _nothing_is_ignored(self) -> Root:
+        self.refuse_in_vain()
+        return self
+
+
+def is_stated(config: Section, key: str) -> bool:
+    """Tell whether a user has given a dotted key; a section, whether any key in it."""
+    value: Any = config
+    for part in key.split("."):
+        if not isinstance(value, BaseModel) or part not in value.model_fields_set:
+            return False
+        value = getattr(value, part)
+    if "." not in key and isinstance(value, BaseModel):
+        return bool(value.model_fields_set)
+    return value is not None
+
+
+def at(config: Section, key: str) -> Any:
+    """Look a dotted key up; None where its section is left out."""
+    value: Any = config
+    for part in key.split("."):
+        value = getattr(value, part, None)
+    return value
+
+
+def _written(config: Section, key: str) -> Any:
+    """Turn what a key holds into what a file would say."""
+    value = at(config, key)
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json", exclude_unset=True)
+    return list(value) if isinstance(value, tuple) else value

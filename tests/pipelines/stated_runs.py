@@ -1,0 +1,129 @@
+"""Runs of every kind, as texts of configs, and another value of every key."""
+
+_LIT = "lighting: {environment: {path: probe.exr}}\n"
+_TEXTURE = "task: texture\ntexture: {size: 8}\n"
+_GIVEN = "brdf: {kd: 0.2, ks: 0.1, sigma: 0.1, mu: 1.5}\n"
+RUNS = {
+    "brdf": f"task: brdf\n{_LIT}",
+    "brdf of sources": "task: brdf\nlighting: {directional: [{direction: [0, 0, 1], "
+    "irradiance: 1}]}\n",
+    "brdf of moving sources": "task: brdf\nlighting: {per_frame: lights.txt}\n",
+    "brdf compared": f"task: brdf\nbrdf: {{model: ggx, compare: [ward, phong]}}\n{_LIT}",
+    "brdf by frequency alone": f"task: brdf\nsolve: {{refine: off}}\n{_LIT}",
+    "brdf with azimuth": f"task: brdf\nsolve: {{model: azimuthal}}\n{_LIT}",
+    "brdf of a known lobe": f"task: brdf\nbrdf: {{sigma: 0.1, mu: none}}\n{_LIT}",
+    "brdf up to a scale": "task: brdf\nlighting: {environment: {path: probe.exr}, "
+    "free_scale: true}\n",
+    "brdf with bounces": f"task: brdf\nsolve: {{interreflection: true}}\n{_LIT}",
+    **{
+        f"brdf of {model}": f"task: brdf\nbrdf: {{model: {model}}}\n{_LIT}"
+        for model in ("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier")
+    },
+    "brdf of lambertian": f"task: brdf\nbrdf: {{model: lambertian}}\n{_LIT}",
+    "lighting": f"task: lighting\n{_GIVEN}",
+    "lighting of lambertian": "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\n",
+    "factorize": "task: factorize\n",
+    "factorize by ratio": "task: factorize\nbrdf: {kd: 0.2, ks: 0.1}\n",
+    "factorize compared": "task: factorize\nbrdf: {compare: [ward]}\n",
+    "factorize lambertian": "task: factorize\nbrdf: {model: lambertian}\n",
+    "factorize anisotropic-ward": "task: factorize\nbrdf: {model: anisotropic-ward}\n",
+    "texture": f"{_TEXTURE}{_LIT}",
+    "texture by simplex": f"{_TEXTURE}solve: {{method: simplex}}\n{_LIT}",
+    "texture of a known lobe": f"{_TEXTURE}brdf: {{sigma: 0.1, mu: 1.5}}\n{_LIT}",
+    "texture of varying sigma": f"task: texture\ntexture: {{size: 8, sigma: varying}}\n{_LIT}",
+    "texture of lambertian": f"{_TEXTURE}brdf: {{model: lambertian}}\n{_LIT}",
+    "texture in the dark": _TEXTURE,
+    "texture of lambertian in the dark": _TEXTURE + "brdf: {model: lambertian}\n",
+    "brdf-spectrum": f"task: brdf-spectrum\n{_LIT}",
+}
+_SHAPES = {"brdf of lambertian": "mesh: ball.ply"}
+
+# Another value of each key, or two.
+OTHER = {
+    "task": ("brdf", "texture"),
+    "capture.transforms": "other.json",
+    "capture.recipe": "recipe.yaml",
+    "capture.images": "images",
+    "capture.geometry.sphere.center": "[0.1, 0, 0]",
+    "capture.geometry.sphere.radius": "1.1",
+    "capture.geometry.mesh": "other.ply",
+    "capture.geometry.scale": "1.1",
+    "capture.response": "srgb",
+    "capture.response.curve": "curve.txt",
+    "capture.invalid": "mask",
+    "capture.saturation": "0.9",
+    "capture.saturation_grow": "1",
+    "capture.black_level": "0.01",
+    "capture.erode": "1",
+    "capture.exposure": "metadata",
+    "capture.allow_outside": "true",
+    "lighting.environment.path": "other.exr",
+    "lighting.environment.convention": "y-up",
+    "lighting.environment.scale": "2",
+    "lighting.environment.height": "14",
+    "lighting.directional": "[{direction: [1, 0, 0], irradiance: 2}]",
+    "lighting.per_frame": "other.txt",
+    "lighting.per_frame_irradiance": "irradiance.txt",
+    "lighting.split": "off",
+    "lighting.free_scale": ("true", "false"),
+    "brdf.model": ("beckmann", "lambertian"),
+    "brdf.compare": "[oren-nayar]",
+    "brdf.ks_per_channel": "true",
+    "brdf.fresnel": ("half", "exit"),
+    "brdf.masking": ("smith", "none"),
+    "brdf.gauge": ("metal", "dielectric"),
+    **{f"brdf.{name}.fixed": "0.3" for name in ("kd", "ks", "sigma", "roughness", "roughness_y")},
+    **{f"brdf.{name}.bounds": "[0.1, 0.4]" for name in ("kd", "ks", "sigma", "roughness")},
+    **{f"brdf.{name}.start": "0.3" for name in ("kd", "ks", "sigma", "roughness", "roughness_y")},
+    "brdf.roughness_y.bounds": "[0.1, 0.4]",
+    "brdf.exponent.fixed": "20",
+    "brdf.exponent.bounds": "[5, 50]",
+    "brdf.exponent.start": "20",
+    "brdf.mu.fixed": "1.6",
+    "brdf.mu.bounds": "[1.2, 1.9]",
+    "brdf.mu.start": "1.7",
+    "brdf.c_z": "0.9",
+    "brdf.deviation": "0.4",
+    "brdf.spacing": "3",
+    "brdf.height": "0.5",
+    "samples.min_cosine": "0.3",
+    "samples.count": "90",
+    "samples.seed": "1",
+    "solve.band_limit": "3",
+    "solve.model": ("shrm", "dual"),
+    "solve.view_degree": "3",
+    "solve.transfer": "gaussian",
+    "solve.refine": ("off", "exact"),
+    "solve.refine_samples": "80",
+    "solve.method": ("simplex", "variable-projection"),
+    "solve.loss": "cauchy",
+    "solve.noise.relative": "0.02",
+    "solve.noise.floor": "0.02",
+    "solve.starts": "3",
+    "solve.free_exposure": "true",
+    "solve.most_sources": "3",
+    "solve.variants": ("true", "false"),
+    "solve.held_out": "0.3",
+    "solve.interreflection": ("true", "false"),
+    "texture.size": "6",
+    "texture.regions": "regions.png",
+    "texture.sigma": ("varying", "even"),
+    "texture.control_points": "5",
+    "texture.unknown_light": "true",
+    "texture.prior": "variance",
+    "texture.dilate": "3",
+    "spectrum.order": "4",
+    "spectrum.reciprocal": "false",
+    "output": "elsewhere",
+}
+
+
+def text_of(name: str) -> str:
+    """Write the config of a run, whose files lie beside it."""
+    shape = _SHAPES.get(name, "sphere: {radius: 1}")
+    return f"capture: {{transforms: transforms.json, geometry: {{{shape}}}}}\n{RUNS[name]}"
+
+
+def others(key: str) -> tuple[str, ...]:
+    """List the other values of a key."""
+    return OTHER[key] if isinstance(OTHER[key], tuple) else (OTHER[key],)
