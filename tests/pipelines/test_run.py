@@ -229,6 +229,21 @@ def test_a_recipe_and_its_capture(tmp_path, monkeypatch, capsys):
     assert (photographs / "images" / "view_002.exr").is_file()
 
 
+def test_a_recipe_whose_light_leaves_no_room_for_a_key(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recipe.yaml").write_text(
+        "geometry: {sphere: {}}\nbrdf: {model: lambertian, kd: 0.1}\n"
+        "lighting: {directional: [{direction: [0, 0, 1], irradiance: 1}]}\n"
+        "views: {count: 1, width: 8, height: 8}\n"
+    )
+    (tmp_path / "fit.yaml").write_text("task: brdf\ncapture: {recipe: recipe.yaml}\n")
+    assert jaxrender("fit", "fit.yaml", "lighting.split=off", cache=tmp_path / "cache") == 2
+    assert (
+        f"the light of {tmp_path}/recipe.yaml: lighting.split: found 'off', but light of sources "
+        "alone has nothing to split; remove it, or give lighting.environment"
+    ) in capsys.readouterr().err
+
+
 def test_a_diffuse_material_and_strict_exit_codes(capture, capsys):
     """Bounds that exclude the answer: ends at one of them, says so, and fails only if strict."""
     overrides = [*FAST, "brdf={model: lambertian, kd: {bounds: [0.3, 0.5]}}"]
