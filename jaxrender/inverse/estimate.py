@@ -65,7 +65,8 @@ class Estimate(NamedTuple):
         Where the light is dark, as that of single photographs is here, a lamp beside the camera
         lights it.
         """
-        camera = Orthographic(side, side, look_at(_EYE, np.zeros(3), np.eye(3)[2]), scale=2.1 / side)
+        pose = look_at(_EYE, np.zeros(3), np.eye(3)[2])
+        camera = Orthographic(side, side, pose, scale=2.1 / side)
         light = self.light
         if not np.any(np.asarray(light.nodes().irradiance)):
             white = np.ones((1, len(np.asarray(self.material.kd))))

@@ -169,7 +169,7 @@ def trace(seen, config):
             "fit_brdf_spectrum": of("fit_brdf_spectrum", SimpleNamespace(relative_rms=0.0)),
             "SpectrumRecovery": of("SpectrumRecovery", ends=True),
         },
-        texture: {"write_maps": of("write_maps"), "write_texture_arrays": of("arrays")},
+        texture: {"write_maps": of("write_maps")},
     }
     with contextlib.ExitStack() as stack:
         for module, functions in stands.items():
@@ -179,7 +179,7 @@ def trace(seen, config):
         if config.task == "texture":
             written, dark = object.__new__(texture.TextureRecovery), SimpleNamespace(light=None)
             vars(written).update(config=config, surface=dark, sites=None, known=dark)
-            written.write(Path())
+            written.write_images(Path())
     return hash(str(record.calls))
 
 
