@@ -121,6 +121,7 @@ class GlobalShrm(Shrm):
         """Leave the directions in the world."""
         return jnp.asarray(outgoing)
 
+    @jax.jit
     @checked
     def dynamic_map(self, outgoing: Float[AnyArray, "3"]) -> Float[Array, "row column channel"]:
         """Sum the maps for one distant viewer: the plain reflection map of T 5.35.
