@@ -265,8 +265,12 @@ _OF_SETTINGS = (
     Case(
         "a texture of matt paint",
         _is_matt_texture,
-        dict.fromkeys(("solve.refine", "solve.refine_samples"), "is found without refinement")
-        | dict.fromkeys(("solve.method", "solve.starts"), "is found without a search"),
+        {
+            "solve.refine": "is found without refinement",
+            "solve.refine_samples": "is found without refinement",
+            "solve.method": "is found without a search",
+            "solve.starts": "is found without a search",
+        },
     ),
     Case(
         "such a search for a texture",
