@@ -1,17 +1,29 @@
-"""Seconds that JAX spends before the first result of every public function, at degree 30.
+"""Seconds that JAX spends before the first result: of every public function, and of whole fits.
 
     python experiments/bench_compile.py [--degree 30] [--only NAME ...]
+    python experiments/bench_compile.py --fits 5
 
 Each function is called with nothing compiled before (and no compilation kept on disk); what counts
 is what JAX announces: tracing, lowering, compiling.  ``first`` is the whole first call, ``warm``
 the shortest of three more.  Functions that trace nothing of their own (NumPy tables, sums of a few
 numbers) are left out.  Demanded: none above 2 s.
+
+``--fits`` asks ``jaxrender fit`` instead, always in a new process: ``cold`` with nothing compiled
+before, ``warm`` (the median of so many) with all of it kept on disk.  Demanded of the warm ones: 1,
+1.5 and 2.5 s; the photographs are there already.
 """
 
 import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +36,7 @@ from jaxrender.lighting import DirectionalSources, Environment
 
 DEMANDED = 2.0
 POINTS = 500
+CONFIGS = {"teflon_sphere": 1.0, "teflon_unknown_light": 1.5, "textured_ball": 2.5}
 
 
 class Listener:
@@ -158,11 +171,38 @@ def calls(degree: int) -> dict[str, Callable]:
     }
 
 
+def seconds_of_fit(config: str, folder: Path, cache: Path) -> dict[str, float]:
+    """Fit in a new process and read the seconds that its result states."""
+    command = [sys.executable, "-m", "jaxrender", "fit", f"configs/{config}.yaml", "--force"]
+    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(cache)}
+    command.append(f"output={folder / config}")
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    return json.loads((folder / config / "result.json").read_text(encoding="utf-8"))["seconds"]
+
+
+def time_fits(warm: int):
+    """Print what whole fits spend on compiling, and how long they take."""
+    print(f"{'compile, whole run (s)':24s}{'cold':>16s}{'warm':>16s}{'demanded':>10s}")
+    for config, demanded in CONFIGS.items():
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            seconds_of_fit(config, folder, folder / "rendering")
+            runs = [seconds_of_fit(config, folder, folder / "cache") for _ in range(warm + 1)]
+        cold, *others = [(run["compile"], run["total"]) for run in runs]
+        medians = [statistics.median(values) for values in zip(*others)]
+        texts = ["{:.2f}, {:.2f}".format(*pair) for pair in (cold, medians)]
+        print(f"{config:24s}{texts[0]:>16s}{texts[1]:>16s}{demanded:10g}", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--degree", type=int, default=30)
     parser.add_argument("--only", nargs="+", default=[])
+    parser.add_argument("--fits", type=int, default=0, metavar="WARM")
     options = parser.parse_args()
+    if options.fits:
+        time_fits(options.fits)
+        return
     jax.config.update("jax_enable_x64", True)
     listener = Listener()
     every = {

@@ -3,9 +3,9 @@
 Light is the signal, the BRDF is the filter, a photograph of a curved surface is the filtered light.
 The packages follow the theory, and each imports only from those above it in this list:
 
-``shapes`` ``errors`` ``catalogue``
+``shapes`` ``errors`` ``catalogue`` ``programs``
     array types and the glossary of axis words; the error for input that can be mended; every model
-    by its name, and what each of its numbers is
+    by its name, and what each of its numbers is; traced programs that the next process finds again
 ``harmonics`` ``wavelets`` ``geometry`` ``imaging``
     functions on the sphere; wavelets over any number of axes; directions, cameras and surfaces;
     pixels as measurements

@@ -62,8 +62,10 @@ def bundled(path: Path) -> Path:
 
 
 def set_up_jax() -> None:
-    """Float64, and compiled programs kept from one process to the next."""
+    """Float64, and programs, traced and compiled, kept from one process to the next."""
     import jax
+
+    from jaxrender import programs
 
     jax.config.update("jax_enable_x64", True)
     folder = cache_folder()
@@ -72,6 +74,7 @@ def set_up_jax() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", _CACHE_FROM_SECONDS)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    programs.keep_in(folder / "programs")
 
 
 def cache_folder() -> Path | None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxrender.shapes import AnyArray, Directions, checked
+from jaxrender.shapes import AnyArray, Directions, as_jax, checked
 
 # Directions that are combined with others of the same rank: lengths 1 are stretched.
 Broadcast = Float[AnyArray, "*#batch 3"]
@@ -64,13 +64,18 @@ def angles_from_direction(
     Accurate at the poles (arc tangent, not arc cosine), where the azimuth is 0 by convention and
     neither angle has a derivative.
     """
-    x, y, z = jnp.moveaxis(jnp.asarray(directions), -1, 0)
-    polar = jnp.arctan2(jnp.sqrt(x * x + y * y), z)
-    azimuth = jnp.arctan2(y, x)
-    azimuth = jnp.where(azimuth < 0, azimuth + 2 * np.pi, azimuth)
+    # Of host arrays only the arc tangents are left to JAX: every other step is a program, too.
+    on_host = isinstance(directions, np.ndarray)
+    numbers = np if on_host else jnp
+    dtype = jax.dtypes.canonicalize_dtype(directions.dtype)
+    x, y, z = numbers.moveaxis(numbers.asarray(directions, dtype), -1, 0)
+    polar = jnp.arctan2(numbers.sqrt(x * x + y * y), z)
+    azimuth = numbers.asarray(jnp.arctan2(y, x))
+    azimuth = numbers.where(azimuth < 0, azimuth + 2 * np.pi, azimuth)
     # A tiny negative azimuth rounds up to 2 pi itself; -0 at a pole gives pi without this.
     outside = (azimuth >= 2 * np.pi) | ((x == 0) & (y == 0))
-    return polar, jnp.where(outside, 0, azimuth)
+    azimuth = numbers.where(outside, 0, azimuth)
+    return polar, as_jax(azimuth) if on_host else azimuth
 
 
 @_as_one

@@ -22,13 +22,14 @@ import numpy as np
 
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees, orders
 from jaxrender.harmonics.legendre import recurrence, sectoral
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, checked
 
 # Measured: two states of (2 F + 1) x 256 float64 fit the second-level cache up to about degree 60.
 _POINTS_PER_CHUNK = 256
 
 
-@partial(jax.jit, static_argnums=1)
+@stored(partial(jax.jit, static_argnums=1))
 @checked
 def real_basis(directions: Directions, band_limit: int) -> Float[Array, "*batch coefficient"]:
     """Return Y_lm of every direction, flat index l(l+1)+m, for degrees 0 to F.

@@ -23,6 +23,7 @@ from jaxrender.harmonics.basis import evaluate, real_basis
 from jaxrender.harmonics.grids import Grid, SeparableGrid
 from jaxrender.harmonics.indexing import band_limit_of, coefficient_count, degrees, orders
 from jaxrender.harmonics.legendre import associated
+from jaxrender.programs import stored
 from jaxrender.shapes import Array, Coefficients, Float, ImageArray, Int, checked
 
 _ORDERS_PER_BLOCK = 32
@@ -124,7 +125,7 @@ def _synthesise_directly(grid: Grid, coefficients: Array) -> Array:
     return evaluate(coefficients, directions).reshape(*grid.shape, -1)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@stored(partial(jax.jit, static_argnums=(0, 1)))
 def _analyse(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
     if band_limit <= _HIGHEST_DEGREE_IN_ONE_PASS:
         return _analyse_in_one_pass(grid, band_limit, image)
@@ -176,7 +177,7 @@ def _waves_of_functions(band_limit: int) -> Float[np.ndarray, "coefficient wave"
     return np.linalg.solve(_polar_waves(polar, band_limit).T, functions.T).T
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@stored(partial(jax.jit, static_argnums=(0, 1)))
 def _synthesise(grid: SeparableGrid, band_limit: int, coefficients: Array) -> Array:
     channels = coefficients.shape[-1]
     packed = jnp.zeros((_packed_size(band_limit), channels), coefficients.dtype)

@@ -15,6 +15,7 @@ import numpy as np
 
 from jaxrender.inverse.elimination import Data, Fit, Problem
 from jaxrender.inverse.models import DualModel, LinearisedModel
+from jaxrender.programs import stored
 from jaxrender.reflection import filled_up
 from jaxrender.shapes import Array, Float
 
@@ -104,7 +105,7 @@ def relative_standard_error(
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     variance = np.sum(vectors[at] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[at] ** 2
     # The derivative by the search variable: the chain rule through the bounds' S-shaped curve.
-    slope = float(_slopes_of_logarithm(problem, unknowns[0], name)[at])
+    slope = float(np.asarray(_slopes_of_logarithm(problem, unknowns[0], name))[at])
     error = float(np.sqrt(variance)) * abs(slope)
     return error if error < _HOPELESS else float("inf")
 
@@ -116,7 +117,7 @@ def _slopes_of_logarithm(
     return jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).numbers[name]))(point)
 
 
-@eqx.filter_jit
+@stored()
 def _information(
     problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple
 ) -> Float[Array, "all all"]:

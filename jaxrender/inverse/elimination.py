@@ -18,6 +18,7 @@ import numpy as np
 from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.solvers import Solution, least_squares, simplex, solve_in_box
 from jaxrender.inverse.unknowns import Physical, Unknown, Unknowns
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # XLA's newer emitters of loops do not vectorise rows of three channels: products of columns take up
@@ -190,7 +191,7 @@ def condensed_residuals(
     return residuals(point, (problem, *condense(near, data)))
 
 
-@jax.jit
+@stored(jax.jit)
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
     """Let a few samples stand for all: their inner products are the sums over all.
 
@@ -210,7 +211,7 @@ def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]
     return few, Data(radiance, weights, frame)
 
 
-@eqx.filter_jit
+@stored()
 def cost_at(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> Float[Array, ""]:
@@ -270,7 +271,7 @@ def _distinct(ends: list[Float[Array, "unknown"]]) -> list[Float[Array, "unknown
     """Keep one of all searches that ended in the same place."""
     kept = []
     for end in ends:
-        if not any(np.all(np.abs(np.asarray(end - other)) < _SAME_PLACE) for other in kept):
+        if not any(np.all(np.abs(np.subtract(end, other)) < _SAME_PLACE) for other in kept):
             kept.append(end)
     return kept
 
@@ -304,7 +305,7 @@ def _settle(
     return None
 
 
-@partial(jax.jit, compiler_options=_COMPILER_OPTIONS)
+@stored(partial(jax.jit, compiler_options=_COMPILER_OPTIONS))
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
@@ -313,7 +314,7 @@ def _condense_about(
         return condense(LinearisedModel.about(model, physical.numbers), data)
 
 
-@partial(jax.jit, compiler_options=_COMPILER_OPTIONS)
+@stored(partial(jax.jit, compiler_options=_COMPILER_OPTIONS))
 def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
     predicted = problem.predict(model, data, fit.solution.point, fit.linear)
@@ -324,7 +325,7 @@ def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
 
 # Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
 # tenth of filter_jit's, of which a warm search would else be half.
-@partial(jax.jit, static_argnames="how", compiler_options=_COMPILER_OPTIONS)
+@stored(partial(jax.jit, static_argnames="how", compiler_options=_COMPILER_OPTIONS))
 def _search(
     problem: Problem,
     model: Model,

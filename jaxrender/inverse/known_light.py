@@ -66,7 +66,8 @@ class KnownLight(eqx.Module):
             kind = type(self.environment).__name__
             raise ValueError(f"environment is a {kind}, not an image; use KnownLight.of(light)")
         parts = [self.environment, self.directional, *(self.per_frame or ())]
-        energy = sum(float(np.sum(p.nodes().irradiance)) for p in parts if p is not None)
+        energies = [np.asarray(p.nodes().irradiance) for p in parts if p is not None]
+        energy = sum(float(np.sum(of_part)) for of_part in energies)
         if not energy > 0:
             raise ValueError("the light is zero: give an environment or sources with radiance")
 

@@ -18,7 +18,6 @@ draw are in the mean those over all pixels, whatever the chances depend on.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import WIDTH_BOUNDS, Parametric
@@ -145,7 +144,7 @@ def _smooth_columns(
 ) -> Float[np.ndarray, "kept column"]:
     """Evaluate harmonics of the normal and of the reflected direction; one shape for all blocks."""
     padded = np.resize(index, _BLOCK)
-    some = SurfaceSamples(*(jnp.asarray(np.asarray(part, float)[padded]) for part in samples))
+    some = SurfaceSamples(*(np.asarray(part, float)[padded] for part in samples))
     parts = (real_basis(some.normals, _BY_NORMAL), real_basis(some.reflected, _BY_MIRROR))
     return np.concatenate(parts, axis=1)[: len(index)]
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes
+from jaxrender.programs import stored
 from jaxrender.reflection import (
     DualLight,
     FrameNodes,
@@ -205,7 +206,7 @@ def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array
     return lobe, variant.shape.width_of(width) if each else None
 
 
-@eqx.filter_jit
+@stored()
 def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> LinearisedModel:
     names = list(numbers)
     several = len(names) > 1 and not any(jnp.ndim(value) for value in numbers.values())

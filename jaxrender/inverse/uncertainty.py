@@ -22,6 +22,7 @@ import scipy.stats
 
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Half the width of a 90 % interval of the normal distribution, in standard errors.
@@ -149,7 +150,7 @@ def to_parameters(
     return Parameters(kd, ks, physical.numbers, physical.gains, scale)
 
 
-@eqx.filter_jit
+@stored()
 def _propagate(
     problem: Problem,
     model: LinearisedModel,

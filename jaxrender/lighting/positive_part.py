@@ -43,7 +43,7 @@ def positive_part_of(
     limit = band_limit_of(len(coefficients))
     rows = max(_FEWEST_ROWS, _ROWS_PER_DEGREE * limit)
     grid = LatLongGrid(rows, 2 * rows)
-    basis = np.asarray(real_basis(jnp.asarray(grid.directions().reshape(-1, 3)), limit))
+    basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), limit))
     weights = grid.weights().reshape(-1)
     found = np.zeros_like(coefficients)
     for channel, (wanted, error) in enumerate(zip(coefficients.T, errors.T)):

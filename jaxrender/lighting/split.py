@@ -27,6 +27,7 @@ from jaxrender.harmonics import LatLongGrid, analyse, apply_transfer, synthesise
 from jaxrender.lighting.cells import Cells, gather, partition
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
+from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float, Int
 
 # A source must be narrow beside the lobe, whose radius is 2 sigma.
@@ -88,7 +89,8 @@ def take(environment: Environment, found: Candidates, count: int, sigma: float) 
     left = 1 - found.fraction * taken[found.cells.index]
     radiance = np.asarray(environment.radiance)
     slow = Environment(radiance * left[..., None].astype(radiance.dtype))
-    sources = DirectionalSources(found.sources.directions[:count], found.sources.irradiance[:count])
+    directions, irradiance = (np.asarray(part)[:count] for part in found.sources.nodes())
+    sources = DirectionalSources(directions, irradiance)
     return LightSplit(environment, slow, sources, sigma)
 
 
@@ -156,7 +158,7 @@ def _envelope(
     return envelope
 
 
-@partial(jax.jit, static_argnums=0)
+@stored(partial(jax.jit, static_argnums=0))
 def _low_pass(
     grid: LatLongGrid, light: Float[Array, "row column"], transfer: Float[Array, " degree"]
 ) -> Float[Array, "row column"]:

@@ -35,6 +35,7 @@ from jaxrender.geometry import (
 )
 from jaxrender.harmonics import band_limit_of, degree_table, degrees, real_basis
 from jaxrender.lighting import DirectionalSources, Environment, LightNodes, LightSplit
+from jaxrender.programs import stored
 from jaxrender.reflection.facet_integral import facet_coefficients, reflect_by_facets
 from jaxrender.reflection.integral import (
     FrameNodes,
@@ -270,7 +271,7 @@ def sources_needed(
     return SourcesNeeded(needed, float(errors[needed]), float(errors[0]))
 
 
-@eqx.filter_jit
+@stored()
 def _errors_by_count(
     brdf: Glossy,
     samples: SurfaceSamples,

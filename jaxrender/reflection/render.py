@@ -30,6 +30,7 @@ from jaxrender.geometry import (
     visible,
 )
 from jaxrender.lighting import LightNodes, SmoothLobes
+from jaxrender.programs import stored
 from jaxrender.reflection.dual import DualLight, Shadows, cast_shadows, dual_columns
 from jaxrender.reflection.integral import integral_columns, polar_columns, radiance
 from jaxrender.reflection.polar_nodes import polar_nodes_for
@@ -327,7 +328,7 @@ def render(
     return render_view(brdf, observe(camera, shape), model)
 
 
-@eqx.filter_jit
+@stored()
 def _reflect(
     brdf: BRDF, samples: SurfaceSamples, model: ForwardModel
 ) -> Float[Array, "sample channel"]:

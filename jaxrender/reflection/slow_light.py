@@ -10,18 +10,18 @@ what ``integral_columns`` approaches as its grid grows, at a cost that does not 
 the lobe is.  Nothing may shadow the surface.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of
+from jaxrender.programs import stored
 from jaxrender.reflection.convolution import reflect_about_mirror
 from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra import azimuthal_transfer_of_samples
 
 
-@eqx.filter_jit
+@stored()
 @checked
 def reflect_slow_light(
     brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]

@@ -14,11 +14,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from jaxrender.brdf import Glossy, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import degree_table
 from jaxrender.lighting import LightNodes
+from jaxrender.programs import stored
 from jaxrender.reflection.dual import SOURCES_AT_ONCE, DualLight, Shadows, filled_up
 from jaxrender.reflection.integral import (
     FrameNodes,
@@ -28,7 +30,7 @@ from jaxrender.reflection.integral import (
 from jaxrender.reflection.irradiance import irradiance
 from jaxrender.reflection.shrm import ViewFilter, mirror_light, reflect_mirror_light
 from jaxrender.reflection.transfer import shadowed_irradiance
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, checked
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, as_jax, checked
 from jaxrender.spectra import transfer_of_samples
 
 # Knots of every table over log sigma: one number, so that few shapes are ever compiled.  Over a
@@ -114,13 +116,16 @@ class RoughnessTable(eqx.Module):
     @checked
     def take(self, index: Int[np.ndarray, "kept"] | slice) -> "RoughnessTable":
         """Keep the samples of the given indices."""
-        return RoughnessTable(
-            jnp.asarray(self.diffuse)[index],
-            jnp.asarray(self.spline)[:, :, index],
-            jnp.asarray(self.exit_cosines)[index],
-            self.log_sigma,
-            self.log_mu,
-        )
+        parts = (self.diffuse, self.spline, self.exit_cosines)
+        if any(isinstance(part, Tracer) for part in parts):
+            diffuse, spline, exit_cosines = parts
+            kept = (diffuse[index], spline[:, :, index], exit_cosines[index])
+        else:
+            # On the host: every number of samples would be some more programs to compile.
+            diffuse, spline, exit_cosines = (np.asarray(part) for part in parts)
+            rows = (diffuse[index], spline[:, :, index], exit_cosines[index])
+            kept = tuple(as_jax(part) for part in rows)
+        return RoughnessTable(*kept, self.log_sigma, self.log_mu)
 
 
 @checked
@@ -172,7 +177,7 @@ _Knots = tuple[Float[AnyArray, "mu_knot"], Float[AnyArray, "sigma_knot"]]
 _Table = tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]
 
 
-@partial(jax.jit, static_argnames="transfer", compiler_options=_COMPILER_OPTIONS)
+@stored(partial(jax.jit, static_argnames="transfer", compiler_options=_COMPILER_OPTIONS))
 def _tabulate_slow(
     variant: Glossy,
     samples: SurfaceSamples,
@@ -207,7 +212,7 @@ def _tabulate_slow(
     return diffuse, jax.lax.map(row, mus)
 
 
-@eqx.filter_jit
+@stored()
 def _tabulate_fast(
     variant: Glossy,
     samples: SurfaceSamples,

@@ -12,6 +12,7 @@ from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.lighting.base import Light, LightNodes, LightSum
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.sky import ClearSky, OvercastSky
+from jaxrender.programs import stored
 from jaxrender.shapes import Array, Coefficients, Float
 from jaxrender.spectra.distributions import clear_coefficients, overcast_coefficients
 
@@ -57,7 +58,7 @@ def _filled_up(nodes: LightNodes) -> LightNodes:
     return LightNodes(jnp.asarray(directions), jnp.asarray(irradiance))
 
 
-@partial(jax.jit, static_argnames="band_limit")
+@stored(partial(jax.jit, static_argnames="band_limit"))
 def _sum_of_basis(
     directions: Float[Array, "source 3"],
     irradiance: Float[Array, "source channel"],

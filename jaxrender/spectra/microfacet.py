@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 
 from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra.mirror_frame import azimuthal_transfer, mean_transfer
 
@@ -104,7 +105,7 @@ TRANSFERS = {
 }
 
 
-@eqx.filter_jit
+@stored()
 @checked
 def transfer_of_samples(
     brdf: Glossy,

@@ -3,6 +3,7 @@
 - Stages that come twice add up; a stage that fails is timed; names reach the progress display.
 - Compilation inside a stage is taken off it and counted as ``compile``; the sum is the elapsed
   time.
+- What is traced within another trace is announced by itself and with it, and counts once.
 - JAX is listened to inside the block only.
 """
 
@@ -63,6 +64,17 @@ def test_what_is_compiled_outside_the_block_does_not_count():
     before = clock._compiled
     jax.jit(lambda x: jnp.sin(x) * 0.6180339)(jnp.ones(41)).block_until_ready()
     assert clock._compiled == before
+
+
+def test_nested_announcements_count_once():
+    with Clock(SilentProgress()) as clock:
+        with clock.stage("solve"):
+            for announced in (PAUSE, PAUSE, 4 * PAUSE):
+                time.sleep(2 * PAUSE)
+                clock._listen("/jax/core/compile/jaxpr_trace_duration", announced)
+        taken = clock.taken()
+    # The last covers the second, not the first.
+    assert taken["compile"] == pytest.approx(5 * PAUSE, abs=PAUSE / 2)
 
 
 def test_nested_announcements_never_exceed_the_stage():

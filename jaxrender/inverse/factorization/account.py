@@ -45,6 +45,7 @@ from jaxrender.inverse.factorization.state import (
 from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
 
 GAUGES = ("per-channel", "dielectric", "metal")
@@ -86,11 +87,11 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     variance *= variance_factor(in_deviations(task, state, solved)[0], task.settings.loss)
     shares = task.observations.shares
-    spread = scatter(response, state.guess, data, jnp.asarray(shares), (solved, system))
+    spread = scatter(response, state.guess, data, shares, (solved, system))
     found = solved, system, spread
     whole = _joint_covariance(found, _inverse(system, free), variance)
     covariance, light = whole[: len(free), : len(free)], np.asarray(solved.light)
-    unknown = jnp.concatenate([jnp.asarray(part).ravel() for part in (*state.guess[:3], light.T)])
+    unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
     settings = task.response.variant, gauge, light.shape
@@ -132,8 +133,8 @@ def _joint_covariance(
     prior = np.eye(len(inverse)) / _PRIOR_VARIANCE
     blocks = [inverse @ (np.asarray(spread.own) + prior) @ inverse]
     mixed, answers = [], []
-    parts = zip(solved.normal, system.across, spread.light, spread.both)
-    for factor, across, own, both in (map(np.asarray, part) for part in parts):
+    parts = (solved.normal, system.across, spread.light, spread.both)
+    for factor, across, own, both in zip(*map(np.asarray, parts)):
         root = np.linalg.inv(factor)
         normal = root.T @ root
         blocks.append(normal @ own @ normal)
@@ -149,7 +150,7 @@ def _joint_covariance(
 
 
 def _in_gauge(
-    unknown: Float[Array, "number"],
+    unknown: Float[np.ndarray, "number"],
     covariance: Float[np.ndarray, "number number"],
     settings: tuple[Parametric, str, tuple[int, int]],
 ) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
@@ -158,6 +159,24 @@ def _in_gauge(
     ``settings`` are the model, in whose own numbers the lobe is put, the gauge, and the light's
     shape.
     """
+    variant, _, (parts, channels) = settings
+    at, slopes = _carried(unknown, settings)
+    spread = np.asarray(slopes) @ covariance @ np.asarray(slopes).T
+    error = np.sqrt(np.maximum(np.diag(spread), 0))
+    (value, _), (errors, of_light) = (
+        jax.tree.map(lambda leaf: np.asarray(leaf, float), one)
+        for one in (at, jax.flatten_util.ravel_pytree(at)[1](jnp.asarray(error)))
+    )
+    size = len(spread) - channels * parts
+    origins = {one.name: one.origin for one in variant.searched}
+    return intervals(value, errors, origins, spread[:size, :size]), of_light.T
+
+
+@stored()
+def _carried(
+    unknown: Float[Array, "number"], settings: tuple[Parametric, str, tuple[int, int]]
+) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:
+    """Carry the unknowns over to a gauge; with the derivatives of all numbers in a row."""
     variant, gauge, (parts, channels) = settings
 
     def body_and_light(
@@ -174,16 +193,7 @@ def _in_gauge(
     def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
         return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
 
-    slopes = np.asarray(jax.jacfwd(flat)(unknown))
-    spread = slopes @ covariance @ slopes.T
-    at = body_and_light(unknown)
-    error, of_light = jax.flatten_util.ravel_pytree(at)[1](
-        jnp.asarray(np.sqrt(np.maximum(np.diag(spread), 0)))
-    )
-    value, error = (jax.tree.map(lambda x: np.asarray(x, float), one) for one in (at[0], error))
-    size = len(spread) - channels * parts
-    origins = {one.name: one.origin for one in variant.searched}
-    return intervals(value, error, origins, spread[:size, :size]), np.asarray(of_light).T
+    return body_and_light(unknown), jax.jacfwd(flat)(unknown)
 
 
 def own_numbers(
@@ -204,7 +214,7 @@ def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple
     first = covariance.shape[0] - 2 * len(state.active) + order
     steps = np.diag(covariance)[first] + np.diag(covariance)[first + len(state.active)]
     coefficients = light[:slow] / gauge
-    basis = np.asarray(real_basis(jnp.asarray(directions), int(np.sqrt(slow)) - 1))
+    basis = np.asarray(real_basis(directions, int(np.sqrt(slow)) - 1))
     return RecoveredScene(
         coefficients,
         errors[:slow],

@@ -5,7 +5,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import evaluate
+from jaxrender.harmonics import band_limit_of, evaluate
 from jaxrender.inverse.factorization.response import (
     MirrorResponse,
     gloss_share,
@@ -13,8 +13,10 @@ from jaxrender.inverse.factorization.response import (
 from jaxrender.inverse.factorization.sight import Sight, hidden_nodes
 from jaxrender.inverse.factorization.state import State, Task, response_of
 from jaxrender.lighting import LightNodes
+from jaxrender.programs import stored
 from jaxrender.reflection import integral_columns, reflect_slow_light
 from jaxrender.shapes import Array, Float
+from jaxrender.spectra import transfer_of_samples
 
 
 def corrected(task: Task, state: State) -> State:
@@ -33,9 +35,18 @@ def corrected(task: Task, state: State) -> State:
     exact = reflect_slow_light(lobe, response.samples, slow)
     if task.sight is not None:
         exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)
-    dual = response.slow_radiance(response.passed(guess), slow)
-    defect = gloss_share(guess)[None, :] * (exact - dual)
-    return state._replace(target=task.radiance - np.asarray(defect))
+    defect = np.asarray(exact) - np.asarray(_by_degree(response, lobe, slow))
+    return state._replace(target=task.radiance - np.asarray(gloss_share(guess)) * defect)
+
+
+@stored()
+def _by_degree(
+    response: MirrorResponse, lobe: Glossy, slow: Float[Array, "coefficient channel"]
+) -> Float[Array, "sample channel"]:
+    """What the dual model says of slow light."""
+    band_limit = band_limit_of(response.slow_count)
+    passed = transfer_of_samples(lobe, response.samples.exit_cosines, band_limit)
+    return response.slow_radiance(passed, slow)
 
 
 def hidden_slow_light(

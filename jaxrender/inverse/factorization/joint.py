@@ -20,6 +20,7 @@ from jaxrender.inverse.factorization.projection import (
     tangent_frames,
 )
 from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
@@ -87,7 +88,7 @@ def unknown_count(guess: Guess) -> int:
     return guess.gloss.shape[0] + 2 + 2 * guess.directions.shape[0]
 
 
-@jax.jit
+@stored(jax.jit)
 def _damped(
     system: System, free: Bool[AnyArray, "unknown"], damping: Float[AnyArray, ""]
 ) -> Float[Array, "unknown"]:
@@ -103,7 +104,7 @@ def _damped(
     return jnp.clip(step, -_LONGEST, _LONGEST)
 
 
-@partial(jax.jit, static_argnames="bounds")
+@stored(partial(jax.jit, static_argnames="bounds"))
 def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess:
     channels, sources = guess.gloss.shape[0], guess.directions.shape[0]
     gloss, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 
 from jaxrender.geometry import world_from_local
 from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
 
 # Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
@@ -83,7 +84,7 @@ class _Block(NamedTuple):
     weights: Float[Array, "sample channel"]
 
 
-@jax.jit
+@stored(jax.jit)
 def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
     """Solve for the light of every channel."""
     with jax.default_matmul_precision("highest"):
@@ -100,7 +101,7 @@ def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
         return Solved(light, rows, _penalised(misfit, measured, light), normal)
 
 
-@partial(jax.jit, static_argnames="at_once")
+@stored(partial(jax.jit, static_argnames="at_once"))
 def reduced_system(
     response: Response, guess: Guess, measured: Measured, *, at_once: int = SAMPLES_AT_ONCE
 ) -> tuple[Solved, System]:
@@ -136,7 +137,7 @@ def reduced_system(
         return solved, System(jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
 
 
-@jax.jit
+@stored(jax.jit)
 def scatter(
     response: Response,
     guess: Guess,

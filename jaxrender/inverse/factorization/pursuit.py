@@ -26,6 +26,7 @@ from jaxrender.inverse.factorization.response import (
     Response,
     gloss_share,
 )
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 _Tree = TypeVar("_Tree")
@@ -50,7 +51,7 @@ class _Channel(NamedTuple):
     free: Float[Array, "candidate"]
 
 
-@partial(jax.jit, static_argnames="count")
+@stored(partial(jax.jit, static_argnames="count"))
 def pursue(
     response: Response,
     guess: Guess,

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import (
@@ -27,7 +28,7 @@ from jaxrender.geometry import (
     pair_in_frame,
 )
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, as_jax
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 
 
@@ -154,13 +155,13 @@ class MirrorResponse(Response):
         cls, variant: Glossy, samples: SurfaceSamples, band_limit: int, sources: int
     ) -> "MirrorResponse":
         """Make the response of an object that never shadows itself."""
-        normals = jnp.asarray(samples.normals)
-        each = lambertian_transfer(band_limit)[degrees(band_limit)]
-        diffuse = real_basis(normals, band_limit) * jnp.asarray(each, normals.dtype)[None, :]
+        samples = SurfaceSamples(*(as_jax(part) for part in samples))
+        each = np.asarray(lambertian_transfer(band_limit))[degrees(band_limit)]
+        dtype = samples.normals.dtype
+        diffuse = np.asarray(real_basis(samples.normals, band_limit)) * each.astype(dtype)
         mirror = real_basis(samples.reflected, band_limit)
-        lit = jnp.ones((normals.shape[0], sources), normals.dtype)
-        samples = SurfaceSamples(normals, jnp.asarray(samples.outgoing))
-        return cls(variant, samples, diffuse, mirror, lit)
+        lit = as_jax(np.ones((len(diffuse), sources), dtype))
+        return cls(variant, samples, as_jax(diffuse), mirror, lit)
 
     def shadowed(
         self,

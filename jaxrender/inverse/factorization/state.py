@@ -28,7 +28,7 @@ from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import robust_weights
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Bool, Float, as_jax
 
 # Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
 _START_SIGMA, _START_MU = 0.25, 1.5
@@ -178,7 +178,7 @@ def response_of(task: Task, state: State) -> Response:
     seen = np.ones((len(task.radiance), 1))
     if task.sight is not None:
         seen = np.asarray(task.sight.of(state.guess.directions), float)
-    return eqx.tree_at(lambda r: r.lit, task.response, jnp.asarray(seen * state.active[None, :]))
+    return eqx.tree_at(lambda r: r.lit, task.response, as_jax(seen * state.active[None, :]))
 
 
 def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:

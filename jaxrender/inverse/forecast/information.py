@@ -14,7 +14,6 @@ projected off.  The twin, from all samples, is ``inverse.uncertainty``.
 from dataclasses import replace
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ import numpy as np
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.situation import Foreseen, unknowns_at
 from jaxrender.inverse.uncertainty import to_parameters
+from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 
 # What the bounds of the numbers alone tell about their search variables, as in ``uncertainty``.
@@ -139,7 +139,7 @@ def _linear_names(mix: Float[np.ndarray, "two_channels linear"]) -> list[str]:
     return [kinds.get((bool(kd), bool(ks)), "scale") for kd, ks in each]
 
 
-@eqx.filter_jit
+@stored()
 def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
     """Evaluate amplitudes and parameters at a point, each with its derivatives."""
     known = problem.unknowns

@@ -1,6 +1,5 @@
 """A known light by degree: its coefficients, how much it sends, which degrees of it show."""
 
-import equinox as eqx
 import numpy as np
 
 from jaxrender.brdf import Glossy
@@ -26,7 +25,8 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     # Of an energy of one, whatever a model's ks means.
     if isinstance(brdf, Glossy):
         lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
-        transfer = _looked_up(lobe, np.ones(1), band_limit)[0] / float(lobe.energy)
+        transfer = transfer_of_samples(lobe, np.ones(1), band_limit)
+        transfer = np.asarray(transfer)[0] / float(lobe.energy)
     else:
         transfer = head_on_transfer(brdf, band_limit) / float(brdf.energy)
     transfer = np.asarray(transfer)
@@ -39,9 +39,6 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     sizes = sizes_by_degree(coefficients)
     degrees = np.flatnonzero(told & (sizes > _ROUNDING * sizes.max()))
     return int(degrees[-1]) if degrees.size else 0
-
-
-_looked_up = eqx.filter_jit(transfer_of_samples)
 
 
 def light_coefficients(

@@ -26,6 +26,7 @@ from jaxrender.inverse.texture.site_systems import (
 )
 from jaxrender.inverse.texture.varying import VaryingSigma
 from jaxrender.inverse.unknowns import Unknowns
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # The refinement on an expensive model ends when a step moves no search variable by more than this.
@@ -131,7 +132,7 @@ def first_phase(
     return fit
 
 
-@eqx.filter_jit
+@stored()
 def free_textures(
     unknowns: Unknowns | VaryingSigma,
     model: Model,
@@ -148,7 +149,7 @@ def free_textures(
     return material, precision, predicted(material, columns, data)
 
 
-@eqx.filter_jit
+@stored()
 def lobe_information(
     problem: TextureProblem, model: Model, data: SiteData, point: Float[Array, "unknown"]
 ) -> Float[Array, "unknown unknown"]:
@@ -158,7 +159,7 @@ def lobe_information(
         return jacobian.T @ jacobian
 
 
-@eqx.filter_jit
+@stored()
 def _search(
     problem: TextureProblem,
     model: Model,

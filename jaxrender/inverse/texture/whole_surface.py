@@ -7,7 +7,6 @@ contradict each other, K_s where the prior says more than the photographs.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +27,7 @@ from jaxrender.inverse.texture.site_systems import (
 )
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
 from jaxrender.inverse.unknowns import Unknowns
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Observations solved at once.
@@ -61,25 +61,34 @@ class Lobe(NamedTuple):
 
     def errors(self) -> tuple[float, float]:
         """Standard errors of sigma and mu in their own units, 0 for what is not searched."""
-        jacobian = np.asarray(jax.jacfwd(self._values)(jnp.asarray(self.point)))
+        _, jacobian = map(np.asarray, _values(self.unknowns, self.field, self.point))
         variances = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
         sigma, mu = np.sqrt(np.maximum(variances, 0))
         return float(sigma), float(mu)
 
     def values(self) -> tuple[float, float]:
         """Return sigma (where it varies, the mean of its control points) and mu (NaN: a metal)."""
-        sigma, mu = (float(value) for value in self._values(jnp.asarray(self.point)))
+        sigma, mu = np.asarray(_values(self.unknowns, self.field, self.point)[0]).tolist()
         return sigma, mu if "mu" in self.unknowns else float("nan")
 
-    def _values(self, point: Float[Array, "unknown"]) -> Float[Array, "2"]:
-        if self.field is None:
-            physical = self.unknowns.unpack(point)
+
+@stored()
+def _values(
+    unknowns: Unknowns, field: SigmaField | None, point: Float[AnyArray, "unknown"]
+) -> tuple[Float[Array, "2"], Float[Array, "2 unknown"]]:
+    """sigma (where it varies, the mean of its control points) and mu, with their derivatives."""
+
+    def values(point: Float[Array, "unknown"]) -> Float[Array, "2"]:
+        if field is None:
+            physical = unknowns.unpack(point)
             sigma = physical.numbers["sigma"]
         else:
-            varying = self.field.unknowns(self.unknowns, np.zeros(1, int))
+            varying = field.unknowns(unknowns, np.zeros(1, int))
             physical = varying.unpack(point)
             sigma = jnp.exp(jnp.mean(varying.logs(point)))
         return jnp.stack([sigma, physical.numbers.get("mu", jnp.zeros_like(sigma))])
+
+    return values(jnp.asarray(point)), jax.jacfwd(values)(jnp.asarray(point))
 
 
 class Texture(NamedTuple):
@@ -181,7 +190,7 @@ def _relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site
     return np.where(seen, relative, np.inf)
 
 
-@eqx.filter_jit
+@stored()
 def _solve(
     model: Model,
     data: SiteData,

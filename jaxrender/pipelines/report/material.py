@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -14,6 +13,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import LightNodes, condensed
 from jaxrender.pipelines.report.contents import ReportContents
 from jaxrender.pipelines.report.display import data_uri, with_alpha
+from jaxrender.programs import stored
 from jaxrender.reflection import integral_columns
 from jaxrender.shapes import Float
 
@@ -88,7 +88,7 @@ def _columns(
     return np.asarray(_integrate(with_arrays(brdf), samples, nodes), float)
 
 
-@eqx.filter_jit
+@stored()
 def _integrate(brdf: Parametric, samples: SurfaceSamples, nodes: LightNodes):
     return integral_columns(brdf, samples, nodes)
 

@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -15,6 +14,7 @@ from jaxrender.pipelines.report.contents import ReportContents
 from jaxrender.pipelines.report.material import with_arrays
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.pipelines.report.wording import power_of_ten
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Float
 from jaxrender.spectra import (
     exit_cosine_transfer,
@@ -131,7 +131,7 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
     return _Transfer(dict(zip(names, np.asarray(curves, float))), np.asarray(twin, float)[0])
 
 
-@eqx.filter_jit
+@stored()
 def _both_transfers(brdf: Glossy, cosines: Float[AnyArray, "bin"], band_limit: int):
     return tuple(
         transfer(brdf, cosines, band_limit)
