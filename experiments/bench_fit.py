@@ -35,9 +35,10 @@ from scipy.optimize import OptimizeResult, least_squares, minimize
 from jaxrender.brdf import Microfacet
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight, unknowns_of
-from jaxrender.inverse.elimination import Data, Fit, Problem, search
+from jaxrender.inverse.elimination import Data, Fit, Problem
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.models import TabulatedModel
+from jaxrender.inverse.search import search
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import RoughnessTable, roughness_table
 

@@ -24,10 +24,11 @@ from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, Told, unknowns_of
-from jaxrender.inverse.elimination import Data, Problem, search
+from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop, descend, values_of
+from jaxrender.inverse.search import search
 from jaxrender.lighting import Environment, LightNodes
 
 SAMPLES, ROWS = 2000, 64

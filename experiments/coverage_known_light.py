@@ -31,13 +31,13 @@ from jaxrender.inverse import FitSettings, KnownLight, fit_brdf, unknowns_of
 from jaxrender.inverse.uncertainty import Parameters
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 
-KD, KS, NONE = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), np.zeros(3)
+KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
 MODELS = {
     "microfacet": Microfacet(KD, KS, 0.16, 1.62),
     "anisotropic-ward": AnisotropicWard(KD, KS, 0.12, 0.35),
     "he-torrance": HeTorranceLobe(KD, KS, 0.16),
     "kajiya-kay": KajiyaKay(KD, KS, 30.0),
-    "oren-nayar": OrenNayarLobe(NONE, KD, 0.5),
+    "oren-nayar": OrenNayarLobe(KD, 0.5),
 }
 LIGHTS = SmoothLobes(
     scenes.unit(np.array([[1.0, 0.3, 0.8], [-0.6, 0.9, 0.4], [-0.4, -1.0, 0.2]])),
@@ -56,10 +56,8 @@ LEVEL, BAND = 0.9, 0.999
 def flat(parameters: Parameters, material: Parametric) -> dict[str, float]:
     """List what the material has, by its own names: an amplitude of each channel, or one of all."""
     found = {}
-    for searched in ("kd", "ks", *material.numbers):
-        name, values = material.called(searched), np.ravel(parameters.of(searched))
-        if name is None:
-            continue
+    for name in (*material.amplitude_names, *material.numbers):
+        values = np.ravel(parameters.of(name))
         own = name == "kd"
         labels = [f"{name} {c}" for c in ("red", "green", "blue")] if own else [name]
         found |= dict(zip(labels, map(float, values)))
@@ -86,7 +84,8 @@ def main():
     noise = NoiseModel(NOISE, FLOOR * float(exact.radiance.mean()))
     settings = FitSettings(refine_samples=REFINED_SAMPLES)
     one = np.ones(())
-    true_parameters = Parameters(material.kd, material.ks, material.numbers, one[None], one)
+    amplitudes = dict(zip(material.amplitude_names, np.asarray(material.amplitudes)))
+    true_parameters = Parameters(amplitudes, material.numbers, one[None], one)
     truth = flat(true_parameters, material)
     kind = material.with_roughness(0.1, None if material.mu is None else 1.5)
     unknowns = unknowns_of(kind)

@@ -21,7 +21,6 @@ import scenes
 from jaxrender.brdf import Microfacet, Parametric
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, fit_brdf, unknowns_of
-from jaxrender.inverse.coarse_fit import material_of
 from jaxrender.io import read_environment
 from jaxrender.lighting import DirectionalSources
 
@@ -80,7 +79,7 @@ def run_case(scene: scenes.Scene, seed: int, sharp: bool) -> Row:
     light = KnownLight(scenes.coarser(scene.fine), DirectionalSources.none())
     settings = FitSettings(refine=False)
     fit = fit_brdf(exact, light, unknowns_of(scene.material), scene.material, settings)
-    before = errors(material_of(fit.frequency, scene.material), scene.material)
+    before = errors(fit.brdf, scene.material)
     needed = fit.light.needed
     count, split_error = (needed.count, 100 * needed.error) if needed else (0, 0.0)
     if sharp:
@@ -189,7 +188,7 @@ def compare_splits(seed: int):
         settings = FitSettings(split=split, refine=False)
         fit = fit_brdf(noisy, light, unknowns_of(scene.material), scene.material, settings)
         taken = fit.light.split
-        found = errors(material_of(fit.frequency, scene.material), scene.material)
+        found = errors(fit.brdf, scene.material)
         print(
             f"  {split:12s} {taken.sources.directions.shape[0]:8d} "
             f"{100 * (1 - taken.slow_energy):9.0f} "

@@ -61,6 +61,7 @@ _NAMES = {
     "Scene": "inverse.Scene",
     "SmoothLobes": "lighting.SmoothLobes",
     "Sphere": "geometry.Sphere",
+    "Prior": "inverse.Prior",
     "Told": "inverse.Told",
     "fit": "inverse.fit",
     "load_capture": "inverse.load_capture",

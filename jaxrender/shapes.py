@@ -33,7 +33,7 @@ from jaxtyping import AbstractArray, Array, Bool, Complex, Float, Int, jaxtyped
 AnyArray = jax.Array | np.ndarray
 
 
-def as_jax(values: np.ndarray, dtype: np.dtype | None = None) -> Array:
+def as_jax(values: np.ndarray | Array, dtype: np.dtype | None = None) -> Array:
     """Copy a host array to JAX, where ``jnp.asarray`` would compile a program for every shape."""
     return jax.device_put(np.array(values, dtype))
 
@@ -73,8 +73,14 @@ def checked(function: _Function) -> _Function:
         given = signature.bind(*args, **kwargs)
         visit = _Visit(name, [], set())
         for argument, value in given.arguments.items():
-            if argument in wanted():
-                given.arguments[argument] = visit.admit(argument, value, wanted()[argument])
+            wish = wanted().get(argument)
+            if wish is None:
+                continue
+            if signature.parameters[argument].kind is inspect.Parameter.VAR_POSITIONAL:
+                each = (visit.admit(f"{argument}[{k}]", one, wish) for k, one in enumerate(value))
+                given.arguments[argument] = tuple(each)
+            else:
+                given.arguments[argument] = visit.admit(argument, value, wish)
         result = function(*given.args, **given.kwargs)
         return _grey(result, wanted().get("return")) if visit.coloured == {False} else result
 

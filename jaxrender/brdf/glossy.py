@@ -8,22 +8,28 @@ split of the light, one table over roughness and one transfer serve every model.
 
 import abc
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from jaxrender.brdf.half_vector import are_visible
 from jaxrender.brdf.parametric import Parametric
 from jaxrender.geometry import Components
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
 
 class Glossy(Parametric):
     """A parametric BRDF with the clamped cosine as its base and its lobe about R."""
 
+    kd: eqx.AbstractVar[Float[AnyArray, "channel"]]
+    ks: eqx.AbstractVar[Float[AnyArray, "channel"]]
+
     @property
     def has_frequency_view(self) -> bool:
-        """Unless there are numbers beside width and index, which the tables do not know."""
+        """Unless there are lobes or numbers beside those of T 6.2, which the tables do not know."""
         known = (self.shape.name, self.index.name)
-        return all(one.name in known for one in self.searched)
+        return self.amplitude_names == ("kd", "ks") and all(
+            one.name in known for one in self.searched
+        )
 
     @property
     @abc.abstractmethod

@@ -98,16 +98,13 @@ class OrenNayar(BRDF):
 
 
 class OrenNayarLobe(WithoutIndex):
-    """The qualitative model as a fit knows it, one lobe with the amplitude that Oren calls kd.
-
-    The lobe is ``ks`` here; ``kd``, that of a Lambertian base under it, is to be black.
-    """
+    """The qualitative model as a fit knows it: one lobe, and no base under it."""
 
     shape: ClassVar[ShapeParameter] = ShapeParameter("sigma")
-    amplitude_names: ClassVar[tuple[str | None, str | None]] = (None, "kd")
+    amplitude_names: ClassVar[tuple[str, ...]] = ("kd",)
+    bases: ClassVar[tuple[str, ...]] = ()
 
     kd: Float[AnyArray, "channel"]
-    ks: Float[AnyArray, "channel"]
     sigma: Scalar = eqx.field(converter=as_scalar)
 
     def __check_init__(self):
@@ -121,7 +118,7 @@ class OrenNayarLobe(WithoutIndex):
     @property
     def conserves_energy(self) -> bool:
         """When the albedo is low enough for the fitted formula, which overshoots at grazing."""
-        return share_of_energy_is_bounded(self.kd * np.pi, self.ks * np.pi * _QUALITATIVE_OVERSHOOT)
+        return share_of_energy_is_bounded(self.kd * np.pi * _QUALITATIVE_OVERSHOOT)
 
     @property
     def isotropic(self) -> bool:
@@ -130,7 +127,7 @@ class OrenNayarLobe(WithoutIndex):
 
     @property
     def energy(self) -> float:
-        """About pi: ks is an albedo over pi."""
+        """About pi: kd is an albedo over pi."""
         return np.pi
 
     @property
@@ -138,16 +135,13 @@ class OrenNayarLobe(WithoutIndex):
         """That of a cosine, whatever the grooves."""
         return _WIDTH
 
-    def transfer(
-        self, incoming: Components, outgoing: Components
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-        """Evaluate the clamped cosine, and the lobe times the clamped cosine."""
+    def transfer(self, incoming: Components, outgoing: Components) -> tuple[Float[Array, "*batch"]]:
+        """Evaluate the lobe times the clamped cosine."""
         visible = are_visible(incoming, outgoing)
         incoming, outgoing = lifted(incoming), lifted(outgoing)
         sigma = matching(self.sigma, incoming.z)
         (lobe,) = _qualitative(sigma * sigma, incoming, outgoing)
-        cosine = jnp.where(visible, incoming.z, 0)
-        return cosine, lobe * cosine
+        return (lobe * jnp.where(visible, incoming.z, 0),)
 
 
 def _qualitative(

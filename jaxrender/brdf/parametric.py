@@ -1,9 +1,10 @@
-"""A BRDF that a fit can recover: two amplitudes, and the numbers that shape a lobe.
+"""A BRDF that a fit can recover: lobes with an amplitude each, and the numbers that shape them.
 
-rho = kd f_1(w_i, w_o) + ks f_2(w_i, w_o; numbers)
+rho = kd f_1(w_i, w_o) + ks f_2(w_i, w_o; numbers) + ...
 
-kd and ks enter linearly and are eliminated.  The other numbers are the model's own, and are
-searched as such: ``searched`` names them and says where.  Most lobes have a width.
+Amplitudes enter linearly and are eliminated; most models have two, kd of a base and ks of a lobe.
+The other numbers are the model's own, and are searched as such: ``searched`` names them and says
+where.  Most lobes have a width.
 ``ShapeParameter`` says how the width sigma follows from the model's own number, so that the
 frequency view of all models is one.  ``IndexParameter`` says the same of the index mu.
 
@@ -14,11 +15,12 @@ its lobe about the reflected direction, and the frequency view besides.
 
 import abc
 import dataclasses
-from collections.abc import Mapping
-from typing import ClassVar, NamedTuple, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.parameters import Scalar
@@ -101,21 +103,27 @@ class IndexParameter(NamedTuple):
 
 
 class Parametric(BRDF):
-    """Amplitudes kd and ks per channel, and a lobe of width sigma, perhaps with an index mu.
+    """Lobes with an amplitude per channel each, of width sigma, perhaps with an index mu.
 
     ``sigma`` and ``mu`` may be properties: what the model's own numbers stand for.
     """
 
-    kd: eqx.AbstractVar[Float[AnyArray, "channel"]]
-    ks: eqx.AbstractVar[Float[AnyArray, "channel"]]
+    if TYPE_CHECKING:
+        # The amplitudes of most models, which their constructors take first.
+        kd: Float[AnyArray, "channel"]
+        ks: Float[AnyArray, "channel"]
     sigma: eqx.AbstractVar[Scalar]
     mu: eqx.AbstractVar[Scalar | None]
     # The field that holds the lobe's shape, and what it says of the width.
     shape: eqx.AbstractClassVar[ShapeParameter]
     # The field that holds the second number, where there is one, and what it says of the index.
     index: ClassVar[IndexParameter] = IndexParameter()
-    # What the model itself calls the two amplitudes; None: it has no such part, which stays black.
-    amplitude_names: ClassVar[tuple[str | None, str | None]] = ("kd", "ks")
+    # The fields that hold amplitudes, one for each lobe and in the order of the lobes.
+    amplitude_names: ClassVar[tuple[str, ...]] = ("kd", "ks")
+    # Those of lobes that none of the searched numbers shapes, such as a Lambertian base.
+    bases: ClassVar[tuple[str, ...]] = ("kd",)
+    # Those that have a value for each channel, whatever a fit is told of the others.
+    coloured: ClassVar[tuple[str, ...]] = ("kd",)
 
     @classmethod
     def has_index(cls) -> bool:
@@ -123,10 +131,9 @@ class Parametric(BRDF):
         return any(field.name == cls.index.name for field in dataclasses.fields(cls))
 
     @classmethod
-    def called(cls, name: str) -> str | None:
-        """Say what the model itself calls an unknown, such as ks; None: it has no such part."""
-        kd, ks = cls.amplitude_names
-        return {"kd": kd, "ks": ks}.get(name, name)
+    def shaped(cls) -> tuple[int, ...]:
+        """The places of the lobes that the searched numbers shape."""
+        return tuple(at for at, name in enumerate(cls.amplitude_names) if name not in cls.bases)
 
     @property
     def searched(self) -> tuple[Searched, ...]:
@@ -168,9 +175,23 @@ class Parametric(BRDF):
         return self.sigma
 
     @property
-    def amplitudes(self) -> Float[AnyArray, "2 channel"]:
-        """The base's and the lobe's: kd and ks."""
-        return jnp.stack([jnp.asarray(self.kd), jnp.asarray(self.ks)])
+    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
+        """How much there is of each lobe: of most models kd and ks."""
+        return jnp.stack([jnp.asarray(getattr(self, name)) for name in self.amplitude_names])
+
+    @property
+    def base_amplitude(self) -> Float[AnyArray, "channel"]:
+        """How much there is of the bases together; none of a model without one."""
+        names = self.amplitude_names
+        return self._total([at for at, name in enumerate(names) if name in self.bases])
+
+    @property
+    def lobe_amplitude(self) -> Float[AnyArray, "channel"]:
+        """How much there is of the lobes together that numbers shape."""
+        return self._total(self.shaped())
+
+    def _total(self, places: Sequence[int]) -> Float[AnyArray, "channel"]:
+        return jnp.sum(self.amplitudes[np.array(places, int)], axis=0)
 
     @checked
     def with_roughness(self: Same, sigma: Scalar, mu: Scalar | None = None) -> Same:
@@ -181,11 +202,9 @@ class Parametric(BRDF):
         return dataclasses.replace(self, **changed)
 
     @checked
-    def with_amplitudes(
-        self: Same, kd: Float[AnyArray, "channel"], ks: Float[AnyArray, "channel"]
-    ) -> Same:
-        """Replace kd and ks and keep the lobe."""
-        return dataclasses.replace(self, kd=kd, ks=ks)
+    def with_amplitudes(self: Same, *amplitudes: Float[AnyArray, "channel"]) -> Same:
+        """Replace the amplitudes, in the order of their names, and keep the lobes."""
+        return dataclasses.replace(self, **dict(zip(self.amplitude_names, amplitudes, strict=True)))
 
 
 class WithoutIndex(Parametric):

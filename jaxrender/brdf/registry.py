@@ -10,7 +10,6 @@ import importlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
@@ -38,7 +37,7 @@ BRDFS: dict[str, type[BRDF]] = {
     "oren-nayar-full": OrenNayar,
     "mixture": Mixture,
 }
-# Those that a fit can recover, each two amplitudes and a lobe.
+# Those that a fit can recover.
 PARAMETRIC: dict[str, type[Parametric]] = {
     name: kind for name, kind in BRDFS.items() if name in MODELS and issubclass(kind, Parametric)
 }
@@ -57,17 +56,13 @@ def brdf_named(name: str, **numbers: Any) -> BRDF:
     kind, model = BRDFS[name], MODELS.get(name)
     fixed, options = ({}, {}) if model is None else (dict(model.fixed), dict(model.options))
     fields = {field.name: field for field in dataclasses.fields(kind) if field.name not in fixed}
-    # Oren and Nayar's kd is an amplitude of another field.
-    own = {_own_name(kind, field): field for field in fields}
     for number in numbers:
-        if number not in own:
-            hint = _hint(number, filter(None, own))
-            raise ValueError(f"{name} has no parameter {number!r}{hint}")
-    given = {own[number]: _as_array(value) for number, value in numbers.items()}
-    given = _with_absent_parts(kind, {**options, **given})
-    missing = [_own_name(kind, k) for k, f in fields.items() if _required(f) and k not in given]
+        if number not in fields:
+            raise ValueError(f"{name} has no parameter {number!r}{_hint(number, fields)}")
+    given = {**options, **{number: _as_array(value) for number, value in numbers.items()}}
+    missing = [key for key, field in fields.items() if _required(field) and key not in given]
     if missing:
-        raise ValueError(f"{name} needs a value for {', '.join(map(str, missing))}")
+        raise ValueError(f"{name} needs a value for {', '.join(missing)}")
     return kind(**given, **fixed)
 
 
@@ -85,10 +80,10 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     if kind.has_index():
         without = metal or not model.has_gloss
         index[kind.index.name] = None if without else kind.index.of_index(_ANY_INDEX)
-    black = np.zeros(channels)
+    black = dict.fromkeys(kind.amplitude_names, np.zeros(channels))
     number = kind.shape.of_width(_ANY_WIDTH)
     return kind(
-        **{"kd": black, "ks": black, kind.shape.name: number, **index},
+        **{**black, kind.shape.name: number, **index},
         **{**model.options, **choices},
         **model.fixed,
     )
@@ -97,17 +92,19 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
 def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:
     """Make a material of its own numbers as recipes and results state them.
 
-    One number of an amplitude serves all channels of kd, an index ``"none"`` is that of a metal,
-    and whatever else stands beside the model's own numbers is left alone.
+    The first amplitude has a value for each channel; one number of another serves them all.  An
+    index ``"none"`` is that of a metal.  What else stands beside the model's own numbers is left
+    alone.
 
     Raises ``ValueError`` for a name that there is none of and for what the model refuses, and
     ``KeyError`` for a number that is left out.
     """
     kind, model = _parametric(name)
-    shape = np.shape(numbers["kd"])
+    stated = model.names("amplitude")
+    shape = np.shape(numbers[stated[0]])
     amounts = [
-        np.zeros(shape) if own is None else np.broadcast_to(np.asarray(numbers[own], float), shape)
-        for own in (("kd", None) if name == "lambertian" else kind.amplitude_names)
+        np.broadcast_to(np.asarray(numbers[own] if own in stated else 0.0, float), shape)
+        for own in kind.amplitude_names
     ]
     lobe = lobe_named(name, shape[0])
     if name == "lambertian":
@@ -124,22 +121,6 @@ def _parametric(name: str) -> tuple[type[Parametric], Model]:
     if name not in PARAMETRIC:
         raise ValueError(f"no model to fit is named {name!r}{_hint(name, MODELS)}")
     return PARAMETRIC[name], MODELS[name]
-
-
-def _own_name(kind: type[BRDF], field: str) -> str | None:
-    """Say what a model itself calls a field; None: it has no such part."""
-    if issubclass(kind, Parametric) and field in ("kd", "ks"):
-        return kind.called(field)
-    return field
-
-
-def _with_absent_parts(kind: type[BRDF], given: dict[str, Any]) -> dict[str, Any]:
-    """Make the amplitudes black that a model has not got."""
-    absent = [field for field in ("kd", "ks") if _own_name(kind, field) is None]
-    held = [given[field] for field in ("kd", "ks") if field in given]
-    if not (absent and held):
-        return given
-    return {**dict.fromkeys(absent, jnp.zeros_like(held[0])), **given}
 
 
 def _or_none(value: Any) -> float | None:

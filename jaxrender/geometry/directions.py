@@ -7,6 +7,7 @@ broadcast over the others.
 """
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -66,7 +67,7 @@ def angles_from_direction(
     """
     # Of host arrays only the arc tangents are left to JAX: every other step is a program, too.
     on_host = isinstance(directions, np.ndarray)
-    numbers = np if on_host else jnp
+    numbers: Any = np if on_host else jnp
     dtype = jax.dtypes.canonicalize_dtype(directions.dtype)
     x, y, z = numbers.moveaxis(numbers.asarray(directions, dtype), -1, 0)
     polar = jnp.arctan2(numbers.sqrt(x * x + y * y), z)

@@ -62,7 +62,7 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
 from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
-from jaxrender.inverse.unknowns import Told, Unknown, Unknowns, unknowns_of
+from jaxrender.inverse.unknowns import Prior, Told, Unknown, Unknowns, unknowns_of
 
 __all__ = [
     "BRDFFit",
@@ -83,6 +83,7 @@ __all__ = [
     "RecoveredDual",
     "RecoveredLight",
     "Scene",
+    "Prior",
     "Told",
     "Unknown",
     "Unknowns",

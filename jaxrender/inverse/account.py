@@ -14,6 +14,7 @@ from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
+    rests_on_prior,
     uncertain_parameters,
     within_reach,
 )
@@ -37,7 +38,7 @@ def account_for(
     """Put error bars on the end of a fit, and say what they rest on; ``shape`` if it is concave."""
     near = _linearised(stop)
     uncertain = error_bars(stop, settings)
-    if not isinstance(variant, Glossy):
+    if not (isinstance(variant, Glossy) and variant.has_frequency_view):
         return Account(uncertain, None)
     samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)
@@ -76,17 +77,18 @@ def judge(
     bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
     lower, upper = np.asarray(stop.problem.lower), np.asarray(stop.problem.upper)
     mixed = np.asarray(stop.problem.mix) @ ((eliminated <= lower) | (eliminated >= upper))
-    bound["kd"], bound["ks"] = (bool(half.any()) for half in np.split(mixed > 0, 2))
-    amplitudes = {"kd": unknowns.kd, "ks": unknowns.ks}
-    names = [name for name, unknown in amplitudes.items() if unknown.free]
-    names += unknowns.free_numbers
+    by_lobe = np.split(mixed > 0, len(unknowns.amplitudes))
+    bound |= {name: bool(of.any()) for name, of in zip(unknowns.amplitude_names, by_lobe)}
+    names = [*unknowns.free_amplitudes, *unknowns.free_numbers]
     identifiable, reasons = {}, []
     for name in names:
         reached = within_reach(account.parameters, name)
-        own = variant.called(name)
-        identifiable[own] = reached and not bound[name]
+        silent = rests_on_prior(account.parameters, name, unknowns[name].prior)
+        identifiable[name] = reached and not bound[name] and not silent
         if bound[name]:
-            reasons.append(f"{own} is at a bound of its range")
+            reasons.append(f"{name} is at a bound of its range")
+        elif silent:
+            reasons.append(f"{name} is what its prior says: the photographs add next to nothing")
         elif not reached:
             reasons.append(_why(name, account, variant))
     if not bool(stop.fit.solution.converged):
@@ -102,9 +104,8 @@ def _why(name: str, account: Account, variant: Parametric) -> str:
     parameters = account.parameters
     low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
     intervals = dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high))
-    own = variant.called(name)
-    sentence = f"{own} is not identifiable: its 90 % interval is {', '.join(intervals)}"
-    if name in ("kd", "ks"):
+    sentence = f"{name} is not identifiable: its 90 % interval is {', '.join(intervals)}"
+    if name in variant.amplitude_names:
         return sentence
     if account.evidence is None:
         return f"{sentence}; these views and this light show too little of the lobe's shape"

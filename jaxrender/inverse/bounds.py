@@ -33,7 +33,10 @@ def checked_at_bound(stop: Stop, model: Model, settings: FitSettings) -> Stop:
 def lost(stop: Stop) -> bool:
     """Whether the lobe of a fit is gone, or its width at a bound."""
     unknowns = stop.problem.unknowns
-    gone = unknowns.ks.free and not np.any(np.asarray(stop.fit.linear.ks) > 0)
+    amplitudes = np.asarray(stop.fit.linear.amplitudes)
+    gone = any(
+        unknowns.amplitudes[at].free and not np.any(amplitudes[at] > 0) for at in unknowns.shaped
+    )
     at_bound = dict(zip(unknowns.names, unknowns.at_bound(stop.fit.solution.point)))
     width = unknowns.searched[0].name
     return bool(unknowns[width].free and (gone or at_bound[width]))

@@ -18,8 +18,7 @@ A material whose lobe is not about the reflected direction has no frequency view
 by the integral takes the place of the first two steps (``coarse_fit``).
 """
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -28,44 +27,25 @@ from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.account import account_for, error_bars, judge
 from jaxrender.inverse.bounds import checked_at_bound
-from jaxrender.inverse.coarse_fit import fit_coarsely, material_of, width_of
+from jaxrender.inverse.coarse_fit import fit_coarsely
 from jaxrender.inverse.conditioning import WidthEvidence
-from jaxrender.inverse.elimination import MANY, THINNING, Few, Problem
+from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
-from jaxrender.inverse.known_light import (
-    KnownLight,
-    PreparedLight,
-    exact_nodes,
-    prepare_light,
-    undivided,
-)
-from jaxrender.inverse.leverage import draw, leverage, width_range
-from jaxrender.inverse.models import ExactModel, TabulatedModel
+from jaxrender.inverse.known_light import KnownLight, PreparedLight, exact_nodes, undivided
+from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.material_task import MaterialTask, Stage
+from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.passes import (
-    DEFAULTS,
-    Begin,
-    FitSettings,
-    Stop,
-    descend,
-    fit_in_rounds,
-    values_of,
-)
-from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
+from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, descend, values_of
+from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
-from jaxrender.reflection import DualLight, FrameNodes, Shadows, roughness_table
+from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import Float
 
-# The roughness that the light is split at in the rough first pass.
-_ROUGH_SIGMA = 0.06
-# The table of the second pass reaches this factor beyond the roughness found by the first.
-_TABLE_REACH = 1.8
-# The light is split anew when the fit ends this far (in log sigma) from where it was split.
-_SPLIT_AGAIN = 0.25
-_SPLITS = 3
 # A draw whose halves disagree grows by this factor.
 _GROWTH = 3
 # Pairs of a sample and a node of the light: a draw has so many without asking, and grows to so
@@ -73,8 +53,6 @@ _GROWTH = 3
 _LITTLE_WORK, _MOST_WORK, _MOST_DRAWN = 5e4, 4e8, 100_000
 # Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
 SHADOWED_ANGLE_PER_SIGMA = 1 / 4
-
-Stage = Callable[[str], AbstractContextManager]
 
 
 class BRDFFit(NamedTuple):
@@ -104,7 +82,7 @@ class BRDFFit(NamedTuple):
         before, after = values_of(self.frequency), values_of(self.exact)
         return {
             name: np.asarray(before.of(name)) / np.asarray(after.of(name)) - 1
-            for name in ("kd", "ks", *after.numbers)
+            for name in (*after.amplitudes, *after.numbers)
         }
 
 
@@ -131,11 +109,10 @@ def fit_brdf(
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
-    shape = concave(shape)
-    sought, helpers = (problem, variant), (shape, stage)
+    task = MaterialTask(problem, variant, observations, light, settings, concave(shape), stage)
     if isinstance(variant, Glossy) and variant.has_frequency_view:
-        found, prepared = _frequency_fit(observations, light, (problem, variant), settings, helpers)
-        choice, predicted = found.observations, np.asarray(found.fit.predicted)
+        quick, prepared = fit_by_frequency(task)
+        choice = Choice(quick.observations, np.asarray(quick.fit.predicted))
     else:
         if settings.interreflection:
             raise ValueError(
@@ -143,24 +120,24 @@ def fit_brdf(
                 "solve.interreflection out, or choose a glossy model"
             )
         with stage("solve"):
-            found, choice, predicted = fit_coarsely(observations, light, sought, settings, shape)
+            quick, drawn, predicted = fit_coarsely(task)
+            choice = Choice(drawn, predicted)
         with stage("split"):
             prepared = undivided(light, observations, settings.band_limit)
     exact, bounced = None, None
     if settings.refine:
-        begin = (found, choice, predicted) if pool is None else (found, pool, None)
-        exact, bounced = _refine(begin, light, variant, settings, helpers)
-    final = found if exact is None else exact
+        exact, bounced = _refine(task, quick, choice if pool is None else Choice(pool))
+    final = quick if exact is None else exact
     with stage("account"):
-        account = account_for(final, variant, prepared, settings, shape)
+        account = account_for(final, variant, prepared, settings, task.shape)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
-        material_of(final, variant),
+        task.material(final),
         outcome,
         account.parameters,
         identifiable,
         account.evidence,
-        found,
+        quick,
         exact,
         prepared,
         reasons,
@@ -168,154 +145,59 @@ def fit_brdf(
     )
 
 
-def _frequency_fit(
-    observations: Observations,
-    light: KnownLight,
-    sought: tuple[Problem, Glossy],
-    settings: FitSettings,
-    helpers: tuple[Shape | None, Stage],
-) -> tuple[Stop, PreparedLight]:
-    """Split the light and fit the dual model, again until both are made for one roughness."""
-    (problem, variant), (shape, stage) = sought, helpers
-    if shape is not None:
-        with stage("shadows"):
-            observations = with_transfer(observations, shape, light.diffuse_degrees)
+class Choice(NamedTuple):
+    """Samples for a refinement to choose from, and what a quicker fit predicts of them, if known.
 
-    def shadows(light: DualLight) -> Shadows | None:
-        if shape is None:
-            return None
-        with stage("shadows"):
-            return shadows_of(shape, observations, light)
+    Of a pool of all pixels nothing is predicted.
+    """
 
-    few = _few(observations, light, sought, settings)
-    where = (shadows, stage, few)
-    found, prepared = _rough_fit(observations, light, sought, settings, where), None
-    for _ in range(_SPLITS):
-        at = _sigma(found, variant)
-        with stage("split"):
-            brdf = variant.with_roughness(at, None).as_metal()
-            prepared = prepare_light(
-                light,
-                observations,
-                brdf,
-                settings.split,
-                settings.band_limit,
-                transfer=settings.split_transfer,
-            )
-        darkened = shadows(prepared.dual)
-        with stage("table"):
-            table = roughness_table(
-                variant,
-                observations.samples,
-                prepared.dual,
-                _table_range(problem.unknowns, variant, at),
-                transfer=settings.transfer,
-                shadows=darkened,
-            )
-        with stage("solve"):
-            begin = Begin(settings.noise, None, np.asarray(found.fit.solution.point)[None])
-            model = TabulatedModel(variant, table)
-            found = fit_in_rounds(problem, model, observations, begin, settings, few)
-        if abs(np.log(_sigma(found, variant) / at)) < _SPLIT_AGAIN:
-            break
-    assert prepared is not None
-    return found, prepared
+    observations: Observations
+    predicted: Float[np.ndarray, "sample channel"] | None = None
 
 
-def _rough_fit(
-    observations: Observations,
-    light: KnownLight,
-    sought: tuple[Problem, Glossy],
-    settings: FitSettings,
-    helpers: tuple[Callable[[DualLight], Shadows | None], Stage, Few | None],
-) -> Stop:
-    """Find the neighbourhood of the answer from many starts."""
-    (problem, variant), (shadows, stage, few) = sought, helpers
-    unknowns = problem.unknowns
-    told = unknowns[variant.shape.name]
-    if told.free:
-        reach = width_range(unknowns, variant)
-        sigma = max(reach[0], min(_ROUGH_SIGMA, reach[1]))
-    else:
-        sigma = variant.shape.width_of(told.first(0.0))
-        reach = (sigma, sigma * 1.01)
-    split = "rough" if settings.split == "auto" else settings.split
-    brdf = variant.with_roughness(sigma, None)
-    with stage("rough"):
-        dual = prepare_light(light, observations, brdf, split, settings.band_limit).dual
-    darkened = shadows(dual)
-    with stage("rough"):
-        table = roughness_table(
-            variant,
-            observations.samples,
-            dual,
-            reach,
-            transfer=settings.transfer,
-            shadows=darkened,
-        )
-        begin = Begin(settings.noise, None, unknowns.starts(settings.starts))
-        return fit_in_rounds(
-            problem, TabulatedModel(variant, table), observations, begin, settings, few
-        )
+class _Refined(NamedTuple):
+    """Where a refinement ended, and the light that bounces, if that was asked for."""
+
+    stop: Stop
+    bounced: Bounced | None = None
 
 
-def _few(
-    observations: Observations,
-    light: KnownLight,
-    sought: tuple[Problem, Glossy],
-    settings: FitSettings,
-) -> Few | None:
-    """Choose the samples that a search among many begins with."""
-    if observations.count < MANY:
-        return None
-    problem, variant = sought
-    told = leverage(observations, light, width_range(problem.unknowns, variant))
-    some, index = draw(observations, told, observations.count // THINNING, settings.seed)
-    return Few(index, some.pixels / observations.pixels[index])
-
-
-def _refine(
-    found: tuple[Stop, Observations, Float[np.ndarray, "sample channel"] | None],
-    light: KnownLight,
-    variant: Parametric,
-    settings: FitSettings,
-    where: tuple[Shape | None, Stage],
-) -> tuple[Stop, Bounced | None]:
+def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
     """Continue on the exact integral over a draw of the samples, and with bounces if asked.
 
-    ``found`` is where a quicker fit ended, samples to choose from, and what it predicts of them; of
-    a pool of pixels nothing is predicted. The draw grows until two halves of it agree within their
-    errors, until it holds all samples, or until it becomes too much work.
+    ``quick`` is where a quicker fit ended.  The draw grows until two halves of it agree within
+    their errors, until it holds all samples, or until it becomes too much work.
     """
-    (quick, choice, expected), (shape, stage) = found, where
-    told = leverage(choice, light, width_range(quick.problem.unknowns, variant))
-    count, before = settings.refine_samples, quick
+    light, shape, settings, stage = task.light, task.shape, task.settings, task.stage
+    (pool, expected), before = choice, quick
+    told = leverage(pool, light, task.widths)
+    count = settings.refine_samples
     if expected is None:
         # Where the light is a few sources, many samples cost as little as few under an environment.
-        nodes = exact_nodes(light, np.zeros(0, int), width_of(quick, variant))
+        nodes = exact_nodes(light, np.zeros(0, int), task.width(quick))
         count = max(count, int(_LITTLE_WORK / _nodes_a_sample(nodes)))
     while True:
         with stage("refine"):
-            some, index = draw(choice, told, count, settings.seed)
+            some, index = draw(pool, told, count, settings.seed)
             cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-            nodes = exact_nodes(light, np.asarray(some.frame), width_of(before, variant), cells)
+            nodes = exact_nodes(light, np.asarray(some.frame), task.width(before), cells)
         seen = None
         if shape is not None:
             with stage("shadows"):
                 seen = nodes_seen(shape, some, nodes)
         with stage("refine"):
-            model = ExactModel(variant, some.samples, nodes, seen)
+            model = ExactModel(task.variant, some.samples, nodes, seen)
             begin = before.onward(None if expected is None else expected[index])
-            stop = descend(quick.problem, model, some, begin, settings)
+            stop = descend(task.problem, model, some, begin, settings)
             stop = checked_at_bound(stop, model, settings)
             work = some.count * _nodes_a_sample(nodes)
-            largest = min(choice.count, _MOST_DRAWN)
+            largest = min(pool.count, _MOST_DRAWN)
             grown = some.count >= largest or _GROWTH * work > _MOST_WORK
             if grown or error_bars(stop, settings).disagreement <= 1:
                 break
         count, before = min(_GROWTH * count, largest), stop
     if shape is None or not settings.interreflection:
-        return stop, None
+        return _Refined(stop)
 
     def refit(before: Stop, bounced: Float[np.ndarray, "sample channel"]) -> Stop:
         at = np.asarray(before.fit.predicted)
@@ -323,22 +205,11 @@ def _refine(
         return descend(before.problem, brighter, some, before.onward(at), settings)
 
     with stage("interreflection"):
-        return fit_with_bounces(stop, (shape, light), refit)
+        return _Refined(*fit_with_bounces(stop, (shape, light), refit))
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:
     return sum(part.directions.shape[-2] for part in nodes)
-
-
-def _sigma(stop: Stop, variant: Parametric) -> float:
-    return float(material_of(stop, variant).sigma)
-
-
-def _table_range(unknowns: Unknowns, variant: Parametric, sigma: float) -> tuple[float, float]:
-    if not unknowns[variant.shape.name].free:
-        return sigma, 1.01 * sigma
-    low, high = width_range(unknowns, variant)
-    return max(low, sigma / _TABLE_REACH), min(high, sigma * _TABLE_REACH)
 
 
 def check_enough(observations: Observations, problem: Problem) -> None:

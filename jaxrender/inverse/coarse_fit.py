@@ -10,14 +10,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Parametric
-from jaxrender.geometry import Shape
-from jaxrender.inverse.elimination import Data, Problem, cost_at
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.leverage import draw, leverage, width_range
+from jaxrender.inverse.elimination import Data, cost_at
+from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.passes import Begin, FitSettings, Stop, descend, values_of
+from jaxrender.inverse.passes import Begin, Stop, descend
 from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.shapes import Float
 
@@ -39,51 +38,28 @@ class Coarse(NamedTuple):
     predicted: Float[np.ndarray, "sample channel"]
 
 
-def fit_coarsely(
-    observations: Observations,
-    light: KnownLight,
-    sought: tuple[Problem, Parametric],
-    settings: FitSettings,
-    shape: Shape | None = None,
-) -> Coarse:
-    """Fit few samples by the integral over a condensed light; ``shape`` where it is concave."""
-    told = leverage(observations, light, width_range(sought[0].unknowns, sought[1]))
+def fit_coarsely(task: MaterialTask) -> Coarse:
+    """Fit few samples by the integral over a condensed light."""
+    observations, settings = task.observations, task.settings
+    told = leverage(observations, task.light, task.widths)
     some, _ = draw(observations, told, _SAMPLES, settings.seed)
     cell, stop = _WIDEST_CELL, None
     for _ in range(_ROUNDS):
-        stop = _fit(some, light, sought, settings, (cell, shape, stop))
-        wanted = _CELL_PER_SIGMA * width_of(stop, sought[1])
+        stop = _fit(task, some, cell, stop)
+        wanted = _CELL_PER_SIGMA * task.width(stop)
         wanted = float(np.clip(wanted, _NARROWEST_CELL, _WIDEST_CELL))
         if wanted > _MUCH_NARROWER * cell:
             break
         cell = wanted
     assert stop is not None
     choice, _ = draw(observations, told, _CHOICE * settings.refine_samples, settings.seed)
-    return Coarse(stop, choice, _predicted(stop, light, sought, choice, shape))
+    return Coarse(stop, choice, _predicted(task, stop, choice))
 
 
-def width_of(stop: Stop, variant: Parametric) -> float:
-    """How fine a light the lobe asks for at which a pass has ended."""
-    return float(material_of(stop, variant).width)
-
-
-def material_of(stop: Stop, variant: Parametric) -> Parametric:
-    """Put what a pass has found into the model; kd and ks as well."""
-    found = values_of(stop)
-    lobe = variant.with_numbers({name: float(value) for name, value in found.numbers.items()})
-    return lobe.with_amplitudes(np.asarray(found.kd), np.asarray(found.ks))
-
-
-def _fit(
-    some: Observations,
-    light: KnownLight,
-    sought: tuple[Problem, Parametric],
-    settings: FitSettings,
-    where: tuple[float, Shape | None, Stop | None],
-) -> Stop:
+def _fit(task: MaterialTask, some: Observations, cell: float, before: Stop | None) -> Stop:
     """Descend from the best of many starts, or from where a coarser fit ended."""
-    (problem, variant), (cell, shape, before) = sought, where
-    model = _model(variant, some, light, (cell, shape))
+    problem, settings = task.problem, task.settings
+    model = _model(task, some, cell)
     if before is not None:
         predicted = np.asarray(before.fit.predicted)
         return descend(problem, model, some, before.onward(predicted), settings)
@@ -94,32 +70,23 @@ def _fit(
     # So many along each of the numbers that are searched for.
     shapes = len(problem.unknowns.free_numbers)
     starts = problem.unknowns.starts(settings.starts * max(shapes, 1))
-    costs = [float(cost_at(problem, model, data, jnp.asarray(point))) for point in starts]
+    alone = problem.without_priors
+    costs = [float(cost_at(alone, model, data, jnp.asarray(point))) for point in starts]
     best = starts[int(np.nanargmin(costs))][None]
     return descend(problem, model, some, Begin(settings.noise, None, best), settings)
 
 
-def _model(
-    variant: Parametric,
-    observations: Observations,
-    light: KnownLight,
-    where: tuple[float, Shape | None],
-) -> ExactModel:
-    cell, shape = where
-    nodes = exact_nodes(light, np.asarray(observations.frame), cell, 1.0)
-    return ExactModel(variant, observations.samples, nodes, nodes_seen(shape, observations, nodes))
+def _model(task: MaterialTask, observations: Observations, cell: float) -> ExactModel:
+    nodes = exact_nodes(task.light, np.asarray(observations.frame), cell, 1.0)
+    seen = nodes_seen(task.shape, observations, nodes)
+    return ExactModel(task.variant, observations.samples, nodes, seen)
 
 
 def _predicted(
-    stop: Stop,
-    light: KnownLight,
-    sought: tuple[Problem, Parametric],
-    observations: Observations,
-    shape: Shape | None,
+    task: MaterialTask, stop: Stop, observations: Observations
 ) -> Float[np.ndarray, "sample channel"]:
-    problem, variant = sought
-    model = _model(variant, observations, light, (_WIDEST_CELL, shape))
+    model = _model(task, observations, _WIDEST_CELL)
     radiance = np.asarray(observations.radiance)
     data = Data(radiance, np.ones_like(radiance), np.asarray(observations.frame))
     point = jnp.asarray(stop.fit.solution.point)
-    return np.asarray(problem.predict(model, data, point, stop.fit.linear))
+    return np.asarray(task.problem.predict(model, data, point, stop.fit.linear))

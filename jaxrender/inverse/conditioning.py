@@ -72,7 +72,7 @@ def width_evidence(
     name = spectral.variant.shape.name
     if name not in problem.unknowns.names:
         return WidthEvidence(0.0, 0.0, 0.0, name)
-    at = (fit.solution.point, fit.linear.eliminated)
+    end = fit.solution.point, fit.linear.eliminated
     steep = np.asarray(spectral.samples.exit_cosines) >= GRAZING_COSINE
     without_grazing = data._replace(weights=np.asarray(data.weights) * steep[:, None])
     physical = problem.unknowns.unpack(fit.solution.point)
@@ -80,9 +80,9 @@ def width_evidence(
     spectral = DualModel(spectral.variant, spectral.samples, light, shadows, spectral.transfer)
     spectrum = LinearisedModel.about(spectral, physical.numbers)
     return WidthEvidence(
-        relative_standard_error(name, problem, model, data, at),
-        relative_standard_error(name, problem, model, without_grazing, at),
-        relative_standard_error(name, problem, spectrum, data, at),
+        relative_standard_error(name, problem, model, data, *end),
+        relative_standard_error(name, problem, model, without_grazing, *end),
+        relative_standard_error(name, problem, spectrum, data, *end),
         name,
     )
 
@@ -92,20 +92,21 @@ def relative_standard_error(
     problem: Problem,
     model: LinearisedModel,
     data: Data,
-    unknowns: tuple[Float[Array, "unknown"], Float[Array, "linear"]],
+    point: Float[Array, "unknown"],
+    eliminated: Float[Array, "linear"],
 ) -> float:
     """Predict the standard error of a number's logarithm; infinite where the data say nothing."""
     if name not in problem.unknowns.names:
         return 0.0
     at = problem.unknowns.names.index(name)
-    information = np.asarray(_information(problem, model, data, unknowns))
+    information = np.asarray(_information(problem, model, data, point, eliminated))
     if not information[at, at] > 0:
         return float("inf")
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     variance = np.sum(vectors[at] ** 2 / np.maximum(values, np.finfo(float).eps)) / scale[at] ** 2
     # The derivative by the search variable: the chain rule through the bounds' S-shaped curve.
-    slope = float(np.asarray(_slopes_of_logarithm(problem, unknowns[0], name))[at])
+    slope = float(np.asarray(_slopes_of_logarithm(problem, point, name))[at])
     error = float(np.sqrt(variance)) * abs(slope)
     return error if error < _HOPELESS else float("inf")
 
@@ -119,9 +120,13 @@ def _slopes_of_logarithm(
 
 @stored()
 def _information(
-    problem: Problem, model: LinearisedModel, data: Data, unknowns: tuple
+    problem: Problem,
+    model: LinearisedModel,
+    data: Data,
+    point: Float[Array, "unknown"],
+    eliminated: Float[Array, "linear"],
 ) -> Float[Array, "all all"]:
-    vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
+    vector, split = jnp.concatenate([point, eliminated]), point.shape[0]
 
     def weighted(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
         predicted = problem.predict(model, data, vector[:split], problem.linear(vector[split:]))

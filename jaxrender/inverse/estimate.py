@@ -69,7 +69,7 @@ class Estimate(NamedTuple):
         camera = Orthographic(side, side, pose, scale=2.1 / side)
         light = self.light
         if not np.any(np.asarray(light.nodes().irradiance)):
-            white = np.ones((1, len(np.asarray(self.material.kd))))
+            white = np.ones((1, self.material.amplitudes.shape[1]))
             towards = np.array([[1.0, -3.0, 2.5]])
             light = DirectionalSources(towards / np.linalg.norm(towards), white)
         return np.asarray(render_lit(self.material, light, Sphere(np.zeros(3), 1.0), camera))

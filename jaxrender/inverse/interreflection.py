@@ -24,7 +24,7 @@ from jaxrender.inverse.shadowing import places_of
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, visible_nodes
 from jaxrender.reflection.interreflection import Interreflection
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Float
 
 # Diffuse light does not see more detail of the environment than this (radians).
 _CELL = 0.1
@@ -146,9 +146,9 @@ def direct_irradiance(mesh: Mesh, light: KnownLight) -> Float[np.ndarray, "verte
 
 def _kd(stop: Stop) -> Float[np.ndarray, "channel"]:
     """The diffuse value that the photographs show; an unknown scale of the light is in it."""
-    return np.asarray(stop.fit.linear.kd, float)
+    return np.asarray(stop.fit.linear.amplitudes[0], float)
 
 
-def _diffuse_of(stop: Stop) -> Float[Array, "sample channel"]:
+def _diffuse_of(stop: Stop) -> Float[AnyArray, "sample channel"]:
     physical = stop.problem.unknowns.unpack(jnp.asarray(stop.fit.solution.point))
     return stop.model.columns(physical.numbers).diffuse

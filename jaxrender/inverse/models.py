@@ -1,10 +1,10 @@
-"""Forward models behind the one interface that a search asks of them: columns of kd and ks.
+"""Forward models behind the one interface that a search asks of them: columns of amplitudes.
 
 A lobe is asked for by the model's own numbers, by name (``Parametric.searched``).
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -33,11 +33,49 @@ Numbers = Mapping[str, Float[Array, "*sample"]]
 Rows = Int[np.ndarray, "kept"] | slice
 
 
-class Columns(NamedTuple):
-    """The columns of kd and ks."""
+class Columns(eqx.Module):
+    """What each lobe reflects at amplitude one, in the order of the model's amplitudes.
 
-    diffuse: Float[Array, "sample channel"]
-    specular: Float[Array, "sample channel"]
+    Of most models these are the columns of kd and ks.  ``shaped`` are the places of the lobes that
+    the model's numbers shape; all but the first, which is a base, where nothing else is said.
+    """
+
+    parts: tuple[Float[AnyArray, "sample channel"], ...]
+    shaped: tuple[int, ...] = eqx.field(static=True)
+
+    def __init__(
+        self, *parts: Float[AnyArray, "sample channel"], shaped: tuple[int, ...] | None = None
+    ):
+        self.parts = parts
+        self.shaped = tuple(range(1, len(parts))) if shaped is None else shaped
+
+    def __iter__(self) -> Iterator[Float[AnyArray, "sample channel"]]:
+        return iter(self.parts)
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    @property
+    def diffuse(self) -> Float[AnyArray, "sample channel"]:
+        """The column of a model's base."""
+        return self.parts[0]
+
+    @property
+    def specular(self) -> Float[AnyArray, "sample channel"]:
+        """The column of the lobe over the base."""
+        return self.parts[1]
+
+    def map(self, change: Callable) -> "Columns":
+        """Change every column alike."""
+        return Columns(*map(change, self.parts), shaped=self.shaped)
+
+    def times(self, amplitudes: Float[Array, "lobe channel"]) -> Float[Array, "sample channel"]:
+        """Add up what the lobes reflect at given amplitudes."""
+        # One after the other: the order of the sum is the order of the lobes.
+        total = amplitudes[0][None, :] * self.parts[0]
+        for amplitude, part in zip(amplitudes[1:], self.parts[1:]):
+            total = total + amplitude[None, :] * part
+        return total
 
 
 @runtime_checkable
@@ -45,7 +83,7 @@ class Model(Protocol):
     """What a fit asks of a forward model."""
 
     def columns(self, numbers: Numbers) -> Columns:
-        """Evaluate the diffuse and the specular column for given numbers of the lobe.
+        """Evaluate the column of each amplitude for given numbers of the model.
 
         Some models take a width for each sample.
         """
@@ -116,12 +154,14 @@ class ExactModel(eqx.Module):
     def columns(self, numbers: Numbers) -> Columns:
         """Integrate; a Fresnel ratio at the exit angle is a factor and stays outside the sum."""
         lobe, widths = _lobe_and_widths(self.variant, numbers)
-        outside = lobe.fresnel_is_factor
+        outside = lobe.fresnel_is_factor and lobe.mu is not None
         columns = self._integrate(lobe.as_metal() if outside else lobe, widths)
-        specular = columns[:, 1]
+        parts = [columns[:, at] for at in range(columns.shape[1])]
         if outside:
-            specular = specular * normalised_fresnel(lobe.mu, self.samples.exit_cosines)[:, None]
-        return Columns(columns[:, 0], specular)
+            ratio = normalised_fresnel(lobe.mu, self.samples.exit_cosines)[:, None]
+            for at in lobe.shaped():
+                parts[at] = parts[at] * ratio
+        return Columns(*parts, shaped=lobe.shaped())
 
     def take(self, index: Rows) -> "ExactModel":
         """Keep the samples of the given indices."""
@@ -137,7 +177,7 @@ class ExactModel(eqx.Module):
 
     def _integrate(
         self, lobe: Parametric, widths: Float[Array, "sample"] | None
-    ) -> Float[Array, "sample 2 channel"]:
+    ) -> Float[Array, "sample lobe channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [
             integral_columns_by_frame(lobe, self.samples, part, seen, widths=widths)
@@ -149,7 +189,7 @@ class ExactModel(eqx.Module):
 
 
 class MatteModel(eqx.Module):
-    """A model whose lobe is dark: paint without gloss."""
+    """A model of a base and a lobe that is dark: paint without gloss."""
 
     model: Model
 
@@ -164,15 +204,14 @@ class MatteModel(eqx.Module):
 
 
 class LinearisedModel(eqx.Module):
-    """Any model to first order about some numbers of its lobe: what error bars are made of.
+    """Any model to first order about some of its numbers: what error bars are made of.
 
-    ``slopes`` are the derivatives of the specular column by each of the numbers.  A width may be
-    one for each sample, where the model takes that.
+    ``slopes`` are, for each of the numbers, the derivatives of the columns ``at.shaped`` by it.  A
+    width may be one for each sample, where the model takes that.
     """
 
-    diffuse: Float[Array, "sample channel"]
-    specular: Float[Array, "sample channel"]
-    slopes: dict[str, Float[Array, "sample channel"]]
+    at: Columns
+    slopes: dict[str, tuple[Float[AnyArray, "sample channel"], ...]]
     numbers: dict[str, Float[Array, "*sample"]]
 
     @classmethod
@@ -182,20 +221,24 @@ class LinearisedModel(eqx.Module):
 
     def columns(self, numbers: Numbers) -> Columns:
         """Extrapolate the columns linearly."""
-        specular = self.specular
-        for name, slope in self.slopes.items():
+        parts = list(self.at)
+        for name, slopes in self.slopes.items():
             step = numbers[name] - self.numbers[name]
-            specular = specular + slope * (step[:, None] if jnp.ndim(step) else step)
-        return Columns(self.diffuse, specular)
+            for at, slope in zip(self.at.shaped, slopes):
+                parts[at] = parts[at] + slope * (step[:, None] if jnp.ndim(step) else step)
+        return Columns(*parts, shaped=self.at.shaped)
 
     def take(self, index: Rows) -> "LinearisedModel":
         """Keep the samples of the given indices."""
         return LinearisedModel(
-            self.diffuse[index],
-            self.specular[index],
-            {name: slope[index] for name, slope in self.slopes.items()},
+            self.at.map(lambda part: part[index]),
+            {name: tuple(s[index] for s in slopes) for name, slopes in self.slopes.items()},
             {name: v[index] if jnp.ndim(v) else v for name, v in self.numbers.items()},
         )
+
+    def gathered(self, names: Iterable[str]) -> tuple[Float[AnyArray, "sample channel"], ...]:
+        """Line up the columns, and then the derivatives by the given numbers."""
+        return (*self.at, *(slope for name in names for slope in self.slopes[name]))
 
 
 def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array, "sample"] | None]:
@@ -212,22 +255,25 @@ def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> Lin
     several = len(names) > 1 and not any(jnp.ndim(value) for value in numbers.values())
     if several and isinstance(model, ExactModel):
         # All derivatives in one pass over the nodes, which each alone would make again.
-        def specular_at(
+        def shaped_at(
             at: Float[Array, "number"],
-        ) -> tuple[Float[Array, "sample channel"], Columns]:
+        ) -> tuple[list[Float[Array, "sample channel"]], Columns]:
             columns = model.columns(dict(zip(names, at)))
-            return columns.specular, columns
+            return [columns.parts[place] for place in columns.shaped], columns
 
         at = jnp.stack(list(numbers.values()))
-        slopes, (diffuse, specular) = jax.jacfwd(specular_at, has_aux=True)(at)
-        by_name = {name: slopes[..., place] for place, name in enumerate(names)}
-        return LinearisedModel(diffuse, specular, by_name, numbers)
-    diffuse, specular = model.columns(numbers)
+        slopes, columns = jax.jacfwd(shaped_at, has_aux=True)(at)
+        by_name = {
+            name: tuple(slope[..., place] for slope in slopes) for place, name in enumerate(names)
+        }
+        return LinearisedModel(columns, by_name, numbers)
+    columns = model.columns(numbers)
     by_name = {}
     for name, value in numbers.items():
 
         def moved(to: Float[Array, "*sample"], name: str = name) -> Columns:
             return model.columns({**numbers, name: to})
 
-        by_name[name] = jax.jvp(moved, (value,), (jnp.ones_like(value),))[1].specular
-    return LinearisedModel(diffuse, specular, by_name, numbers)
+        slopes = jax.jvp(moved, (value,), (jnp.ones_like(value),))[1]
+        by_name[name] = tuple(slopes.parts[place] for place in columns.shaped)
+    return LinearisedModel(columns, by_name, numbers)

@@ -18,8 +18,9 @@ import numpy as np
 
 from jaxrender.brdf import BRDF, PARAMETRIC, Parametric, lobe_named
 from jaxrender.geometry import NUSSELT, Components
-from jaxrender.inverse.elimination import Data, Problem, search
+from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.models import Columns, Numbers, Rows
+from jaxrender.inverse.search import search
 from jaxrender.inverse.unknowns import unknowns_of
 from jaxrender.shapes import AnyArray, Float
 
@@ -41,7 +42,7 @@ class Candidate(NamedTuple):
 
 
 class _Pairs(eqx.Module):
-    """The forward model: a glossy BRDF's two lobes at pairs of directions."""
+    """The forward model: a BRDF's lobes at pairs of directions."""
 
     variant: Parametric
     incoming: Float[AnyArray, "sample 3"]
@@ -49,11 +50,12 @@ class _Pairs(eqx.Module):
     channels: int = eqx.field(static=True)
 
     def columns(self, numbers: Numbers) -> Columns:
-        """Evaluate both lobes in 1/sr."""
+        """Evaluate each lobe in 1/sr."""
         incoming, outgoing = (Components.of(w) for w in (self.incoming, self.outgoing))
         lobes = self.variant.with_numbers(numbers).transfer(incoming, outgoing)
         shape = (len(self.incoming), self.channels)
-        return Columns(*(jnp.broadcast_to((f / incoming.z)[:, None], shape) for f in lobes))
+        values = (jnp.broadcast_to((lobe / incoming.z)[:, None], shape) for lobe in lobes)
+        return Columns(*values, shaped=self.variant.shaped())
 
     def take(self, index: Rows) -> "_Pairs":
         """Keep the pairs of the given indices."""
@@ -99,12 +101,12 @@ def _fitted(
     problem = Problem.of(unknowns, channels)
     fit = search(problem, model, data, unknowns.starts(_STARTS))
     physical = unknowns.unpack(fit.solution.point)
-    kd, ks = (np.asarray(part, float) for part in (fit.linear.kd, fit.linear.ks))
+    amplitudes = np.asarray(fit.linear.amplitudes, float)
     numbers = {one.name: float(physical.numbers[one.name]) for one in unknowns.searched}
-    brdf = variant.with_numbers(numbers).with_amplitudes(kd, ks)
+    brdf = variant.with_numbers(numbers).with_amplitudes(*amplitudes)
     missed = np.sqrt(np.sum((values - np.asarray(fit.predicted)) ** 2) / np.sum(values**2))
-    found = zip(variant.amplitude_names, (kd, ks))
-    parameters: dict[str, float | list[float]] = {n: part.tolist() for n, part in found if n}
+    found = zip(variant.amplitude_names, amplitudes)
+    parameters: dict[str, float | list[float]] = {name: part.tolist() for name, part in found}
     parameters |= numbers
     return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
 

@@ -182,7 +182,7 @@ def _lamp_grams(
     """Foresee every present photograph taken again with each lamp lit, too."""
     brdf = foreseen.supposed.brdf
     samples, frame, light = foreseen.situation
-    channels = foreseen.model.diffuse.shape[1]
+    channels = foreseen.model.at.diffuse.shape[1]
     grey = np.full(channels, float(mean_irradiance(light.of_frame(0)).mean()))
     missing = -len(directions) % _LAMPS_AT_ONCE
     padded = np.concatenate([directions, np.tile(directions[:1], (missing, 1))])
@@ -190,7 +190,8 @@ def _lamp_grams(
     lamps = LightNodes(jnp.asarray(padded), jnp.asarray(np.tile(grey, (len(padded), 1))))
     lamp = np.asarray(_lamp_columns(kind_of(brdf), numbers_of(brdf), samples, lamps))
     columns = columns_of(foreseen)[None] + lamp[: len(directions)]
-    radiance = np.asarray(brdf.kd) * columns[..., 0] + np.asarray(brdf.ks) * columns[..., 1]
+    amplitudes = np.asarray(brdf.amplitudes).T
+    radiance = np.sum(amplitudes * columns[..., : amplitudes.shape[1]], axis=-1)
     weights = np.stack([weights_of(foreseen.supposed.noise, each) for each in radiance])
     return grams_by_frame(columns * weights[..., None], np.asarray(frame))
 
@@ -207,7 +208,6 @@ def _lamp_columns(
     def one(lamp: LightNodes) -> Float[Array, "sample channel column"]:
         nodes = (jax.tree.map(lambda part: part[None], lamp),)
         near = LinearisedModel.about(ExactModel(variant, samples, nodes), numbers)
-        slopes = [near.slopes[name] for name in variant.numbers]
-        return jnp.stack([near.diffuse, near.specular, *slopes], axis=-1)
+        return jnp.stack(near.gathered(variant.numbers), axis=-1)
 
     return jax.lax.map(one, lamps)

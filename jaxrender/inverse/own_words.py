@@ -19,7 +19,9 @@ class OwnWords(NamedTuple):
     @property
     def names(self) -> list[str]:
         """What the model has: its amplitudes, and the numbers of its lobe."""
-        return list(self._unknowns)
+        if self.model == "lambertian":
+            return ["kd"]
+        return [*self.brdf.amplitude_names, *self.brdf.numbers]
 
     def values(self, parameters: Parameters) -> dict[str, Any]:
         """Name the numbers of ``parameters``."""
@@ -44,19 +46,10 @@ class OwnWords(NamedTuple):
 
     def biases(self, relative: dict[str, np.ndarray]) -> dict[str, Any]:
         """Name the relative biases of a fit's unknowns."""
-        return {name: plain(relative[unknown]) for name, unknown in self._unknowns.items()}
-
-    @property
-    def _unknowns(self) -> dict[str, str]:
-        """What a fit calls each of the model's own parameters."""
-        if self.model == "lambertian":
-            return {"kd": "kd"}
-        amplitudes = {self.brdf.called(name): name for name in ("kd", "ks")}
-        own = {name: unknown for name, unknown in amplitudes.items() if name}
-        return own | {name: name for name in self.brdf.numbers}
+        return {name: plain(relative[name]) for name in self.names}
 
     def _of(self, name: str, parameters: Parameters) -> np.ndarray:
-        value = np.asarray(parameters.of(self._unknowns[name]))
+        value = np.asarray(parameters.of(name))
         if name == "ks" and self.one_ks and np.ptp(value) == 0:
             return np.asarray(value[0])
         return value

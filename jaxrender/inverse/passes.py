@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
-from jaxrender.inverse.elimination import Data, Few, Fit, Problem, cost_at, search
+from jaxrender.inverse.elimination import Data, Few, Fit, Problem, cost_at
 from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations, as_pixels
+from jaxrender.inverse.search import search
 from jaxrender.inverse.uncertainty import Parameters, to_parameters
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.reflection import ViewFilter
@@ -114,12 +115,14 @@ def fit_in_rounds(
     even = as_pixels(observations)
     settled = settings.noise or NoiseModel(0.0, 0.0)
     weights = np.full_like(radiance, 1 / scale) * share
+    # A prior counts beside what is weighed by its noise.
+    weighed = problem.without_priors
     for turn in range(_ROUNDS[settings.loss]):
         if noise is not None and predicted is not None:
-            weights = _weights(noise, predicted, scale)
+            weighed, weights = problem, _weights(noise, predicted, scale)
             weights *= share * robust_weights((radiance - predicted) * weights, settings.loss)
         data = Data(radiance, weights, np.asarray(observations.frame))
-        fit = search(problem, model, data, starts, settings.method, few)
+        fit = search(weighed, model, data, starts, settings.method, few)
         predicted = np.asarray(fit.predicted)
         starts = np.asarray(fit.solution.point)[None]
         before, settled = noise, settings.noise

@@ -98,9 +98,9 @@ def unknown(
         linear = name in material.lobe.amplitude_names
         if linear and one.start is not None:
             raise ValueError(f"{name} is solved for outright, from no start; leave it out")
-        several = linear and (name != "ks" or ks_per_channel)
+        several = linear and (name in material.lobe.coloured or ks_per_channel)
         if isinstance(one.fixed, tuple) and len(one.fixed) > 1 and not several:
-            hint = ", or ks_per_channel=True" if name == "ks" else ""
+            hint = ", or ks_per_channel=True" if linear else ""
             raise ValueError(f"{name} is one number for all channels; give one{hint}")
     material.unknowns()
     return material
@@ -264,16 +264,16 @@ def _with_the_light(
 def _check_ratio(material: UnknownMaterial, unknowns: Unknowns, matt: bool) -> None:
     """Refuse what an unknown light leaves no room for: all but the ratio of kd and ks."""
     for name in material.lobe.amplitude_names:
-        if name and material.told.get(name, Told()).bounds is not None:
+        if material.told.get(name, Told()).bounds is not None:
             raise ValueError(
                 f"{name} has bounds; under unknown light only the ratio of kd and ks is found: "
                 "leave it free, or give kd and ks"
             )
-    if not matt and unknowns.kd.free != unknowns.ks.free:
+    if not matt and 0 < len(unknowns.free_amplitudes) < len(unknowns.amplitudes):
         raise ValueError(
             "under unknown light only the ratio of kd and ks means anything; give both or none"
         )
-    if material.ks_per_channel and unknowns.ks.free:
+    if material.ks_per_channel and unknowns.free_amplitudes:
         raise ValueError(
             "under unknown light each channel has its own ks anyway; leave ks_per_channel out"
         )

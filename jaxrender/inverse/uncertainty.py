@@ -10,7 +10,7 @@ Samples of a draw that stand for c pixels each count c times in the sum of squar
 only once.  Their covariance is (J' C W J)^-1 (J' C^2 W J) (J' C W J)^-1 in place of (J' W J)^-1.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ import scipy.stats
 
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.unknowns import Prior
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -31,27 +32,45 @@ _NORMAL_90 = 1.6448536269514722
 _HALVES_AGREE = 0.999
 # A parameter is not identifiable when its interval reaches further than this to either side.
 IDENTIFIABLE_WITHIN = 0.25
+# An error that the data leave above this part of the prior's is the prior's.
+_ALL_BUT = 0.9
 
 
 class Parameters(NamedTuple):
-    """A material in its own units: kd and ks per channel, the lobe's numbers, gains, scale."""
+    """A material in its own units: amplitudes per channel, its other numbers, gains, scale.
 
-    kd: Float[AnyArray, "channel"]
-    ks: Float[AnyArray, "channel"]
+    Amplitudes and numbers go by their names, whose alphabet is their order in a covariance.
+    """
+
+    amplitudes: Mapping[str, Float[AnyArray, "channel"]]
     numbers: Mapping[str, Float[AnyArray, ""]]
     gains: Float[AnyArray, "frame"]
     scale: Float[AnyArray, ""]
 
     def of(self, name: str) -> Float[AnyArray, "..."]:
-        """Find kd, ks or one of the lobe's numbers by its name."""
-        return {"kd": self.kd, "ks": self.ks, **self.numbers}[name]
+        """Find an amplitude or one of the numbers by its name."""
+        return {**self.amplitudes, **self.numbers}[name]
+
+    @property
+    def kd(self) -> Float[AnyArray, "channel"]:
+        """The amplitude of the base; ``KeyError`` where the model has none."""
+        return self.amplitudes["kd"]
+
+    @property
+    def ks(self) -> Float[AnyArray, "channel"]:
+        """The amplitude of the lobe over it; ``KeyError`` where the model has none."""
+        return self.amplitudes["ks"]
+
+    def in_order(self, names: Iterable[str]) -> list[Float[AnyArray, "channel"]]:
+        """List the amplitudes in the order of a model's lobes."""
+        return [self.amplitudes[name] for name in names]
 
 
 class Uncertain(NamedTuple):
     """Values, 90 % intervals (lower and upper) and standard errors of the same parameters.
 
     What is fixed has a standard error of zero and an interval of its value alone.  ``covariance``
-    is that of all of ``Parameters`` one after the other, the lobe's numbers ordered by their names.
+    is that of all of ``Parameters`` one after the other.
     ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
     difference between what each of them says, over what 99.9 % of halves stay below.  ``origins``
     are what the lobe's numbers lie above.
@@ -85,10 +104,10 @@ def uncertain_parameters(
     held = _held(problem, fit)
     # Neighbouring pixels are alike, so that every other one would be no draw of its own.
     half = np.random.default_rng(0).permutation(len(shares)) % 2 == 0
-    settings = (held, noise_given, np.asarray(variance_factor))
-    value, covariance, apart = _propagate(
-        problem, model, (data, shares, half), (fit.solution.point, fit.linear.eliminated), settings
-    )
+    end = fit.solution.point, fit.linear.eliminated
+    drawn = Drawn(data, shares, half)
+    factor = np.asarray(variance_factor)
+    value, covariance, apart = _propagate(problem, model, drawn, *end, held, noise_given, factor)
     structure = jax.tree.structure(value)
     sizes = [leaf.size for leaf in jax.tree.leaves(value)]
     errors = np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0))
@@ -123,6 +142,14 @@ def within_reach(uncertain: Uncertain, name: str) -> bool:
     return bool(np.all(high - value <= reach) and np.all(value - low <= reach))
 
 
+def rests_on_prior(uncertain: Uncertain, name: str, prior: Prior | None) -> bool:
+    """Say whether the data leave the error of a parameter all but that of its prior."""
+    if prior is None:
+        return False
+    error = np.asarray(uncertain.standard_error.of(name))
+    return bool(np.any(error > _ALL_BUT * prior.standard_deviation))
+
+
 def relative_error(uncertain: Uncertain, name: str) -> float:
     """A standard error as a part of the value above its origin, in the worst channel."""
     value = np.asarray(uncertain.value.of(name)) - uncertain.origins.get(name, 0.0)
@@ -136,30 +163,50 @@ def to_parameters(
 ) -> Parameters:
     """Put a search point and its linear part into a material's own units, gauge applied.
 
-    With an unknown scale between light and photographs, kd and ks are those of a material whose
-    mean kd + ks is one, unless a fixed kd or ks says what the scale is.
+    With an unknown scale between light and photographs, the amplitudes are those of a material in
+    which they add up to one in the mean, unless a fixed one says what the scale is.
     """
     physical = problem.unknowns.unpack(point)
     linear: Linear = problem.linear(eliminated)
-    kd, ks = linear.kd, linear.ks
-    scale = jnp.ones((), kd.dtype)
+    amplitudes = linear.amplitudes
+    scale = jnp.ones((), amplitudes.dtype)
     if problem.unknowns.free_scale:
-        fixed = not (problem.unknowns.kd.free and problem.unknowns.ks.free)
-        scale = eliminated[-1] if fixed else jnp.mean(kd + ks)
-        kd, ks = kd / scale, ks / scale
-    return Parameters(kd, ks, physical.numbers, physical.gains, scale)
+        fixed = not all(told.free for told in problem.unknowns.amplitudes)
+        scale = eliminated[-1] if fixed else jnp.mean(jnp.sum(amplitudes, axis=0))
+        amplitudes = amplitudes / scale
+    by_name = dict(zip(problem.unknowns.amplitude_names, amplitudes))
+    return Parameters(by_name, physical.numbers, physical.gains, scale)
+
+
+class Drawn(NamedTuple):
+    """Data with the share of each sample, and which of them are in the first of two halves."""
+
+    data: Data
+    shares: Float[AnyArray, "sample"]
+    half: Bool[AnyArray, "sample"]
+
+
+class Propagated(NamedTuple):
+    """Parameters, their covariance, and the chi-squared between the two halves of a draw."""
+
+    value: Parameters
+    covariance: Float[Array, "parameter parameter"]
+    apart: Float[Array, ""]
 
 
 @stored()
 def _propagate(
     problem: Problem,
     model: LinearisedModel,
-    measured: tuple[Data, Float[AnyArray, "sample"], Bool[AnyArray, "sample"]],
-    unknowns: tuple,
-    settings: tuple,
-) -> tuple[Parameters, Float[Array, "parameter parameter"], Float[Array, ""]]:
-    (data, shares, half), (held, noise_given, factor) = measured, settings
-    vector, split = jnp.concatenate(unknowns), unknowns[0].shape[0]
+    drawn: Drawn,
+    point: Float[Array, "unknown"],
+    eliminated: Float[Array, "linear"],
+    held: Bool[AnyArray, "all"],
+    noise_given: bool,
+    factor: Float[AnyArray, ""],
+) -> Propagated:
+    data, shares, half = drawn
+    vector, split = jnp.concatenate([point, eliminated]), point.shape[0]
 
     def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
         predicted = problem.predict(model, data, vector[:split], problem.linear(vector[split:]))
@@ -190,7 +237,7 @@ def _propagate(
         (first, one), (second, other) = answer(in_half), answer(~in_half)
         apart = jnp.where(held, 0, one - other)
         spread = jnp.where(held[None, :], 0, jax.jacfwd(parameters)(vector))
-        return (
+        return Propagated(
             to_parameters(problem, vector[:split], vector[split:]),
             spread @ covariance @ spread.T,
             apart @ _inverse(first + second) @ apart,
@@ -198,16 +245,21 @@ def _propagate(
 
 
 def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
-    """Say what the bounds of the lobe's numbers alone tell about their search variables.
+    """Say what is known of the search variables and amplitudes beforehand.
 
-    Spread evenly between its bounds (in the logarithm) a parameter's logit has the variance
-    pi^2 / 3.  It matters only where the data say nothing: the error of such a parameter stays that
-    of its range, and does not leak into the others through a linearisation far beyond its reach.
+    That is what their own priors say, and what the bounds of the numbers say.  Spread evenly
+    between its bounds (in the logarithm) a parameter's logit has the variance pi^2 / 3.  It matters
+    only where the data say nothing: the error of such a parameter stays that of its range, and does
+    not leak into the others through a linearisation far beyond its reach.
     """
-    bounded = problem.unknowns.bounded
+    bounded, priors = problem.unknowns.bounded, problem.priors
     prior = np.zeros(vector.shape[0])
     prior[: len(bounded)] = bounded * 3 / np.pi**2
-    return jnp.asarray(prior, vector.dtype)
+    prior = jnp.asarray(prior, vector.dtype)
+    if priors is None:
+        return prior
+
+    return prior + priors.information(problem.unknowns, vector)
 
 
 def _inverse(matrix: Float[Array, "all all"]) -> Float[Array, "all all"]:
@@ -237,8 +289,12 @@ def _bound(
         above = centre - origins[name]
         spread = _NORMAL_90 * error.numbers[name] / above
         moved[name] = np.asarray(origins[name] + above * np.exp(sign * spread))
-    kd, ks, gains, scale = (
+    amplitudes = {
+        name: centre + sign * _NORMAL_90 * error.amplitudes[name]
+        for name, centre in value.amplitudes.items()
+    }
+    gains, scale = (
         getattr(value, name) + sign * _NORMAL_90 * getattr(error, name)
-        for name in ("kd", "ks", "gains", "scale")
+        for name in ("gains", "scale")
     )
-    return Parameters(kd, ks, moved, gains, scale)
+    return Parameters(amplitudes, moved, gains, scale)

@@ -1,9 +1,9 @@
 """Which numbers of a material are free, and how they enter the model.
 
-kd and ks enter linearly and are eliminated.  The model's other numbers do not, and are searched in
-unconstrained variables: an S-shaped curve maps them to where log(value - origin) lies between its
-bounds.  Gains of single photographs join the search as logarithms, relative to the first
-photograph.
+Amplitudes, such as kd and ks, enter linearly and are eliminated.  The model's other numbers do not,
+and are searched in unconstrained variables: an S-shaped curve maps them to where
+log(value - origin) lies between its bounds.  Gains of single photographs join the search as
+logarithms, relative to the first photograph.
 """
 
 from collections.abc import Mapping
@@ -22,19 +22,32 @@ from jaxrender.shapes import Array, Bool, Float, checked
 _AT_BOUND = 0.005
 
 
+class Prior(NamedTuple):
+    """What is known of a number beforehand: a normal distribution, in the number's own units."""
+
+    mean: float
+    standard_deviation: float
+
+
 class Unknown(eqx.Module):
-    """A parameter: ``fixed`` at a value (one, or one per channel), or free within its bounds."""
+    """A parameter: ``fixed`` at a value (one, or one per channel), or free within its bounds.
+
+    A free one may have a ``prior`` besides.
+    """
 
     fixed: tuple[float, ...] | None = eqx.field(static=True, default=None)
     lower: float = eqx.field(static=True, default=0.0)
     upper: float = eqx.field(static=True, default=float("inf"))
     start: float | None = eqx.field(static=True, default=None)
+    prior: Prior | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
         if not self.lower < self.upper:
             raise ValueError(
                 f"bounds [{self.lower}, {self.upper}]: the lower must be below the upper"
             )
+        if self.prior is not None:
+            self._check_prior(*self.prior)
         if self.start is not None and not self.lower <= self.start <= self.upper:
             raise ValueError(f"start {self.start} is outside [{self.lower}, {self.upper}]")
 
@@ -43,10 +56,19 @@ class Unknown(eqx.Module):
         """Whether the parameter is searched for."""
         return self.fixed is None
 
+    def _check_prior(self, mean: float, deviation: float):
+        if self.fixed is not None:
+            raise ValueError("a fixed value needs no prior; leave one of them out")
+        if not self.lower <= mean <= self.upper:
+            raise ValueError(f"prior mean {mean:g} is outside [{self.lower}, {self.upper}]")
+        if not 0 < deviation < float("inf"):
+            raise ValueError(f"prior standard deviation {deviation:g}: give a number above 0")
+
     def first(self, otherwise: float) -> float:
         """Choose where a search begins: the fixed value, the stated start, or inside the bounds."""
         if self.fixed is not None:
             return float(self.fixed[0])
+        otherwise = otherwise if self.prior is None else self.prior.mean
         inside = float(np.clip(otherwise, self.lower, self.upper))
         return inside if self.start is None else self.start
 
@@ -55,19 +77,23 @@ class Told(NamedTuple):
     """What is told of one of a model's own numbers: nothing, its value, or where it lies.
 
     ``fixed`` is one value, or one for each channel; ``bounds`` are the lowest and the highest;
-    ``start`` is where the search starts.
+    ``start`` is where the search starts; ``prior`` is what is known of it beforehand.
     """
 
     fixed: float | tuple[float, ...] | None = None
     bounds: tuple[float, float] | None = None
     start: float | None = None
+    prior: Prior | None = None
 
     def unknown(self, lowest: float, highest: float) -> Unknown:
         """Make the unknown of a search, within these bounds unless told otherwise."""
         if self.fixed is not None:
-            return Unknown(fixed=tuple(float(value) for value in np.atleast_1d(self.fixed)))
+            fixed = tuple(float(value) for value in np.atleast_1d(self.fixed))
+            return Unknown(fixed=fixed, prior=self.prior)
         low, high = map(float, self.bounds or (lowest, highest))
-        return Unknown(None, low, high, None if self.start is None else float(self.start))
+        start = None if self.start is None else float(self.start)
+        prior = None if self.prior is None else Prior(*map(float, self.prior))
+        return Unknown(None, low, high, start, prior)
 
 
 class Physical(eqx.Module):
@@ -83,31 +109,48 @@ class Physical(eqx.Module):
 class Unknowns(eqx.Module):
     """What is unknown of a material, and what else is unknown about the photographs.
 
-    ``numbers`` are those of the model, in the order of ``searched``, which says what they are.
-    ``free_gains`` is the number of photographs whose exposure is unknown (0: all known);
-    ``free_scale`` says that the light is known up to one factor.
+    ``amplitudes`` are those of the model's lobes by their names, in the order of the lobes; of the
+    ``coloured`` ones each channel has its own, of the others all channels share one; ``shaped`` are
+    the places of those lobes that numbers shape.  ``numbers`` are those of the model, in the order
+    of ``searched``, which says what they are.  ``free_gains`` is the number of photographs whose
+    exposure is unknown (0: all known); ``free_scale`` says that the light is known up to one
+    factor.
     """
 
-    kd: Unknown
-    ks: Unknown
+    amplitudes: tuple[Unknown, ...]
     numbers: tuple[Unknown, ...]
+    amplitude_names: tuple[str, ...] = eqx.field(static=True)
     searched: tuple[Searched, ...] = eqx.field(static=True)
-    ks_per_channel: bool = eqx.field(static=True, default=False)
+    coloured: tuple[str, ...] = eqx.field(static=True)
+    shaped: tuple[int, ...] = eqx.field(static=True)
     free_gains: int = eqx.field(static=True, default=0)
     free_scale: bool = eqx.field(static=True, default=False)
 
     def __getitem__(self, name: str) -> Unknown:
-        """What is known of one of the model's numbers; ``KeyError`` where there is none."""
-        return {one.name: unknown for one, unknown in zip(self.searched, self.numbers)}[name]
+        """What is known of an amplitude or a number; ``KeyError`` where there is none."""
+        own = dict(zip(self.amplitude_names, self.amplitudes))
+        return (own | {one.name: told for one, told in zip(self.searched, self.numbers)})[name]
 
     def __contains__(self, name: str) -> bool:
-        """Whether the model has a number of this name."""
+        """Whether the model searches for a number of this name."""
         return any(one.name == name for one in self.searched)
+
+    @property
+    def free_amplitudes(self) -> tuple[str, ...]:
+        """The amplitudes that are solved for, in the order of the lobes."""
+        told = zip(self.amplitude_names, self.amplitudes)
+        return tuple(name for name, unknown in told if unknown.free)
 
     @property
     def free_numbers(self) -> tuple[str, ...]:
         """The numbers that are searched for, in the order of the search vector."""
         return tuple(one.name for one, told in zip(self.searched, self.numbers) if told.free)
+
+    @property
+    def with_prior(self) -> tuple[str, ...]:
+        """The amplitudes and numbers of which a prior is told."""
+        every = (*self.amplitude_names, *(one.name for one in self.searched))
+        return tuple(name for name in every if self[name].prior is not None)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -183,13 +226,15 @@ def unknowns_of(
 ) -> Unknowns:
     """Put what is told of a model's own numbers, by their names, in the words of a search.
 
-    What is not told is free.  ``matt`` leaves the lobe black.  Raises ``ValueError`` that begins
-    with the name of a number whose start is outside its bounds, for a name that there is none of,
-    and for a model whose numbers contradict its class.
+    What is not told is free.  ``matt`` leaves all but the base black.  With ``ks_per_channel``
+    every amplitude has a value for each channel, not only those that the model colours.
+
+    Raises ``ValueError`` that begins with the name of a number whose start is outside its bounds,
+    for a name that there is none of, and for a model whose numbers contradict its class.
     """
     told = told or {}
     _check_numbers(lobe)
-    own = [*filter(None, lobe.amplitude_names), *(one.name for one in lobe.searched)]
+    own = [*lobe.amplitude_names, *(one.name for one in lobe.searched)]
     for name in told:
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")
@@ -201,20 +246,20 @@ def unknowns_of(
             raise ValueError(f"{name}: {error}") from None
 
     black = Unknown(fixed=(0.0,))
-    kd, ks = (
-        black if name is None else sought(name, 0.0, float("inf")) for name in lobe.amplitude_names
+    amplitudes = tuple(
+        black if matt and name not in lobe.bases else sought(name, 0.0, float("inf"))
+        for name in lobe.amplitude_names
     )
     numbers = tuple(sought(one.name, one.lowest, one.highest) for one in lobe.searched)
     if matt:
-        ks = black
         numbers = tuple(Unknown(fixed=(float(value),)) for value in lobe.numbers.values())
     return Unknowns(
-        kd,
-        ks,
+        amplitudes,
         numbers,
+        lobe.amplitude_names,
         lobe.searched,
-        # What the model itself calls kd has a value for each channel.
-        ks_per_channel=ks_per_channel or lobe.amplitude_names[1] == "kd",
+        lobe.amplitude_names if ks_per_channel else lobe.coloured,
+        lobe.shaped(),
         free_gains=free_gains,
         free_scale=free_scale,
     )

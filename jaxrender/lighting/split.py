@@ -28,7 +28,7 @@ from jaxrender.lighting.cells import Cells, gather, partition
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.programs import stored
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # A source must be narrow beside the lobe, whose radius is 2 sigma.
 CELL_ANGLE_PER_SIGMA = 0.5
@@ -160,7 +160,7 @@ def _envelope(
 
 @stored(partial(jax.jit, static_argnums=0))
 def _low_pass(
-    grid: LatLongGrid, light: Float[Array, "row column"], transfer: Float[Array, " degree"]
+    grid: LatLongGrid, light: Float[AnyArray, "row column"], transfer: Float[AnyArray, " degree"]
 ) -> Float[Array, "row column"]:
     coefficients = analyse(grid, light[..., None], transfer.shape[0] - 1)
     return synthesise(grid, apply_transfer(coefficients, transfer))[..., 0]

@@ -30,14 +30,14 @@ class MaterialCovariance(NamedTuple):
     names: tuple[str, ...]
 
     def of_frame(
-        self, frame: int | None, numbers: Iterable[str]
+        self, frame: int | None, amplitudes: Iterable[str], numbers: Iterable[str]
     ) -> Float[np.ndarray, "channel part part"]:
-        """Pick for each channel kd, ks, numbers, gain and scale; None: a view without a gain."""
+        """Pick for each channel amplitudes, numbers, gain, scale; None: a view without a gain."""
         has_gain = frame is not None and f"gains[{frame}]" in self.names
         gain = f"gains[{frame if has_gain else 0}]"
         blocks = []
         for channel in range(self.channels):
-            own = (f"kd[{channel}]", f"ks[{channel}]", *numbers)
+            own = (*(f"{name}[{channel}]" for name in amplitudes), *numbers)
             rows = [self.names.index(name) for name in (*own, gain, "scale")]
             block = self.matrix[np.ix_(rows, rows)].copy()
             if not has_gain:
@@ -54,7 +54,7 @@ def image_deviation(
 ) -> Float[np.ndarray, "pixel channel"]:
     """Carry a covariance into the standard deviation of gain x scale x radiance.
 
-    ``slopes`` are those of the radiance by K_d, K_s and the lobe's numbers.  ``factors`` are gain
+    ``slopes`` are those of the radiance by amplitudes and numbers.  ``factors`` are gain
     and scale.
     """
     gain, scale = factors
@@ -70,7 +70,7 @@ def covariance_groups(parameters: Uncertain) -> dict[str, Group]:
         return {}
     matrix = Variable(_MATRIX, parameters.covariance, "", "covariance of `numbers`")
     names = " ".join(_names(parameters.value))
-    attributes = {"channels": len(parameters.value.kd), "numbers": names}
+    attributes = {"channels": _channels(parameters.value), "numbers": names}
     return {_GROUP: Group({"matrix": matrix}, attributes)}
 
 
@@ -93,5 +93,9 @@ def _names(parameters: Parameters) -> list[str]:
     def named(name: str, value: Float[AnyArray, "..."]) -> list[str]:
         return [f"{name}[{k}]" for k in range(np.size(value))]
 
-    kd, ks, numbers, gains, _ = parameters
-    return [*named("kd", kd), *named("ks", ks), *sorted(numbers), *named("gains", gains), "scale"]
+    amplitudes = [row for own in sorted(parameters.amplitudes.items()) for row in named(*own)]
+    return [*amplitudes, *sorted(parameters.numbers), *named("gains", parameters.gains), "scale"]
+
+
+def _channels(parameters: Parameters) -> int:
+    return len(next(iter(parameters.amplitudes.values())))

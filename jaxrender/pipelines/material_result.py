@@ -110,12 +110,11 @@ def _words(finding: Finding) -> OwnWords:
 
 def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
     """Say what the material that was found could have been expected to tell."""
-    brdf = finding.fit.brdf
     return {
         "standard_error": _words(finding).values(forecast.parameters.standard_error),
         "recoverable_degree": forecast.highest_degree,
         "singular_values": forecast.singular_values.tolist(),
-        "unknowns": [brdf.called(name) for name in forecast.unknowns],
+        "unknowns": [*forecast.unknowns],
         "weakest": forecast.weakest.tolist(),
         "sentences": list(forecast.sentences),
     }

@@ -150,7 +150,7 @@ def _render_views(
                 which = list(gains).index(frame.name) if frame.name in gains else None
                 deviation = np.zeros_like(radiance)
                 deviation[view.hit] = image_deviation(
-                    covariance.of_frame(which, subject.numbers),
+                    covariance.of_frame(which, subject.amplitudes, subject.numbers),
                     slopes,
                     radiance[view.hit],
                     (gain, scale),

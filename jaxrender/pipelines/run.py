@@ -50,7 +50,6 @@ from jaxrender.pipelines.scene import (
     fault_of,
     input_files,
     known_light,
-    lobe_of,
     reading_of,
     shape_of,
     unknowns_of,
@@ -305,9 +304,7 @@ def _would_fit(config: RunConfig, loaded: Loaded) -> str:
             f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"
         )
     unknowns = unknowns_of(config, len(loaded.photographs))
-    kind = lobe_of(config.brdf)
-    amplitudes = {"kd": unknowns.kd, "ks": unknowns.ks}
-    free = [kind.called(name) for name, unknown in amplitudes.items() if unknown.free]
+    free = [*unknowns.free_amplitudes]
     free += unknowns.free_numbers
     return (
         f"dry run: would fit {', '.join(filter(None, free)) or 'nothing'} to "

@@ -40,6 +40,11 @@ class Subject(abc.ABC):
         """Render a view; zero where nothing is hit."""
 
     @property
+    def amplitudes(self) -> tuple[str, ...]:
+        """Name the amplitudes of the lobe."""
+        return () if self.lobe is None else self.lobe.amplitude_names
+
+    @property
     def numbers(self) -> tuple[str, ...]:
         """Name the numbers of the lobe."""
         return () if self.lobe is None else tuple(self.lobe.numbers)
@@ -47,7 +52,7 @@ class Subject(abc.ABC):
     def slopes(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
     ) -> Float[np.ndarray, "pixel number channel"] | None:
-        """Differentiate by kd, ks and the lobe's numbers; None where it has none of these."""
+        """Differentiate by amplitudes and numbers; None where it has none of these."""
         return None
 
 
@@ -67,7 +72,7 @@ class UniformSubject(Subject):
     def slopes(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
     ) -> Float[np.ndarray, "pixel number channel"]:
-        """Differentiate by kd, ks and the lobe's numbers."""
+        """Differentiate by amplitudes and numbers."""
         assert self.lobe is not None
         return np.asarray(sensitivities(self.lobe, view, model))
 

@@ -24,12 +24,14 @@ from jaxrender.shapes import AnyArray, Array, Float, checked
 def sensitivities(
     brdf: Parametric, view: SurfaceView, model: ForwardModel | ShadowedModel
 ) -> Float[AnyArray, "pixel number channel"]:
-    """Differentiate the radiance of the pixels that are hit by K_d, K_s and the lobe's numbers.
+    """Differentiate the radiance of the pixels that are hit by the numbers of the material.
 
-    K_d and K_s of the same channel; the numbers in the order of ``brdf.numbers``.
+    First come amplitudes, such as K_d and K_s, of the same channel, then the others in the order
+    of ``brdf.numbers``.
     """
     places = SurfacePlaces.of_views([view])
-    shape = (2 + len(brdf.numbers), np.shape(brdf.kd)[0])
+    lobes, channels = brdf.amplitudes.shape
+    shape = (lobes + len(brdf.numbers), channels)
     return in_batches(_differentiate, (brdf, samples_of_views([view]), model), shape, places)
 
 
@@ -37,14 +39,15 @@ def sensitivities(
 def _differentiate(
     brdf: Parametric, samples: SurfaceSamples, model: ForwardModel
 ) -> Float[Array, "pixel number channel"]:
-    ks = jnp.asarray(brdf.ks)[None, :]
-    numbers = {name: jnp.asarray(value, ks.dtype) for name, value in brdf.numbers.items()}
+    amplitudes, shaped = brdf.amplitudes, np.array(brdf.shaped())
+    numbers = {name: jnp.asarray(value, amplitudes.dtype) for name, value in brdf.numbers.items()}
     value = model.columns(brdf.with_numbers(numbers), samples)
     slopes = []
     for name, at in numbers.items():
 
-        def moved(to: Float[Array, ""], name: str = name) -> Float[Array, "pixel 2 channel"]:
+        def moved(to: Float[Array, ""], name: str = name) -> Float[Array, "pixel lobe channel"]:
             return model.columns(brdf.with_numbers({**numbers, name: to}), samples)
 
-        slopes.append(ks * jax.jvp(moved, (at,), (jnp.ones_like(at),))[1][:, 1])
-    return jnp.stack([value[:, 0], value[:, 1], *slopes], axis=1)
+        slope = jax.jvp(moved, (at,), (jnp.ones_like(at),))[1][:, shaped]
+        slopes.append(jnp.sum(amplitudes[shaped][None] * slope, axis=1)[:, None])
+    return jnp.concatenate([value, *slopes], axis=1)

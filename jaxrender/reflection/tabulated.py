@@ -118,14 +118,18 @@ class RoughnessTable(eqx.Module):
         """Keep the samples of the given indices."""
         parts = (self.diffuse, self.spline, self.exit_cosines)
         if any(isinstance(part, Tracer) for part in parts):
-            diffuse, spline, exit_cosines = parts
-            kept = (diffuse[index], spline[:, :, index], exit_cosines[index])
+            kept = jnp.asarray
         else:
             # On the host: every number of samples would be some more programs to compile.
-            diffuse, spline, exit_cosines = (np.asarray(part) for part in parts)
-            rows = (diffuse[index], spline[:, :, index], exit_cosines[index])
-            kept = tuple(as_jax(part) for part in rows)
-        return RoughnessTable(*kept, self.log_sigma, self.log_mu)
+            parts, kept = [np.asarray(part) for part in parts], as_jax
+        diffuse, spline, exit_cosines = parts
+        return RoughnessTable(
+            kept(diffuse[index]),
+            kept(spline[:, :, index]),
+            kept(exit_cosines[index]),
+            self.log_sigma,
+            self.log_mu,
+        )
 
 
 @checked

@@ -13,7 +13,7 @@ from jaxrender.lighting.base import Light, LightNodes, LightSum
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.sky import ClearSky, OvercastSky
 from jaxrender.programs import stored
-from jaxrender.shapes import Array, Coefficients, Float
+from jaxrender.shapes import AnyArray, Array, Coefficients, Float
 from jaxrender.spectra.distributions import clear_coefficients, overcast_coefficients
 
 
@@ -60,8 +60,8 @@ def _filled_up(nodes: LightNodes) -> LightNodes:
 
 @stored(partial(jax.jit, static_argnames="band_limit"))
 def _sum_of_basis(
-    directions: Float[Array, "source 3"],
-    irradiance: Float[Array, "source channel"],
+    directions: Float[AnyArray, "source 3"],
+    irradiance: Float[AnyArray, "source channel"],
     band_limit: int,
 ) -> Float[Array, "coefficient channel"]:
     basis = real_basis(directions, band_limit)

@@ -31,7 +31,7 @@ MODELS = {
     "lambertian": (Lambertian(KD), True, True, True),
     "oren-nayar": (OrenNayar(KD, 0.4), True, True, True),
     "oren-nayar qualitative": (OrenNayar(KD, 0.4, qualitative=True), True, True, True),
-    "oren-nayar one lobe": (OrenNayarLobe(0 * KD, KD, 0.4), True, True, True),
+    "oren-nayar one lobe": (OrenNayarLobe(KD, 0.4), True, True, True),
     "phong": (Phong(KD, KS, 20.5), False, False, True),
     "blinn-phong": (BlinnPhong(KD, KS, 33.3), True, True, True),
     "microfacet": (Microfacet(KD, KS, 0.2, 1.5), False, False, True),

@@ -130,7 +130,8 @@ def microfacet_unknowns(*, kd=None, ks=None, sigma=None, mu=True, **rest):
     told = [sigma or free["sigma"]]
     if mu is not None:
         told.append(free["mu"] if mu is True else mu)
-    return dataclasses.replace(free, kd=kd or free.kd, ks=ks or free.ks, numbers=tuple(told))
+    amplitudes = (kd or free["kd"], ks or free["ks"])
+    return dataclasses.replace(free, amplitudes=amplitudes, numbers=tuple(told))
 
 
 def sigma_unknown(lower=WIDTH_BOUNDS[0], upper=WIDTH_BOUNDS[1], start=None):

@@ -18,14 +18,16 @@ import pytest
 from inverse_problems import microfacet_unknowns, toy_data, toy_model, toy_radiance
 from scipy.optimize import least_squares
 
-from jaxrender.inverse import Unknown, elimination
+from jaxrender.inverse import Unknown
+from jaxrender.inverse import search as searches
 from jaxrender.inverse.elimination import (
+    Objective,
     Problem,
     condensed_residuals,
     cost_at,
     residuals,
-    search,
 )
+from jaxrender.inverse.search import search
 from jaxrender.inverse.uncertainty import to_parameters
 
 # Two optimisers of one smooth function: their steps end near 1e-8.
@@ -227,7 +229,7 @@ def test_cost_is_half_the_weighted_squares():
 def test_condensed_residuals_have_the_same_squares_and_slopes():
     data = toy_data(noisy(), np.random.default_rng(2).uniform(0.1, 3, (60, 3)))
     unknowns = microfacet_unknowns()
-    args = (Problem.of(unknowns, 3), MODEL, data)
+    args = Objective(Problem.of(unknowns, 3), MODEL, data)
     point = jnp.asarray(unknowns.pack({"sigma": 0.22, "mu": 1.4}))
 
     @jax.jit
@@ -268,7 +270,7 @@ def test_where_the_short_way_does_not_settle_the_long_one_is_taken(monkeypatch):
     radiance = toy_radiance(model, KD, KS, SIGMA, MU)
     unknowns = microfacet_unknowns()
     problem, data = Problem.of(unknowns, 3), toy_data(radiance)
-    monkeypatch.setattr(elimination, "_LAST_STEPS", 0)
+    monkeypatch.setattr(searches, "_LAST_STEPS", 0)
     fit = search(problem, model, data, unknowns.starts(2))
     assert bool(fit.solution.converged)
     np.testing.assert_allclose(

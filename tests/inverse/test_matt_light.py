@@ -28,7 +28,7 @@ ANY_SIGMA = Unknown(fixed=(0.1,))
 SETTINGS = FactorSettings(6, 2)
 STATED_ERRORS = 4.5
 LAMBERTIAN = Microfacet(KD, np.zeros(3), 0.1, None)
-GROOVED = OrenNayarLobe(np.zeros(3), KD, 0.5)
+GROOVED = OrenNayarLobe(KD, 0.5)
 SUN = DirectionalSources(LAMP[None], ENERGY[None])
 
 

@@ -22,8 +22,9 @@ from inverse_problems import (
 from scipy.stats import binom
 
 from jaxrender.inverse import Unknown
-from jaxrender.inverse.elimination import Problem, search
+from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.search import search
 from jaxrender.inverse.uncertainty import (
     Parameters,
     Uncertain,
@@ -136,12 +137,9 @@ def test_a_parameter_without_evidence_has_the_error_of_its_range():
     # A lobe that does not change with sigma: all that is known of it are its bounds.
     found, fit, data = account(3)
     near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
-    silent = LinearisedModel(
-        near.diffuse,
-        near.specular,
-        {**near.slopes, "sigma": jnp.zeros_like(near.slopes["sigma"])},
-        near.numbers,
-    )
+    (slope,) = near.slopes["sigma"]
+    slopes = {**near.slopes, "sigma": (jnp.zeros_like(slope),)}
+    silent = LinearisedModel(near.at, slopes, near.numbers)
     blind = uncertain_parameters(PROBLEM, silent, data, fit, False)
     assert not within_reach(blind, "sigma")
     assert np.all(np.isfinite(parameter_vector(blind.upper)))
@@ -159,7 +157,7 @@ def interval(**half_widths):
         ks = np.full(3, 1 + sign * half_widths.get("ks", 0.0))
         sigma = np.asarray(1 + sign * half_widths.get("sigma", 0.0))
         mu = np.asarray(2 + sign * half_widths.get("mu", 0.0))
-        return Parameters(kd, ks, {"sigma": sigma, "mu": mu}, np.ones(1), np.ones(()))
+        return Parameters({"kd": kd, "ks": ks}, {"sigma": sigma, "mu": mu}, np.ones(1), np.ones(()))
 
     return Uncertain(side(0), side(-1), side(1), side(0), origins={"sigma": 0.0, "mu": 1.0})
 

@@ -41,7 +41,7 @@ def a_map(path):
 def a_covariance(path):
     one, three = np.ones(()), np.ones(3)
     numbers = {"sigma": one, "mu": one}
-    parameters = Parameters(three, three, numbers, np.ones(2), one)
+    parameters = Parameters({"kd": three, "ks": three}, numbers, np.ones(2), one)
     found = Uncertain(*[parameters] * 4, MATRIX)
     write(path, ARRAYS_FORMAT, Group(groups=covariance_groups(found)))
 

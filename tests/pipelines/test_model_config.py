@@ -258,12 +258,12 @@ def test_recipe_and_result_make_the_model_of_the_registry(stated, twin):
 
 
 def test_the_albedo_of_grooves_is_an_amplitude_of_its_own():
-    """Their lobe is what the search calls ks; the base under it is black."""
+    """There is no base under it."""
     config = run({"model": "oren-nayar", "kd": [0.2, 0.1, 0.1]})
     unknowns = unknowns_of(config, 1)
-    assert unknowns.kd.fixed == (0.0,)
-    assert unknowns.ks.fixed == (0.2, 0.1, 0.1)
-    assert unknowns.ks_per_channel
+    assert unknowns.amplitude_names == ("kd",)
+    assert unknowns["kd"].fixed == (0.2, 0.1, 0.1)
+    assert unknowns.coloured == ("kd",)
     assert unknowns.free_numbers == ("sigma",)
     stated = {"model": "oren-nayar", "kd": [0.2, 0.1, 0.1], "sigma": 0.4}
     material = true_material(RecipeBrdfConfig.model_validate(stated))

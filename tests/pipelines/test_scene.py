@@ -65,14 +65,16 @@ def test_unknowns_follow_the_config():
         "mu": 1.5,
     }
     found = unknowns_of(config_of(brdf=brdf, solve={"free_exposure": True}), photographs=7)
-    assert found.kd.fixed == (0.1, 0.2, 0.3)
-    assert (found.ks.free, found.ks.start, found.ks.upper) == (True, None, 0.5)
+    assert found["kd"].fixed == (0.1, 0.2, 0.3)
+    ks = found["ks"]
+    assert (ks.free, ks.start, ks.upper) == (True, None, 0.5)
     assert (found["sigma"].lower, found["sigma"].upper, found["sigma"].start) == (0.1, 0.3, 0.2)
     assert found["mu"].fixed == (1.5,)
-    assert (found.ks_per_channel, found.free_gains, found.free_scale) == (True, 7, False)
+    assert (found.coloured, found.free_gains) == (("kd", "ks"), 7)
+    assert not found.free_scale
     free = unknowns_of(config_of(lighting={"free_scale": True}), photographs=7)
     assert (free.free_gains, free.free_scale) == (0, True)
-    assert all(unknown.free for unknown in (free.kd, free.ks, free["sigma"], free["mu"]))
+    assert all(free[name].free for name in ("kd", "ks", "sigma", "mu"))
 
 
 def test_metals_and_diffuse_materials_have_no_index():

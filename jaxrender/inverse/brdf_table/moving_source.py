@@ -16,9 +16,10 @@ from jaxrender.brdf import BRDF, Microfacet
 from jaxrender.geometry import Components, to_local, world_from_local
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf_table.table import BRDFSamples, BRDFTable
-from jaxrender.inverse.elimination import Data, Problem, search
+from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.models import Columns, LinearisedModel, Numbers, Rows
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.search import search
 from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import DirectionalSources

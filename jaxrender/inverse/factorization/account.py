@@ -174,26 +174,35 @@ def _in_gauge(
 
 @stored()
 def _carried(
-    unknown: Float[Array, "number"], settings: tuple[Parametric, str, tuple[int, int]]
+    unknown: Float[AnyArray, "number"], settings: tuple[Parametric, str, tuple[int, int]]
 ) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:
     """Carry the unknowns over to a gauge; with the derivatives of all numbers in a row."""
     variant, gauge, (parts, channels) = settings
 
     def body_and_light(
-        vector: Float[Array, "number"],
+        vector: Float[AnyArray, "number"],
     ) -> tuple[Parameters, Float[Array, "channel part"]]:
         gloss, lobe, light = jnp.split(vector, [channels, channels + 2])
         share, light = jax.nn.sigmoid(gloss), light.reshape(channels, parts)
         factor = gauge_factors(share, light[:, 0], gauge)
         numbers = own_numbers(variant, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
         one = jnp.ones((), vector.dtype)
-        body = Parameters((1 - share) * factor, share * factor, numbers, one[None], one)
+        amplitudes = amplitudes_of(variant, (1 - share) * factor, share * factor)
+        body = Parameters(amplitudes, numbers, one[None], one)
         return body, light / factor[:, None]
 
     def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
         return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
 
     return body_and_light(unknown), jax.jacfwd(flat)(unknown)
+
+
+def amplitudes_of(
+    variant: Parametric, base: Float[AnyArray, "channel"], lobe: Float[AnyArray, "channel"]
+) -> dict[str, Float[AnyArray, "channel"]]:
+    """Name the amplitudes of a base and a lobe, or of the lobe alone where there is no base."""
+    names = variant.amplitude_names
+    return dict(zip(names, (base, lobe)[-len(names) :]))
 
 
 def own_numbers(

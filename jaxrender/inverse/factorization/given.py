@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxrender.brdf import Parametric
+from jaxrender.inverse.factorization.account import amplitudes_of
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.state import Known
 from jaxrender.inverse.uncertainty import Uncertain
@@ -20,15 +21,19 @@ def known_of(
 
     What is told of the numbers of ``lobe`` is said of the width and the index that they stand for.
     ``matt``: it has one lobe alone, and so a share that is known.
+
+    Raises ``ValueError`` for a prior, which no factorization asks for.
     """
+    for name in unknowns.with_prior:
+        raise ValueError(f"{name} has a prior; priors count under known light: give it bounds")
     share = None
     given = reflectances_of(unknowns, channels)
     if given is not None:
         kd, ks = given
         share = tuple((ks / (kd + ks)).tolist())
     elif matt:
-        # One lobe alone, which is called kd: a base or, of oren-nayar, the lobe of the search.
-        share = (0.0 if unknowns.ks.fixed is not None else 1.0,) * channels
+        # One lobe alone: a base, or that of the search.
+        share = (float(lobe.amplitude_names[0] not in lobe.bases),) * channels
     sigma = _through(unknowns[lobe.shape.name], lobe.shape.width_of)
     has_index = lobe.index.name in unknowns
     mu = _through(unknowns[lobe.index.name], lobe.index.index_of) if has_index else None
@@ -46,13 +51,13 @@ def _through(told: Unknown, function: Callable[[float], float]) -> Unknown:
 def reflectances_of(
     unknowns: Unknowns, channels: int = 3
 ) -> tuple[Float[np.ndarray, "channel"], Float[np.ndarray, "channel"]] | None:
-    """Take kd and ks where both are known; else None."""
-    if unknowns.kd.fixed is None or unknowns.ks.fixed is None:
+    """Take kd and ks where both are known, kd 0 where there is no base; else None."""
+    if unknowns.free_amplitudes:
         return None
-    kd, ks = (
-        np.broadcast_to(np.asarray(unknown.fixed, float), (channels,))
-        for unknown in (unknowns.kd, unknowns.ks)
-    )
+    kd, ks = np.zeros(channels), np.zeros(channels)
+    for at, told in enumerate(unknowns.amplitudes):
+        into = ks if at in unknowns.shaped else kd
+        into += np.asarray(told.fixed, float)
     return kd, ks
 
 
@@ -70,10 +75,11 @@ def in_units_of(
         energy_error=scene.energy_error / total,
         total=scene.total / total,
     )
-    value, low, high, error = (p._replace(kd=kd, ks=ks) for p in found.parameters[:4])
-    exact = error._replace(kd=0 * kd, ks=0 * ks)
+    known = amplitudes_of(found.brdf, kd, ks)
+    value, low, high, error = (p._replace(amplitudes=known) for p in found.parameters[:4])
+    exact = error._replace(amplitudes={name: 0 * amount for name, amount in known.items()})
     return found._replace(
-        brdf=found.brdf.with_amplitudes(kd, ks),
+        brdf=found.brdf.with_amplitudes(*known.values()),
         scene=scene,
         parameters=Uncertain(value, low, high, exact, origins=found.parameters.origins),
     )

@@ -90,7 +90,7 @@ def unknown_count(guess: Guess) -> int:
 
 @stored(jax.jit)
 def _damped(
-    system: System, free: Bool[AnyArray, "unknown"], damping: Float[AnyArray, ""]
+    system: System, free: Bool[AnyArray, "unknown"], damping: float | Float[Array, ""]
 ) -> Float[Array, "unknown"]:
     size = jnp.diag(system.curvature)
     usable = jnp.asarray(free) & (size > 0)

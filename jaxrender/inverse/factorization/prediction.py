@@ -45,6 +45,6 @@ def predict(
         transfer = np.asarray(observations.transfer)[:, : coefficient_count(band_limit)]
         diffuse = shadowed_irradiance(slow, transfer)
         specular = specular - hidden_slow_light(samples, sight, brdf, slow)
-    kd, ks = (np.asarray(part)[None, :] for part in (brdf.kd, brdf.ks))
+    kd, ks = (np.asarray(part)[None, :] for part in brdf.amplitudes)
     predicted = kd * (diffuse + fast[:, 0]) + ks * (specular + fast[:, 1])
     return np.asarray(predicted)

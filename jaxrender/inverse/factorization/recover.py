@@ -110,7 +110,7 @@ def factorize(
     _, noise = weigh_by_noise(task, state)
     value = parameters.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
-    brdf = lobe.with_amplitudes(value.kd, value.ks)
+    brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
     predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
     return Factorization(
         brdf,
@@ -129,6 +129,11 @@ def factorize(
 def _check_numbers(variant: Parametric) -> None:
     found = (variant.shape.name, variant.index.name)
     others = [one.name for one in variant.searched if one.name not in found]
+    if len(variant.shaped()) > 1:
+        raise ValueError(
+            f"{type(variant).__name__} has several lobes that its numbers shape, which are found "
+            "under known light alone: give the light, or a model of one"
+        )
     if others:
         raise ValueError(
             f"{type(variant).__name__} has {', '.join(others)} beside a width and an index, which "
@@ -177,7 +182,7 @@ def _judge(
     free = free_unknowns(task, state)
     channels = task.radiance.shape[1]
     shares = bool(free[:channels].any())
-    searched = {"kd": shares, "ks": shares}
+    searched = dict.fromkeys(variant.amplitude_names, shares)
     searched |= {variant.shape.name: bool(free[channels])}
     searched |= {variant.index.name: bool(free[channels + 1])}
     bound = {
@@ -187,12 +192,11 @@ def _judge(
     identifiable, reasons = {}, []
     for name in (name for name, is_free in searched.items() if is_free):
         reached = within_reach(parameters, name)
-        called = variant.called(name) or name
-        identifiable[called] = reached and not bound.get(name, False)
+        identifiable[name] = reached and not bound.get(name, False)
         if bound.get(name, False):
-            reasons.append(f"{called} is at a bound of its range")
+            reasons.append(f"{name} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, parameters, called, variant))
+            reasons.append(_why(name, parameters, variant))
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -215,11 +219,11 @@ def _at_bound(logarithm: float, bounds: tuple[float, float], origin: float) -> b
     return bool(min(low, high) < _AT_BOUND)
 
 
-def _why(name: str, parameters: Uncertain, called: str, variant: Parametric) -> str:
+def _why(name: str, parameters: Uncertain, variant: Parametric) -> str:
     low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
     shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
-    sentence = f"{called} is not identifiable: its 90 % interval is {shown}"
-    if name not in ("kd", "ks") and not isinstance(variant, Glossy):
+    sentence = f"{name} is not identifiable: its 90 % interval is {shown}"
+    if name not in variant.amplitude_names and not isinstance(variant, Glossy):
         return f"{sentence}; these views show too little of the lobe's shape"
     if name == variant.shape.name:
         return f"{sentence}; blurring the light and sharpening the gloss look the same under it"

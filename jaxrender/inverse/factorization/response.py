@@ -217,8 +217,11 @@ def lobes_towards(
     def one(sample: SurfaceSamples) -> Float[Array, "source"]:
         frame = meridian_frames(sample.normals)
         pair = Components.of(directions), Components.of(sample.outgoing)
-        both = brdf.transfer(*pair_in_frame(*pair, frame))
-        return both[0 if base else 1]
+        lobes = list(brdf.transfer(*pair_in_frame(*pair, frame)))
+        if not base:
+            return lobes[-1]
+        # A model without a base has none of it anywhere.
+        return lobes[0] if len(lobes) > 1 else jnp.zeros_like(lobes[0])
 
     return jax.vmap(one)(SurfaceSamples(*(jnp.asarray(a) for a in samples)))
 

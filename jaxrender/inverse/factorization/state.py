@@ -108,8 +108,8 @@ class Task(NamedTuple):
         """What is known of the index."""
         index = self.response.variant.index
         own = index.searched
-        bounds = (index.index_of(bound) for bound in (own.lowest, own.highest))
-        return self.known.mu or Unknown(None, *bounds)
+        bounds = [index.index_of(bound) for bound in (own.lowest, own.highest)]
+        return self.known.mu or Unknown(None, bounds[0], bounds[1])
 
     @property
     def bounds(self) -> Bounds:

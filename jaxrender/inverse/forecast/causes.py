@@ -86,8 +86,7 @@ _NAMED = {"sigma": "roughness", "mu": "refractive index"}
 
 def _named(name: str, brdf: Parametric) -> str:
     """Say in words what a glossy material has, and by its own name what another one has."""
-    own = str(brdf.called(name))
-    return _NAMED.get(own, own) if isinstance(brdf, Glossy) else own
+    return _NAMED.get(name, name) if isinstance(brdf, Glossy) else name
 
 
 def _remedies(foreseen: Foreseen) -> list[Remedy]:

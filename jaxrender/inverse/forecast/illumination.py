@@ -83,7 +83,9 @@ def forecast_light(
             "the light differs from photograph to photograph: it cannot be recovered as one light"
         )
     brdf, count = supposed.brdf, len(situation.frame)
-    wanted = int(np.ceil(_DEGREE_TIMES_SIGMA / float(brdf.width))) if np.any(brdf.ks) else 0
+    wanted = 0
+    if np.any(brdf.lobe_amplitude):
+        wanted = int(np.ceil(_DEGREE_TIMES_SIGMA / float(brdf.width)))
     limit = band_limit or int(np.clip(wanted, _FEWEST_DEGREES, _MOST_DEGREES))
     while limit > 1 and coefficient_count(limit) > count / 2:
         limit -= 1
@@ -134,7 +136,7 @@ def _sentences(brdf: Parametric, forecast: LightForecast) -> tuple[str, ...]:
         found = ["not even the mean of the light can be told at this noise"]
     else:
         found = [f"the light can be told up to degree {last}; beyond, noise is stronger than it"]
-        if not np.any(brdf.ks):
+        if not np.any(brdf.lobe_amplitude):
             found[0] += ": a matt material passes next to nothing above degree 2 (T 2.65)"
         elif last >= 0.7 / float(brdf.width):
             lobe = "roughness" if isinstance(brdf, Glossy) else "a lobe of width"

@@ -106,14 +106,15 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     first, slopes, value, spread = (np.array(part) for part in _slopes(problem, vector))
     at_bound = (eliminated <= np.asarray(problem.lower)) | (eliminated >= np.asarray(problem.upper))
     held = np.concatenate([known.at_bound(jnp.asarray(point)), at_bound])
-    channels = len(slopes)
+    channels, lobes = len(slopes), len(known.amplitudes)
     numbers = [one.name for one in known.searched]
-    names = ["kd"] * channels + ["ks"] * channels + numbers
+    names = [*np.repeat(known.amplitude_names, channels).tolist(), *numbers]
     value -= [known.origins.get(name, 0.0) for name in names]
     asked = np.any((spread != 0) & ~held[None], axis=1) & (value != 0)
-    first[:, 2:] = 0
+    first[:, lobes:] = 0
     prior = np.concatenate([np.full(searched, _PRIOR), np.zeros(len(eliminated))])
-    stands_for = np.array([*known.names, *_linear_names(np.asarray(problem.mix))])
+    prior += _of_priors(problem, vector)
+    stands_for = np.array([*known.names, *_linear_names(problem)])
     steps = [
         value[names.index(name)] / spread[names.index(name), at]
         for at, name in enumerate(known.names)
@@ -131,12 +132,20 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     )
 
 
-def _linear_names(mix: Float[np.ndarray, "two_channels linear"]) -> list[str]:
-    """Name what each eliminated unknown multiplies: kd, ks, or all that is fixed of them."""
-    halves = np.split(mix != 0, 2)
-    kinds = {(True, False): "kd", (False, True): "ks"}
-    each = zip(*(half.any(axis=0) for half in halves))
-    return [kinds.get((bool(kd), bool(ks)), "scale") for kd, ks in each]
+def _linear_names(problem: Problem) -> list[str]:
+    """Name what each eliminated unknown multiplies: an amplitude, or all that is fixed of them."""
+    known = problem.unknowns
+    by_lobe = np.split(np.asarray(problem.mix) != 0, len(known.amplitudes))
+    each = np.stack([lobe.any(axis=0) for lobe in by_lobe], axis=1)
+    single = [np.flatnonzero(touched) for touched in each]
+    return [known.amplitude_names[at[0]] if len(at) == 1 else "scale" for at in single]
+
+
+def _of_priors(problem: Problem, vector: Float[Array, "unknown"]) -> Float[np.ndarray, "unknown"]:
+    """Say what the numbers' own priors tell about each unknown."""
+    if problem.priors is None:
+        return np.zeros(len(vector))
+    return np.asarray(problem.priors.information(problem.unknowns, vector))
 
 
 @stored()
@@ -148,14 +157,14 @@ def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
     def amplitudes(vector: Float[Array, "unknown"]) -> Float[Array, "channel column"]:
         numbers = known.unpack(vector[:searched]).numbers
         linear = problem.linear(vector[searched:])
-        ks = jax.lax.stop_gradient(linear.ks)
-        by_number = [ks * numbers[one.name] for one in known.searched]
-        return jnp.stack([linear.kd, linear.ks, *by_number], axis=-1)
+        held = [jax.lax.stop_gradient(linear.amplitudes[at]) for at in known.shaped]
+        by_number = [amount * numbers[one.name] for one in known.searched for amount in held]
+        return jnp.stack([*linear.amplitudes, *by_number], axis=-1)
 
     def parameters(vector: Float[Array, "unknown"]) -> Float[Array, "parameter"]:
         found = to_parameters(problem, vector[:searched], vector[searched:])
         numbers = [found.numbers[one.name][None] for one in known.searched]
-        return jnp.concatenate([found.kd, found.ks, *numbers])
+        return jnp.concatenate([*found.in_order(known.amplitude_names), *numbers])
 
     return (
         amplitudes(vector),
@@ -173,9 +182,8 @@ def frame_grams(foreseen: Foreseen) -> Float[np.ndarray, "frame channel column c
 
 def columns_of(foreseen: Foreseen) -> Float[np.ndarray, "sample channel column"]:
     """Lay out D, S, and the derivatives of S by each number of the supposed material."""
-    model = foreseen.model
-    slopes = [model.slopes[name] for name in foreseen.supposed.brdf.numbers]
-    return np.stack([np.asarray(a) for a in (model.diffuse, model.specular, *slopes)], axis=-1)
+    gathered = foreseen.model.gathered(foreseen.supposed.brdf.numbers)
+    return np.stack([np.asarray(column) for column in gathered], axis=-1)
 
 
 def grams_by_frame(

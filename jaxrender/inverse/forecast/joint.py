@@ -14,7 +14,7 @@ from scipy.special import expit, logit
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.harmonics import degrees
-from jaxrender.inverse.factorization.account import own_numbers
+from jaxrender.inverse.factorization.account import amplitudes_of, own_numbers
 from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.projection import Measured, mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
@@ -71,7 +71,7 @@ def forecast_joint(
     samples.
     """
     brdf = supposed.brdf
-    kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
+    kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
     if not np.any(ks):
         raise ValueError(
             "of a Lambertian body the product of light and kd shows: in the gauge kd = 1 the light "
@@ -103,7 +103,7 @@ def forecast_joint(
     errors = np.zeros(channels + 2)
     errors[sought] = np.sqrt(np.diag(few))
     parameters = _parameters(guess, errors, brdf)
-    names = [*(("kd", "ks") if mixed_lobes else ()), *brdf.numbers]
+    names = [*(brdf.amplitude_names if mixed_lobes else ()), *brdf.numbers]
     identifiable = {name: within_reach(parameters, name) for name in names}
     # What remains of the material's curvature when the lamps' directions answer, too.
     own = np.linalg.inv(few) - np.eye(len(few)) / _PRIOR_VARIANCE
@@ -119,7 +119,7 @@ def joint_system(
     situation: Situation, brdf: Parametric, band_limit: int
 ) -> tuple[Response, Guess, Float[np.ndarray, "part channel"]]:
     """Set up the joint model at the supposed answer, its light in the gauge kd + ks = 1."""
-    kd, ks = np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)
+    kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
     slow, lamps = _divided(situation.light, float(brdf.sigma), band_limit)
     response = response_of_convex(
         kind_of(brdf), situation.samples, band_limit, len(lamps.directions)
@@ -201,8 +201,8 @@ def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parame
     spread = errors[channels : channels + 2]
     values = {name: np.asarray(own[name], float) for name in brdf.numbers}
     known = {n: np.asarray(np.linalg.norm(np.asarray(slopes[n]) * spread)) for n in values}
-    value = Parameters(1 - share, share, values, one[None], one)
-    error = Parameters(of_share, of_share, known, zero[None], zero)
+    value = Parameters(amplitudes_of(brdf, 1 - share, share), values, one[None], one)
+    error = Parameters(amplitudes_of(brdf, of_share, of_share), known, zero[None], zero)
     return intervals(value, error, {one.name: one.origin for one in brdf.searched})
 
 
@@ -223,7 +223,7 @@ def _sentences(
             why = reasons.get(name, _TOO_LITTLE_GLOSS)
             why = why if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
             found.append(
-                f"{brdf.called(name)} cannot be told with the light unknown: standard error "
+                f"{name} cannot be told with the light unknown: standard error "
                 f"{100 * worst:.0f} % of its value; {why}"
             )
     if all(identifiable.values()):

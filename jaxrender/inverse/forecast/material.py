@@ -96,8 +96,8 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
     if not isinstance(near, LinearisedModel):
         near = LinearisedModel.about(final.model, physical.numbers)
     # What the photographs show, before any gauge.
-    amounts = (np.asarray(part) for part in final.fit.linear[1:])
-    supposed = Supposed(fit.brdf.with_amplitudes(*amounts), final.noise)
+    amplitudes = np.asarray(final.fit.linear.amplitudes)
+    supposed = Supposed(fit.brdf.with_amplitudes(*amplitudes), final.noise)
     observed = final.observations
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     foreseen = foreseen_of(situation, supposed, near)
@@ -110,9 +110,7 @@ def _forecast(
 ) -> MaterialForecast:
     fit = _fit_at(problem, foreseen)
     parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
-    asked = {"kd": problem.unknowns.kd, "ks": problem.unknowns.ks}
-    free = [name for name, unknown in asked.items() if unknown.free]
-    free += problem.unknowns.free_numbers
+    free = [*problem.unknowns.free_amplitudes, *problem.unknowns.free_numbers]
     identifiable = {name: within_reach(parameters, name) for name in free}
     lost = [name for name in free if not identifiable[name]]
     sentences = causes_of(foreseen, problem, lost) if explain else ()
@@ -138,7 +136,7 @@ def _evidence(
 ) -> WidthEvidence | None:
     """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
     brdf, (samples, frame, light) = foreseen.supposed.brdf, foreseen.situation
-    if not isinstance(brdf, Glossy):
+    if not (isinstance(brdf, Glossy) and brdf.has_frequency_view):
         return None
     observations = Observations(samples, foreseen.data.radiance, frame)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()

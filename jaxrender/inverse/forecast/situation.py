@@ -83,9 +83,8 @@ def foresee(
 
 def kind_of(brdf: Kind) -> Kind:
     """The kind of a material, without its numbers: one compiled program serves all of a kind."""
-    zero = np.zeros(len(np.asarray(brdf.kd)))
     mu = None if brdf.mu is None else 1.5
-    return brdf.with_roughness(0.1, mu).with_amplitudes(zero, zero)
+    return brdf.with_roughness(0.1, mu).with_amplitudes(*np.zeros(brdf.amplitudes.shape))
 
 
 def numbers_of(brdf: Parametric) -> dict[str, Float[Array, ""]]:
@@ -95,7 +94,7 @@ def numbers_of(brdf: Parametric) -> dict[str, Float[Array, ""]]:
 
 def foreseen_of(situation: Situation, supposed: Supposed, near: LinearisedModel) -> Foreseen:
     """Weigh what a model predicts by the noise to be expected."""
-    radiance = _mixed(supposed.brdf, near.diffuse, near.specular)
+    radiance = _mixed(supposed.brdf, near.at)
     weights = weights_of(supposed.noise, radiance)
     return Foreseen(situation, supposed, near, Data(radiance, weights, situation.frame))
 
@@ -123,9 +122,9 @@ def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndar
                 f"and {unknown.upper:g}: suppose a value in between, or widen its bounds"
             )
     point = unknowns.pack({name: float(value) for name, value in brdf.numbers.items()})
-    both = np.concatenate([np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)])
+    every = np.ravel(np.asarray(brdf.amplitudes, float))
     mix = np.asarray(problem.mix)
-    return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
+    return point, np.linalg.lstsq(mix, every - np.asarray(problem.offset), rcond=None)[0]
 
 
 def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
@@ -143,12 +142,11 @@ def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
     ]
     known = replace(
         unknowns,
-        kd=held(unknowns.kd, brdf.kd),
-        ks=held(unknowns.ks, brdf.ks),
+        amplitudes=tuple(map(held, unknowns.amplitudes, np.asarray(brdf.amplitudes))),
         numbers=tuple(told for _, told in searched),
         searched=tuple(one for one, _ in searched),
     )
-    return Problem.of(known, len(np.asarray(brdf.kd)))
+    return Problem.of(known, brdf.amplitudes.shape[1])
 
 
 def thinned(situation: Situation, most: int) -> tuple[Situation, float]:
@@ -168,12 +166,12 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
     nodes = exact_nodes(light, frame, float(brdf.width), _COARSE)
     model = ExactModel(kind_of(brdf), samples, nodes)
     columns = _columns(model, numbers_of(brdf))
-    return _mixed(brdf, columns.diffuse, columns.specular)
+    return _mixed(brdf, columns)
 
 
-def _mixed(brdf: Parametric, diffuse, specular) -> Float[np.ndarray, "sample channel"]:
-    kd, ks = (np.asarray(a, float)[None] for a in (brdf.kd, brdf.ks))
-    return kd * np.asarray(diffuse) + ks * np.asarray(specular)
+def _mixed(brdf: Parametric, columns: Columns) -> Float[np.ndarray, "sample channel"]:
+    amplitudes = np.asarray(brdf.amplitudes, float)
+    return np.sum([a[None] * np.asarray(part) for a, part in zip(amplitudes, columns)], axis=0)
 
 
 @eqx.filter_jit

@@ -111,13 +111,15 @@ def check_variation(unknowns: Unknowns, settings: TextureSettings) -> None:
 def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSettings) -> None:
     if settings.method not in METHODS:
         raise ValueError(f"method={settings.method!r}: choose one of {', '.join(METHODS)}")
-    if not (unknowns.kd.free and unknowns.ks.free):
+    if unknowns.free_amplitudes != unknowns.amplitude_names:
         raise ValueError("kd and ks are the texture that is sought: leave both free")
-    if unknowns.ks_per_channel or unknowns.free_gains or unknowns.free_scale:
+    if "ks" in unknowns.coloured or unknowns.free_gains or unknowns.free_scale:
         raise ValueError(
             "a texture has one K_s for all channels and known exposures: "
             "turn ks_per_channel, free gains and free scale off"
         )
+    for name in unknowns.with_prior:
+        raise ValueError(f"{name} has a prior; a texture knows bounds alone: give it these")
     most = int(measured.seen.max())
     if unknowns.names and most < 2:
         raise ValueError(

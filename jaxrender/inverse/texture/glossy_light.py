@@ -216,7 +216,7 @@ def _texture(
 @eqx.filter_jit
 def _variance_by_light(
     data: SiteData,
-    lit: tuple[tuple[Array, Array], Float[Array, "sample channel"]],
+    lit: tuple[tuple[Array, Array], Float[AnyArray, "sample channel"]],
     material: SiteMaterial,
     covariance: Float[AnyArray, "channel coefficient coefficient"],
 ) -> Float[Array, "site channel"]:

@@ -50,13 +50,13 @@ def _draw_errors(axes, found: ConfigAnalysis) -> None:
     axes.set(title="material: predicted relative standard error", yscale="log")
     width = 0.8 / max(1, len(sets))
     brdf = found.supposition.supposed.brdf
-    every = [name for name in ("kd", "ks", *brdf.numbers) if brdf.called(name)]
+    every = [*brdf.amplitude_names, *brdf.numbers]
     for number, (title, parameters, identifiable) in enumerate(sets):
         names = [name for name in every if name in identifiable]
         heights = [max(np.nan_to_num(relative_error(parameters, name)), 1e-6) for name in names]
         places = np.array([every.index(name) for name in names]) + (number - 0.4) * width
         axes.bar(places, heights, width, label=title)
     axes.axhline(_TELLABLE, color="k", linestyle="--", linewidth=0.8, label="just identifiable")
-    titles = [_TITLES.get(str(own), str(own)) for own in map(brdf.called, every)]
+    titles = [_TITLES.get(name, name) for name in every]
     axes.set_xticks(range(len(every)), titles)
     axes.legend(fontsize=8)

@@ -41,7 +41,9 @@ def supposition_of(
         brdf = material_named(model.name, {**config.brdf.chosen(), **values})
     if sources.get("ks") == "typical":
         # An albedo, whatever the model's ks means.
-        brdf = brdf.with_amplitudes(brdf.kd, np.asarray(brdf.ks) / float(brdf.energy))
+        own = zip(brdf.amplitude_names, np.asarray(brdf.amplitudes))
+        energies = {"ks": float(brdf.energy)}
+        brdf = brdf.with_amplitudes(*(value / energies.get(name, 1.0) for name, value in own))
     noise_model, of_noise = _noise(config, recipe, noise)
     words: dict[str, list[str]] = {}
     for name, source in {**sources, "noise": of_noise}.items():

@@ -47,10 +47,9 @@ def _heading(found: ConfigAnalysis) -> str:
         lit.append("sources of single photographs")
     guess = "" if found.prospect.light_given else " (supposed: the config gives none)"
     cosines = np.asarray(found.prospect.situation.samples.exit_cosines)
-    amounts = {brdf.called("kd"): brdf.kd, brdf.called("ks"): brdf.ks}
-    matt = not np.any(np.asarray(brdf.ks))
-    amounts = dict(list(amounts.items())[: 1 if matt else 2])
-    material = [f"{name} {_values(value)}" for name, value in amounts.items() if name]
+    matt = not np.any(np.asarray(brdf.lobe_amplitude))
+    shown = zip(brdf.amplitude_names, np.asarray(brdf.amplitudes))
+    material = [f"{n} {_values(value)}" for n, value in shown if n in brdf.bases or not matt]
     if not matt:
         material += [f"{name} {float(value):.3g}" for name, value in brdf.numbers.items()]
         if brdf.has_index() and brdf.mu is None:
@@ -80,7 +79,7 @@ def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
     if not values.size:
         return lines
     told = [
-        f"{brdf.called(name)} {amount:+.2f}"
+        f"{name} {amount:+.2f}"
         for name, amount in zip(forecast.unknowns, forecast.weakest)
         if abs(amount) > 0.1
     ]
@@ -111,10 +110,9 @@ def _parameters(
         # Value, bounds and error; the covariance is for machines.
         rows = zip(*(np.ravel(np.asarray(part.of(name))) for part in parameters[:4]))
         shown = list(rows)
-        same = name not in ("kd", "ks") or (len({f"{r}" for r in shown}) == 1)
+        same = name not in brdf.amplitude_names or (len({f"{r}" for r in shown}) == 1)
         for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
-            own = brdf.called(name) or name
-            title = own if same else f"{own} {_CHANNELS[channel]}"
+            title = name if same else f"{name} {_CHANNELS[channel]}"
             lines.append(
                 f"  {title:11s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
                 f"{'yes' if told else 'no'}"

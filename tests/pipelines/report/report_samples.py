@@ -68,8 +68,7 @@ def prepared(light):
 def sample_fit(light, mu=1.5, kd=KD, ks=0.2, refined=True, noise=None):
     channels = len(kd)
     value = Parameters(
-        np.array(kd),
-        np.full(channels, ks),
+        {"kd": np.array(kd), "ks": np.full(channels, ks)},
         {"sigma": np.array(SIGMA)} | ({} if mu is None else {"mu": np.array(mu)}),
         np.ones(1),
         np.array(1.0),
