@@ -174,12 +174,14 @@ def render_samples(
 
     A model with shadows must know the samples' places (ValueError without).
     """
-    return in_batches(_reflect, (brdf, samples, model), brdf.amplitudes.shape[1:], places)
+    return in_batches(_reflect, brdf, samples, model, brdf.amplitudes.shape[1:], places)
 
 
 def in_batches(
     function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
-    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    brdf: Material,
+    samples: SurfaceSamples,
+    model: ForwardModel | ShadowedModel,
     shape: tuple[int, ...],
     places: SurfacePlaces | None = None,
 ) -> Float[AnyArray, "sample *rest"]:
@@ -187,11 +189,11 @@ def in_batches(
 
     ``shape`` is that of its values for one sample.  Raises ``ValueError`` as ``batches`` does.
     """
-    brdf, samples, model = arguments
+    traced = is_traced(brdf, samples, model)
     if isinstance(model, ForwardModel):
         model = model.settled(brdf)
-    if is_traced(arguments):
-        return _traced_in_batches(function, (brdf, samples, model), shape, places)
+    if traced:
+        return _traced_in_batches(function, brdf, samples, model, shape, places)
     found = np.zeros((samples.normals.shape[0], *shape))
     for rows, batch, lit in batches(samples, model, places):
         found[rows] = np.asarray(function(brdf, batch, lit))[: rows.stop - rows.start]
@@ -205,12 +207,13 @@ def is_traced(*arguments) -> bool:
 
 def _traced_in_batches(
     function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
-    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    brdf: Material,
+    samples: SurfaceSamples,
+    model: ForwardModel | ShadowedModel,
     shape: tuple[int, ...],
     places: SurfacePlaces | None,
 ) -> Float[Array, "sample *rest"]:
     """Map over the batches within the program that is being compiled."""
-    brdf, samples, model = arguments
     count = samples.normals.shape[0]
     if count == 0:
         return jnp.zeros((0, *shape), jnp.result_type(brdf.amplitudes))

@@ -30,7 +30,7 @@ def sensitivities(
     """
     places = SurfacePlaces.of_views([view])
     shape = (2 + len(brdf.numbers), np.shape(brdf.kd)[0])
-    return in_batches(_differentiate, (brdf, samples_of_views([view]), model), shape, places)
+    return in_batches(_differentiate, brdf, samples_of_views([view]), model, shape, places)
 
 
 @eqx.filter_jit

@@ -113,7 +113,8 @@ def thresholded(tree: CoefficientTree, rms: float) -> tuple[CoefficientTree, flo
     held = np.any(values != 0, axis=1)
     fewer = CoefficientTree.of_entries(
         tree.wavelet,
-        (tree.size, tree.axes),
+        tree.size,
+        tree.axes,
         type(entries)(*(part[held] for part in entries)),
         np.asarray(tree.root),
     )

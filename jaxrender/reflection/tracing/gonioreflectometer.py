@@ -162,7 +162,7 @@ class Gonioreflectometer(NamedTuple):
         for first in range(0, GROUPS, at_once):
             groups = min(at_once, GROUPS - first)
             origins = self._footprint(outgoing, region, (groups, count), rng)
-            means.append(self._means(origins, (incoming, outgoing), settings.bounces, rng))
+            means.append(self._means(origins, incoming, outgoing, settings.bounces, rng))
         radiance = np.concatenate(means) / incoming[:, 2, None]
         return radiance.mean(axis=0), radiance.std(axis=0, ddof=1) / np.sqrt(GROUPS)
 
@@ -188,13 +188,13 @@ class Gonioreflectometer(NamedTuple):
     def _means(
         self,
         origins: Float[np.ndarray, "group sample 3"],
-        pair: tuple[Float[np.ndarray, "direction 3"], Float[np.ndarray, "3"]],
+        incoming: Float[np.ndarray, "direction 3"],
+        outgoing: Float[np.ndarray, "3"],
         bounces: int,
         rng: np.random.Generator,
     ) -> Float[np.ndarray, "group direction channel"]:
         """Mean radiance of each group of paths under light of unit irradiance from each place."""
         groups, count = origins.shape[:2]
-        incoming, outgoing = pair
         scene, path = self.scene, np.arange(groups * count)
         total = np.zeros((groups, len(incoming), scene.channels))
         carried = np.ones((len(path), scene.channels))
