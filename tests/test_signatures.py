@@ -31,6 +31,7 @@ CHECKED = [
     "wavelets",
 ]
 NUMBERS = ("float", "int")
+Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 BUNDLES = {
     "two arrays": ("def f(pair: tuple[Array, Array]): ...", "f: pair"),
@@ -107,13 +108,12 @@ def is_alias(value: ast.AST | None, aliases: set[str]) -> bool:
     return is_type and is_bundle(value, aliases)
 
 
-def not_local(node: ast.AST, inside: bool = False) -> Iterator[ast.FunctionDef]:
+def not_local(node: ast.AST, inside: bool = False) -> Iterator[Function]:
     """Go through the functions of a module and the methods of all its classes."""
     for child in ast.iter_child_nodes(node):
-        is_function = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
-        if is_function and not inside:
+        if isinstance(child, Function) and not inside:
             yield child
-        within = is_function or (inside and not isinstance(child, ast.ClassDef))
+        within = isinstance(child, Function) or (inside and not isinstance(child, ast.ClassDef))
         yield from not_local(child, within)
 
 
@@ -126,8 +126,10 @@ def is_bundle(annotation: ast.AST | None, aliases: set[str]) -> bool:
             return is_name_of_types(text) and is_bundle(ast.parse(text, mode="eval").body, aliases)
         case ast.Name(id=name):
             return name == "tuple" or name in aliases
-        case ast.Subscript(value=ast.Name(id="Callable") | ast.Attribute(attr="Callable")):
-            parameters = annotation.slice.elts[0]
+        case ast.Subscript(
+            value=ast.Name(id="Callable") | ast.Attribute(attr="Callable"),
+            slice=ast.Tuple(elts=[parameters, _]),
+        ):
             return is_bundle(parameters, aliases)
         case ast.Subscript(
             value=ast.Name(id="tuple" | "Tuple") | ast.Attribute(attr="Tuple"), slice=held

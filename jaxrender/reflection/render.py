@@ -11,7 +11,7 @@ seen, and where shadows fall, is fixed beforehand.
 
 import abc
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -236,14 +236,22 @@ def _traced_in_batches(
     return jax.lax.map(one, own).reshape(-1, *shape)[:count]
 
 
+class Batch(NamedTuple):
+    """Some samples with the model of their light; ``rows`` says which of all they are."""
+
+    rows: slice
+    samples: SurfaceSamples
+    model: ForwardModel
+
+
 def batches(
     samples: SurfaceSamples,
     model: ForwardModel | ShadowedModel,
     places: SurfacePlaces | None = None,
-) -> Iterator[tuple[slice, SurfaceSamples, ForwardModel]]:
+) -> Iterator[Batch]:
     """Cut samples into batches of one size, the last filled up, each with its model.
 
-    The slice says which samples a batch holds.  A model with shadows must know the samples' places,
+    A model with shadows must know the samples' places,
     and what its rays meet is found on the host: ValueError without places, and for normals that
     are traced.
     """
@@ -263,7 +271,7 @@ def batches(
         if isinstance(lit, ShadowedModel):
             where = (np.asarray(_batch(a, first, step)) for a in places or ())
             lit = lit.at(SurfacePlaces(*where), batch)
-        yield slice(first, min(first + step, count)), batch, lit
+        yield Batch(slice(first, min(first + step, count)), batch, lit)
 
 
 def _batch_size(model: ForwardModel | ShadowedModel) -> int:

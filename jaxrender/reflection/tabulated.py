@@ -43,6 +43,13 @@ _MU_KNOTS = 14
 _EXTRA_KNOTS = 3
 
 
+class SplineTaps(NamedTuple):
+    """The first of the four coefficients that matter at a place, and the weights of all four."""
+
+    first: Int[Array, ""]
+    weights: Float[Array, "four"]
+
+
 class KnotRange(eqx.Module):
     """Equally spaced knots: ``count`` from ``first`` by ``step``."""
 
@@ -71,16 +78,16 @@ class KnotRange(eqx.Module):
         system[self.count, :3] = system[self.count + 1, -3:] = [1, -2, 1]
         return np.linalg.inv(system)[:, : self.count]
 
-    def locate(self, x: Float[Array, ""]) -> tuple[Array, Float[Array, "four"]]:
-        """Find the first of the four coefficients that matter at ``x``, and their weights."""
+    def locate(self, x: Float[Array, ""]) -> SplineTaps:
+        """Find the coefficients that matter at ``x``; a single knot has one."""
         if self.count == 1:
-            return jnp.zeros((), int), jnp.ones(1, x.dtype)
+            return SplineTaps(jnp.zeros((), int), jnp.ones(1, x.dtype))
         first, step = (jnp.asarray(a, x.dtype) for a in (self.first, self.step))
         position = (x - first) / step
         cell = jnp.clip(jnp.floor(position), 0, self.count - 2)
         t = position - cell
         weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
-        return cell.astype(int), jnp.stack(weights) / 6
+        return SplineTaps(cell.astype(int), jnp.stack(weights) / 6)
 
 
 _ONE_KNOT = KnotRange(np.zeros(()), np.ones(()), 1)

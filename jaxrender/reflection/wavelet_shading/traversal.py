@@ -39,7 +39,11 @@ class Traversed(NamedTuple):
 
     def plus(self, other: "Traversed") -> "Traversed":
         """Add what is reflected and what was visited."""
-        return Traversed(*(one + another for one, another in zip(self, other, strict=True)))
+        return Traversed(
+            self.radiance + other.radiance,
+            self.nodes + other.nodes,
+            self.coefficients + other.coefficients,
+        )
 
 
 class _Opened(NamedTuple):
