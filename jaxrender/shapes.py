@@ -88,6 +88,14 @@ def checked(function: _Function) -> _Function:
     return typing.cast(_Function, door)
 
 
+class _Admitted(NamedTuple):
+    """An array that a call has got past the door, and what it was held against."""
+
+    name: str
+    array: AnyArray
+    axes: "_Axes"
+
+
 class _Axes(NamedTuple):
     """One array annotation, whatever keeps the array: its kind of number and its axes."""
 
@@ -106,12 +114,12 @@ class _Axes(NamedTuple):
         plain = [name.lstrip("#") for name in self.names]
         return plain.index("channel") - len(plain) if "channel" in plain else None
 
-    def fits(self, array: AnyArray, admitted: list[tuple[str, AnyArray, "_Axes"]]) -> bool:
+    def fits(self, array: AnyArray, admitted: list[_Admitted]) -> bool:
         """Whether kind and shape do, with the axes that the arrays admitted so far have bound."""
         if array.dtype in _HALF:
             return False
         with jaxtyped("context"):
-            bound = [isinstance(earlier, axes.annotation) for _, earlier, axes in admitted]
+            bound = [isinstance(one.array, one.axes.annotation) for one in admitted]
             return all(bound) and isinstance(array, self.annotation)
 
     def lengths(self, array: AnyArray) -> dict[str, int]:
@@ -164,7 +172,7 @@ class _Visit(NamedTuple):
     """One call: whose it is, the arrays admitted so far, and whether they came with channels."""
 
     function: str
-    admitted: list[tuple[str, AnyArray, _Axes]]
+    admitted: list[_Admitted]
     coloured: set[bool]
 
     def admit(self, name: str, value: Any, wanted: _Wanted) -> Any:
@@ -201,7 +209,7 @@ class _Visit(NamedTuple):
         raise ValueError(f"{self.function}: {name} is {given}, wanted {choices}{why}")
 
     def _taken(self, name: str, array: Any, axes: _Axes) -> AnyArray:
-        self.admitted.append((name, array, axes))
+        self.admitted.append(_Admitted(name, array, axes))
         # A named tuple holds what it was made of: the function asks for the tuple, not the field.
         if isinstance(array, axes.keepers) or "." in name:
             return array

@@ -3,6 +3,8 @@
 D(h) G(w_i, w_o) / (4 cos t_o), before the Fresnel reflectance at the angle to the half vector.
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -29,14 +31,21 @@ def distribution_named(
     return DISTRIBUTIONS[name](**{"roughness": roughness, "roughness_y": roughness_y})
 
 
+class FacetTransfer(NamedTuple):
+    """D G / (4 cos t_o), and the cosine between either direction and the half vector."""
+
+    lobe: Float[Array, "*batch"]
+    half_cosine: Float[Array, "*batch"]
+
+
 def facet_transfer(
     distribution: Distribution, masking: str, incoming: Components, outgoing: Components
-) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-    """Evaluate D G / (4 cos t_o) of lifted directions, and the cosine to the half vector."""
+) -> FacetTransfer:
+    """Evaluate the facets' lobe for lifted directions."""
     half = half_vector(incoming, outgoing)
     shading = FACET_MASKINGS[masking](distribution, incoming, outgoing)
     lobe = distribution.density(half.direction) * shading / (4 * outgoing.z)
-    return lobe, jnp.minimum(half.cosine, 1)
+    return FacetTransfer(lobe, jnp.minimum(half.cosine, 1))
 
 
 def facets_conserve_energy(

@@ -16,6 +16,7 @@ see: which light reaches a place on a concave shape.  ``sculpture`` makes such a
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
 from jaxrender.geometry.components import Components, Incoming, pair_in_frame
 from jaxrender.geometry.directions import (
+    SphericalAngles,
     angles_from_direction,
     direction_from_angles,
     dot,
@@ -68,6 +69,7 @@ __all__ = [
     "Rays",
     "Shape",
     "Sphere",
+    "SphericalAngles",
     "SurfacePlaces",
     "SurfaceSamples",
     "SurfaceView",

@@ -7,7 +7,7 @@ broadcast over the others.
 """
 
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -56,11 +56,16 @@ def direction_from_angles(polar: Angle, azimuth: Angle) -> Float[Array, "*batch 
     return jnp.stack([sine * jnp.cos(azimuth), sine * jnp.sin(azimuth), jnp.cos(polar)], axis=-1)
 
 
+class SphericalAngles(NamedTuple):
+    """Polar angle in [0, pi] and azimuth in [0, 2 pi)."""
+
+    polar: Float[Array, "*batch"]
+    azimuth: Float[Array, "*batch"]
+
+
 @checked
-def angles_from_direction(
-    directions: Directions,
-) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
-    """Polar angle in [0, pi] and azimuth in [0, 2 pi) of directions of any length.
+def angles_from_direction(directions: Directions) -> SphericalAngles:
+    """Find polar angle and azimuth of directions of any length.
 
     Accurate at the poles (arc tangent, not arc cosine), where the azimuth is 0 by convention and
     neither angle has a derivative.
@@ -76,7 +81,7 @@ def angles_from_direction(
     # A tiny negative azimuth rounds up to 2 pi itself; -0 at a pole gives pi without this.
     outside = (azimuth >= 2 * np.pi) | ((x == 0) & (y == 0))
     azimuth = numbers.where(outside, 0, azimuth)
-    return polar, as_jax(azimuth) if on_host else azimuth
+    return SphericalAngles(polar, as_jax(azimuth) if on_host else azimuth)
 
 
 @_as_one

@@ -71,8 +71,7 @@ def sculpture(
     u = azimuth / 2 pi and v = 1 - polar angle / pi about the centre; faces across the seam run on
     beyond u = 1, where a texture repeats, so the vertices there are split.
     """
-    directions, faces = icosphere(subdivisions)
-    directions, faces, texture_coordinates = unwrapped(directions, faces)
+    directions, faces, texture_coordinates = unwrapped(*icosphere(subdivisions))
     features = Features.drawn(seed)
     points = radius * features.radius(directions)[:, None] * directions
     if center is not None:
@@ -80,13 +79,17 @@ def sculpture(
     return Mesh(points, faces, features.normals(directions), texture_coordinates[faces])
 
 
+class UnwrappedSphere(NamedTuple):
+    """A tessellated unit sphere whose vertices have texture coordinates (u, v)."""
+
+    directions: Float[np.ndarray, "split_vertex 3"]
+    faces: Int[np.ndarray, "face 3"]
+    texture_coordinates: Float[np.ndarray, "split_vertex 2"]
+
+
 def unwrapped(
     directions: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]
-) -> tuple[
-    Float[np.ndarray, "split_vertex 3"],
-    Int[np.ndarray, "face 3"],
-    Float[np.ndarray, "split_vertex 2"],
-]:
+) -> UnwrappedSphere:
     """Give a tessellated unit sphere latitude-longitude texture coordinates (u, v).
 
     A vertex that faces on both sides of the seam share is split; one at a pole, where there is no
@@ -104,4 +107,4 @@ def unwrapped(
     corners = np.stack([faces, u, v], axis=-1).reshape(-1, 3)
     unique, index = np.unique(corners, axis=0, return_inverse=True)
     vertex = unique[:, 0].astype(np.int64)
-    return directions[vertex], index.reshape(faces.shape), unique[:, 1:]
+    return UnwrappedSphere(directions[vertex], index.reshape(faces.shape), unique[:, 1:])

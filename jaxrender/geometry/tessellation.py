@@ -1,25 +1,32 @@
 """Triangulated spheres: the vertices and faces that ``Mesh``'s constructors start from."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
 
-def icosphere(
-    subdivisions: int,
-) -> tuple[Float[np.ndarray, "vertex 3"], Int[np.ndarray, "face 3"]]:
+class Tessellation(NamedTuple):
+    """Triangles of the unit sphere: their corners, and three corners for each face."""
+
+    vertices: Float[np.ndarray, "vertex 3"]
+    faces: Int[np.ndarray, "face 3"]
+
+
+def icosphere(subdivisions: int) -> Tessellation:
     """An icosahedron on the unit sphere, each triangle split into four ``subdivisions`` times.
 
     It has 20 * 4^subdivisions faces, wound so that they face outwards.
     """
     if subdivisions < 0:
         raise ValueError(f"subdivisions is {subdivisions}: give 0 (an icosahedron) or more")
-    vertices, faces = _icosahedron()
+    sphere = _icosahedron()
     for _ in range(subdivisions):
-        vertices, faces = _split_in_four(vertices, faces)
-    return vertices, faces
+        sphere = _split_in_four(*sphere)
+    return sphere
 
 
-def _icosahedron() -> tuple[np.ndarray, np.ndarray]:
+def _icosahedron() -> Tessellation:
     """Poles, two rings of five, and the triangles between them."""
     azimuth = 2 * np.pi * np.arange(5) / 5
     rings = []
@@ -38,10 +45,10 @@ def _icosahedron() -> tuple[np.ndarray, np.ndarray]:
         [lower, 6 + following, 1 + following],
         [south, 6 + following, lower],
     ]
-    return vertices, np.concatenate([np.stack(corners, axis=-1) for corners in faces])
+    return Tessellation(vertices, np.concatenate([np.stack(corners, axis=-1) for corners in faces]))
 
 
-def _split_in_four(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split_in_four(vertices: np.ndarray, faces: np.ndarray) -> Tessellation:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     unique, edge_of = np.unique(edges, axis=0, return_inverse=True)
     middles = vertices[unique].sum(axis=1)
@@ -50,4 +57,4 @@ def _split_in_four(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray,
     ab, bc, ca = len(vertices) + edge_of.reshape(3, -1)
     quarters = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
     split = np.concatenate([np.stack(corners, axis=-1) for corners in quarters])
-    return np.concatenate([vertices, middles]), split
+    return Tessellation(np.concatenate([vertices, middles]), split)

@@ -74,8 +74,8 @@ def rotate_by_angles(
     """Return the same for R = Rz(beta) Ry(alpha) Rz(gamma), radians; raises the same."""
     values = jnp.asarray(coefficients)
     band_limit = band_limit_of(values.shape[0])
-    angles = tuple(jnp.asarray(angle).reshape(-1) for angle in (alpha, beta, gamma))
-    turned = _turn(_exchange(band_limit), _spread(values), angles)
+    angles = (jnp.asarray(angle).reshape(-1) for angle in (alpha, beta, gamma))
+    turned = _turn(_exchange(band_limit), _spread(values), *angles)
     return _gather(turned, band_limit).reshape(*jnp.shape(alpha), *values.shape)
 
 
@@ -135,13 +135,12 @@ def _rotate(
     alpha = jnp.arctan2(jnp.sqrt(free[:, 0, 2] ** 2 + free[:, 1, 2] ** 2), free[:, 2, 2])
     beta = jnp.arctan2(free[:, 1, 2], free[:, 0, 2])
     gamma = jnp.arctan2(free[:, 2, 1], -free[:, 2, 0])
-    return _turn(table, start, (alpha, beta, gamma))
+    return _turn(table, start, alpha, beta, gamma)
 
 
 @jax.jit
-def _turn(exchange: AnyArray, rows: Array, angles: tuple[Array, Array, Array]) -> Array:
+def _turn(exchange: AnyArray, rows: Array, alpha: Array, beta: Array, gamma: Array) -> Array:
     """Rotate rows [degree, order, batch or 1, channel] by Rz(beta) Ry(alpha) Rz(gamma)."""
-    alpha, beta, gamma = angles
     table = jnp.asarray(exchange, rows.dtype)
     return _spin(_tilt(table, _spin(rows, gamma), alpha), beta)
 

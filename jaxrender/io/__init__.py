@@ -41,7 +41,7 @@ from jaxrender.io.photometric import Photometry, read_ies
 from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 from jaxrender.io.tree_layout import TreeAbout
-from jaxrender.io.trees import read_tree, write_tree
+from jaxrender.io.trees import TreeFile, read_tree, write_tree
 from jaxrender.io.utia import UtiaTable, read_utia
 
 __all__ = [
@@ -55,6 +55,7 @@ __all__ = [
     "RglMaterial",
     "ScatteredMeasurements",
     "TreeAbout",
+    "TreeFile",
     "UtiaTable",
     "image_size",
     "read_alta",

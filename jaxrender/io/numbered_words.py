@@ -1,6 +1,7 @@
 """Numbers in a text that are told apart by blanks or commas alone, each with its line."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,13 +12,20 @@ from jaxrender.shapes import Float
 _LARGEST_FILE = 2**26
 
 
+class NumberedLine(NamedTuple):
+    """A line of a file, and its number from 1."""
+
+    number: int
+    text: str
+
+
 class NumberedWords:
     """Words of some lines of a file, taken as numbers one after the other."""
 
-    def __init__(self, path: Path, lines: list[tuple[int, str]]):
+    def __init__(self, path: Path, lines: list[NumberedLine]):
         self.path = path
         self.words = [
-            (number, word) for number, line in lines for word in line.replace(",", " ").split()
+            (number, word) for number, text in lines for word in text.replace(",", " ").split()
         ]
         self.next = 0
 
@@ -63,8 +71,8 @@ class NumberedWords:
         return value
 
 
-def read_maker_text(path: Path) -> str:
-    """Read a text, in UTF-8 or else Latin-1, as makers write their names in their own letters.
+def read_maker_lines(path: Path) -> list[NumberedLine]:
+    """Read the lines of a text in UTF-8, or else in Latin-1, in which makers write their names.
 
     Raises InputError for a file that is missing, binary, or larger than any of luminaires.
     """
@@ -80,4 +88,5 @@ def read_maker_text(path: Path) -> str:
     except UnicodeDecodeError:
         text = content.decode("latin-1")
     # Old files end in DOS's end-of-file sign.
-    return text.rstrip("\x1a\r\n ")
+    lines = text.rstrip("\x1a\r\n ").splitlines()
+    return [NumberedLine(number, line) for number, line in enumerate(lines, start=1)]

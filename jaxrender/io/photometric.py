@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.io.numbered_words import NumberedWords, read_maker_text
+from jaxrender.io.numbered_words import NumberedLine, NumberedWords, read_maker_lines
 from jaxrender.lighting.photometric import AngularIntensity
 from jaxrender.shapes import Array, Directions, Float
 
@@ -90,11 +90,11 @@ def read_ies(path: str | Path) -> Photometry:
     of type A or B, units, counts, angles or factors that mean nothing, and negative candela.
     """
     path = Path(path)
-    lines = list(enumerate(read_maker_text(path).splitlines(), start=1))
-    at = next((i for i, (_, line) in enumerate(lines) if line.startswith("TILT=")), None)
+    lines = read_maker_lines(path)
+    at = next((i for i, line in enumerate(lines) if line.text.startswith("TILT=")), None)
     if at is None:
         raise InputError(f"{path}: no line TILT=...; this is no IES file, or it is cut short")
-    head = [line.strip() for _, line in lines[:at]]
+    head = [line.text.strip() for line in lines[:at]]
     standard = _STANDARDS.get(head[0] if head else "", _FIRST_STANDARD)
     labels = head if standard == _FIRST_STANDARD else head[1:]
     numbers = NumberedWords(path, lines[at + 1 :])
@@ -104,7 +104,7 @@ def read_ies(path: str | Path) -> Photometry:
     counts = [numbers.count(f"the number of {k} angles", 1) for k in ("vertical", "horizontal")]
     kind, units, *sizes = numbers.take(5, "type, units and dimensions")
     ballast, lamp_factor, watts = numbers.take(3, "ballast factors and watts")
-    _refuse_head(start, kind, units, (multiplier, ballast))
+    _refuse_head(start, kind, units, multiplier, ballast)
     vertical = numbers.take(counts[0], "vertical angles")
     horizontal = numbers.take(counts[1], "horizontal angles")
     _refuse_angles(path, vertical, horizontal)
@@ -146,8 +146,8 @@ def _keywords(labels: list[str]) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _tilt(path: Path, line: tuple[int, str], numbers: NumberedWords) -> Tilt | None:
-    said = line[1].removeprefix("TILT=").strip()
+def _tilt(path: Path, line: NumberedLine, numbers: NumberedWords) -> Tilt | None:
+    said = line.text.removeprefix("TILT=").strip()
     if said == "NONE":
         return None
     if said == "INCLUDE":
@@ -155,10 +155,10 @@ def _tilt(path: Path, line: tuple[int, str], numbers: NumberedWords) -> Tilt | N
     wanted = path.parent / said
     if not said or not wanted.resolve().is_relative_to(path.parent.resolve()):
         raise InputError(
-            f"{path}:{line[0]}: TILT={said} leads outside {path.parent}; put that file beside this "
-            "one, or write TILT=NONE"
+            f"{path}:{line.number}: TILT={said} leads outside {path.parent}; put that file beside "
+            "this one, or write TILT=NONE"
         )
-    found = NumberedWords(wanted, list(enumerate(read_maker_text(wanted).splitlines(), start=1)))
+    found = NumberedWords(wanted, read_maker_lines(wanted))
     tilt = _tilt_from(found)
     found.finish()
     return tilt
@@ -170,7 +170,7 @@ def _tilt_from(numbers: NumberedWords) -> Tilt:
     return Tilt(geometry, numbers.take(count, "tilts"), numbers.take(count, "tilt factors"))
 
 
-def _refuse_head(place: str, kind: float, units: float, factors: tuple[float, float]) -> None:
+def _refuse_head(place: str, kind: float, units: float, multiplier: float, ballast: float) -> None:
     if kind in (2, 3):
         raise InputError(
             f"{place}: photometry of type {'B' if kind == 2 else 'A'}; only type C is read: "
@@ -180,10 +180,9 @@ def _refuse_head(place: str, kind: float, units: float, factors: tuple[float, fl
         raise InputError(f"{place}: photometric type {kind:g}; wanted 1 (C)")
     if units not in (1, 2):
         raise InputError(f"{place}: units {units:g}; wanted 1 (feet) or 2 (metres)")
-    if min(factors) <= 0:
+    if min(multiplier, ballast) <= 0:
         raise InputError(
-            f"{place}: multiplier {factors[0]:g} and ballast factor {factors[1]:g}; both are "
-            "positive"
+            f"{place}: multiplier {multiplier:g} and ballast factor {ballast:g}; both are positive"
         )
 
 

@@ -6,6 +6,7 @@ sentence for each convention (``tree_layout``).
 """
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,13 @@ from jaxrender.wavelets import CoefficientTree, Wavelet
 
 _PRECISIONS = (np.float32, np.float64)
 _CHILDREN, _SELECTORS = "places of a node's children", "selectors of a node's coefficients"
+
+
+class TreeFile(NamedTuple):
+    """A tree, and what it was made from."""
+
+    tree: CoefficientTree
+    about: TreeAbout
 
 
 def write_tree(
@@ -67,7 +75,7 @@ def write_tree(
     write(path, FORMAT, Group(variables, attributes(tree, about)))
 
 
-def read_tree(path: str | Path) -> tuple[CoefficientTree, TreeAbout]:
+def read_tree(path: str | Path) -> TreeFile:
     """Read a tree and what it was made from, as ``write_tree`` wrote them.
 
     Raises ``InputError`` for a file that is missing, damaged, too large, or something else.
@@ -101,7 +109,7 @@ def read_tree(path: str | Path) -> tuple[CoefficientTree, TreeAbout]:
         fault = fault_of(about, tree)
         if fault is not None:
             file.refuse(fault)
-    return tree, about
+    return TreeFile(tree, about)
 
 
 def _cube(file: Reader) -> tuple[Wavelet, int, int]:

@@ -264,7 +264,7 @@ def sources_needed(
     whole = light_coefficients(environment, goal.band_limit)
     nodes = environment.nodes()
     padded = LightNodes(jnp.asarray(directions), jnp.asarray(energies))
-    errors = np.asarray(_errors_by_count(brdf, samples, (whole, nodes), padded, goal.transfer))
+    errors = np.asarray(_errors_by_count(brdf, samples, whole, nodes, padded, goal.transfer))
     errors = errors[: count + 1]
     enough = np.flatnonzero(errors <= goal.error)
     needed = int(enough[0]) if enough.size else int(np.argmin(errors))
@@ -275,18 +275,18 @@ def sources_needed(
 def _errors_by_count(
     brdf: Glossy,
     samples: SurfaceSamples,
-    light: tuple[Float[Array, "coefficient channel"], LightNodes],
+    whole: Float[Array, "coefficient channel"],
+    nodes: LightNodes,
     candidates: LightNodes,
     transfer: str,
 ) -> Float[Array, "count"]:
-    whole, nodes = light
     band_limit = band_limit_of(whole.shape[0])
     exact = integral_columns(brdf, samples, nodes)[:, 1, :]
     slow = _slow_lobe(brdf, samples, band_limit, transfer)
     error = exact - jnp.matmul(slow, whole, precision="highest")
     basis = real_basis(candidates.directions, band_limit)
 
-    def gains(sample: tuple) -> Float[Array, "node"]:
+    def gains(sample: tuple[SurfaceSamples, Array]) -> Float[Array, "node"]:
         surface, own = sample
         frame = world_from_local(surface.normals)
         pair = Components.of(candidates.directions), Components.of(surface.outgoing)

@@ -46,13 +46,13 @@ class Interreflection(NamedTuple):
         if rays < 1:
             raise ValueError(f"rays is {rays}: give at least one, 256 for a per cent of the bounce")
         places = SurfacePlaces.of_vertices(mesh)
-        return cls(mesh, gathering(mesh, places, mesh.normals, (rays, seed)), rays, seed)
+        return cls(mesh, gathering(mesh, places, mesh.normals, rays, seed), rays, seed)
 
     def gathering(
         self, places: SurfacePlaces, normals: Float[AnyArray, "place 3"]
     ) -> sparse.csr_matrix:
         """Trace what other places see of the vertices."""
-        return gathering(self.mesh, places, np.asarray(normals, float), (self.rays, self.seed))
+        return gathering(self.mesh, places, np.asarray(normals, float), self.rays, self.seed)
 
     def total(
         self,
@@ -79,29 +79,32 @@ def gathering(
     mesh: Mesh,
     places: SurfacePlaces,
     normals: Float[np.ndarray, "place 3"],
-    how: tuple[int, int],
+    rays: int,
+    seed: int,
 ) -> sparse.csr_matrix:
     """Trace G: the mean of a field over what cosine-distributed rays of each place meet.
 
-    Rays that miss, or meet the surface from behind, bring nothing.  ``how`` is the number of rays
-    and the seed; every place has the same rays, turned about its normal by an angle of its own.
+    Rays that miss, or meet the surface from behind, bring nothing.  Every place has the same
+    rays, turned about its normal by an angle of its own.
     """
-    rays, seed = how
     turns = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(normals))
     step = max(1, _RAYS_AT_ONCE // rays)
-    parts = [
-        _some(mesh, (places, normals, turns), slice(first, first + step), rays)
-        for first in range(0, len(normals), step)
-    ]
+    parts = []
+    for first in range(0, len(normals), step):
+        part = slice(first, first + step)
+        some = SurfacePlaces(*(np.asarray(field, float)[part] for field in places))
+        towards = _cosine_rays(np.asarray(normals, float)[part], turns[part], rays)
+        parts.append(_met_along(mesh, some, towards))
     return sparse.csr_matrix(sparse.vstack(parts))
 
 
-def _some(mesh: Mesh, what: tuple, part: slice, rays: int) -> sparse.csr_matrix:
-    places, normals, turns = what
-    geometric = np.asarray(places.geometric_normals, float)[part]
-    origins = np.asarray(places.points, float)[part] + _ABOVE * mesh.diagonal() * geometric
-    directions = _cosine_rays(np.asarray(normals, float)[part], turns[part], rays)
-    count = len(origins)
+def _met_along(
+    mesh: Mesh, places: SurfacePlaces, directions: Float[np.ndarray, "place ray 3"]
+) -> sparse.csr_matrix:
+    """Trace the rays of some places."""
+    geometric = places.geometric_normals
+    origins = places.points + _ABOVE * mesh.diagonal() * geometric
+    count, rays = directions.shape[:2]
     above = np.einsum("pri,pi->pr", directions, geometric) > 0
     place, ray = np.nonzero(above)
     hits = mesh.first_hits(origins[place], directions[place, ray])

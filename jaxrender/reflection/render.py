@@ -11,7 +11,7 @@ seen, and where shadows fall, is fixed beforehand.
 
 import abc
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -174,12 +174,14 @@ def render_samples(
 
     A model with shadows must know the samples' places (ValueError without).
     """
-    return in_batches(_reflect, (brdf, samples, model), brdf.amplitudes.shape[1:], places)
+    return in_batches(_reflect, brdf, samples, model, brdf.amplitudes.shape[1:], places)
 
 
 def in_batches(
     function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
-    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    brdf: Material,
+    samples: SurfaceSamples,
+    model: ForwardModel | ShadowedModel,
     shape: tuple[int, ...],
     places: SurfacePlaces | None = None,
 ) -> Float[AnyArray, "sample *rest"]:
@@ -187,11 +189,11 @@ def in_batches(
 
     ``shape`` is that of its values for one sample.  Raises ``ValueError`` as ``batches`` does.
     """
-    brdf, samples, model = arguments
+    traced = is_traced(brdf, samples, model)
     if isinstance(model, ForwardModel):
         model = model.settled(brdf)
-    if is_traced(arguments):
-        return _traced_in_batches(function, (brdf, samples, model), shape, places)
+    if traced:
+        return _traced_in_batches(function, brdf, samples, model, shape, places)
     found = np.zeros((samples.normals.shape[0], *shape))
     for rows, batch, lit in batches(samples, model, places):
         found[rows] = np.asarray(function(brdf, batch, lit))[: rows.stop - rows.start]
@@ -205,12 +207,13 @@ def is_traced(*arguments) -> bool:
 
 def _traced_in_batches(
     function: Callable[[Material, SurfaceSamples, ForwardModel], Float[Array, "step *rest"]],
-    arguments: tuple[Material, SurfaceSamples, ForwardModel | ShadowedModel],
+    brdf: Material,
+    samples: SurfaceSamples,
+    model: ForwardModel | ShadowedModel,
     shape: tuple[int, ...],
     places: SurfacePlaces | None,
 ) -> Float[Array, "sample *rest"]:
     """Map over the batches within the program that is being compiled."""
-    brdf, samples, model = arguments
     count = samples.normals.shape[0]
     if count == 0:
         return jnp.zeros((0, *shape), jnp.result_type(brdf.amplitudes))
@@ -233,14 +236,22 @@ def _traced_in_batches(
     return jax.lax.map(one, own).reshape(-1, *shape)[:count]
 
 
+class Batch(NamedTuple):
+    """Some samples with the model of their light; ``rows`` says which of all they are."""
+
+    rows: slice
+    samples: SurfaceSamples
+    model: ForwardModel
+
+
 def batches(
     samples: SurfaceSamples,
     model: ForwardModel | ShadowedModel,
     places: SurfacePlaces | None = None,
-) -> Iterator[tuple[slice, SurfaceSamples, ForwardModel]]:
+) -> Iterator[Batch]:
     """Cut samples into batches of one size, the last filled up, each with its model.
 
-    The slice says which samples a batch holds.  A model with shadows must know the samples' places,
+    A model with shadows must know the samples' places,
     and what its rays meet is found on the host: ValueError without places, and for normals that
     are traced.
     """
@@ -260,7 +271,7 @@ def batches(
         if isinstance(lit, ShadowedModel):
             where = (np.asarray(_batch(a, first, step)) for a in places or ())
             lit = lit.at(SurfacePlaces(*where), batch)
-        yield slice(first, min(first + step, count)), batch, lit
+        yield Batch(slice(first, min(first + step, count)), batch, lit)
 
 
 def _batch_size(model: ForwardModel | ShadowedModel) -> int:

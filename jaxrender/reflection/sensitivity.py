@@ -32,7 +32,7 @@ def sensitivities(
     places = SurfacePlaces.of_views([view])
     lobes, channels = brdf.amplitudes.shape
     shape = (lobes + len(brdf.numbers), channels)
-    return in_batches(_differentiate, (brdf, samples_of_views([view]), model), shape, places)
+    return in_batches(_differentiate, brdf, samples_of_views([view]), model, shape, places)
 
 
 @eqx.filter_jit

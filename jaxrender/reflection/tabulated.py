@@ -9,6 +9,7 @@ derivative cost four rows of the table whatever the number of sources or degrees
 
 from collections.abc import Iterator
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -42,6 +43,13 @@ _MU_KNOTS = 14
 _EXTRA_KNOTS = 3
 
 
+class SplineTaps(NamedTuple):
+    """The first of the four coefficients that matter at a place, and the weights of all four."""
+
+    first: Int[Array, ""]
+    weights: Float[Array, "four"]
+
+
 class KnotRange(eqx.Module):
     """Equally spaced knots: ``count`` from ``first`` by ``step``."""
 
@@ -70,16 +78,16 @@ class KnotRange(eqx.Module):
         system[self.count, :3] = system[self.count + 1, -3:] = [1, -2, 1]
         return np.linalg.inv(system)[:, : self.count]
 
-    def locate(self, x: Float[Array, ""]) -> tuple[Array, Float[Array, "four"]]:
-        """Find the first of the four coefficients that matter at ``x``, and their weights."""
+    def locate(self, x: Float[Array, ""]) -> SplineTaps:
+        """Find the coefficients that matter at ``x``; a single knot has one."""
         if self.count == 1:
-            return jnp.zeros((), int), jnp.ones(1, x.dtype)
+            return SplineTaps(jnp.zeros((), int), jnp.ones(1, x.dtype))
         first, step = (jnp.asarray(a, x.dtype) for a in (self.first, self.step))
         position = (x - first) / step
         cell = jnp.clip(jnp.floor(position), 0, self.count - 2)
         t = position - cell
         weights = [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
-        return cell.astype(int), jnp.stack(weights) / 6
+        return SplineTaps(cell.astype(int), jnp.stack(weights) / 6)
 
 
 _ONE_KNOT = KnotRange(np.zeros(()), np.ones(()), 1)
@@ -159,26 +167,36 @@ def roughness_table(
     variant = brdf if half else brdf.as_metal()
     sigmas = np.exp(log_sigma.values()).astype(dtype)
     mus = (1 + np.exp(log_mu.values())).astype(dtype)
-    knots = (mus, sigmas)
+    knots = _Knots(mus, sigmas)
     with jax.default_matmul_precision("highest"):
-        diffuse, values = _tabulate_slow(variant, samples, light.slow, knots, shadows, transfer)
+        columns = _tabulate_slow(variant, samples, light.slow, knots, shadows, transfer)
         for nodes, seen in _blocks(light, shadows):
-            sums = (diffuse, values)
-            diffuse, values = _tabulate_fast(variant, samples, nodes, knots, seen, sums)
+            columns = _tabulate_fast(variant, samples, nodes, knots, seen, columns)
         spline = jnp.einsum(
             "am,bk,mksc->absc",
             jnp.asarray(log_mu.spline_from_values(), dtype),
             jnp.asarray(log_sigma.spline_from_values(), dtype),
-            values,
+            columns.specular,
         )
-    return RoughnessTable(diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
+    return RoughnessTable(columns.diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
 
 
 # XLA's older emitters of loops compile this in half the time, and it runs as fast.
 _COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
 
-_Knots = tuple[Float[AnyArray, "mu_knot"], Float[AnyArray, "sigma_knot"]]
-_Table = tuple[Float[Array, "sample channel"], Float[Array, "mu_knot sigma_knot sample channel"]]
+
+class _Knots(NamedTuple):
+    """Where the specular column is evaluated."""
+
+    mus: Float[AnyArray, "mu_knot"]
+    sigmas: Float[AnyArray, "sigma_knot"]
+
+
+class _Columns(NamedTuple):
+    """The diffuse column, and the specular one over exit-angle Fresnel at each knot."""
+
+    diffuse: Float[Array, "sample channel"]
+    specular: Float[Array, "mu_knot sigma_knot sample channel"]
 
 
 @stored(partial(jax.jit, static_argnames="transfer", compiler_options=_COMPILER_OPTIONS))
@@ -189,9 +207,8 @@ def _tabulate_slow(
     knots: _Knots,
     shadows: Shadows | None,
     transfer: str,
-) -> _Table:
-    """Evaluate slow light: the diffuse column, and the specular one over exit-angle Fresnel."""
-    mus, sigmas = knots
+) -> _Columns:
+    """Evaluate slow light."""
     view = ViewFilter.named(transfer)
     if view is None:
         seen = degree_table(jnp.asarray(slow), samples.reflected)
@@ -211,9 +228,9 @@ def _tabulate_slow(
             passed = transfer_of_samples(brdf, samples.exit_cosines, seen.shape[1] - 1, transfer)
             return jnp.einsum("sl,slc->sc", passed, seen, precision="highest")
 
-        return jax.lax.map(at, sigmas) / _relative_fresnel(variant, samples, mu)[None]
+        return jax.lax.map(at, knots.sigmas) / _relative_fresnel(variant, samples, mu)[None]
 
-    return diffuse, jax.lax.map(row, mus)
+    return _Columns(diffuse, jax.lax.map(row, knots.mus))
 
 
 @stored()
@@ -223,10 +240,9 @@ def _tabulate_fast(
     nodes: LightNodes | FrameNodes,
     knots: _Knots,
     seen: Bool[AnyArray, "sample node"] | None,
-    sums: _Table,
-) -> _Table:
-    """Evaluate directional sources: the same two, added to ``sums``."""
-    mus, sigmas = knots
+    before: _Columns,
+) -> _Columns:
+    """Evaluate directional sources, added to what there was before."""
 
     def columns(sigma: Float[Array, ""], mu: Float[Array, ""]) -> Float[Array, "sample 2 channel"]:
         brdf = _at_knot(variant, sigma, mu)
@@ -235,11 +251,11 @@ def _tabulate_fast(
         return integral_columns(brdf, samples, nodes, seen)
 
     def row(mu: Float[Array, ""]) -> Float[Array, "sigma_knot sample channel"]:
-        column = jax.vmap(lambda sigma: columns(sigma, mu)[:, 1])(sigmas)
+        column = jax.vmap(lambda sigma: columns(sigma, mu)[:, 1])(knots.sigmas)
         return column / _relative_fresnel(variant, samples, mu)[None]
 
-    diffuse = columns(sigmas[0], mus[0])[:, 0]
-    return sums[0] + diffuse, sums[1] + jax.lax.map(row, mus)
+    diffuse = columns(knots.sigmas[0], knots.mus[0])[:, 0]
+    return _Columns(before.diffuse + diffuse, before.specular + jax.lax.map(row, knots.mus))
 
 
 def _at_knot(variant: Glossy, sigma: Float[Array, ""], mu: Float[Array, ""]) -> Glossy:

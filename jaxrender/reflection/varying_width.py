@@ -57,7 +57,7 @@ def render_widths(
             if places is not None:
                 where = SurfacePlaces(*(np.asarray(part)[rows] for part in places))
             lobe = brdf.with_roughness(float(np.exp(knot)), brdf.mu)
-            found = _added(found, rows, (share[rows], render_samples(lobe, own, model, where)))
+            found = _added(found, rows, share[rows], render_samples(lobe, own, model, where))
     return found
 
 
@@ -68,10 +68,10 @@ def _rows(part: Float[AnyArray, "sample 3"], rows: np.ndarray) -> Float[AnyArray
 def _added(
     total: Float[AnyArray, "sample channel"],
     rows: np.ndarray,
-    weighted: tuple[Float[np.ndarray, "kept"], Float[AnyArray, "kept channel"]],
+    weights: Float[np.ndarray, "kept"],
+    values: Float[AnyArray, "kept channel"],
 ) -> Float[AnyArray, "sample channel"]:
     """Add weighted values to some rows."""
-    weights, values = weighted
     if isinstance(values, np.ndarray):
         total[rows] += weights[:, None] * values
         return total

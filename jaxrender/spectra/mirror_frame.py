@@ -55,7 +55,7 @@ def mean_transfer(
     nodes are then spread over every scale.
     """
     exit_angles = exit_angles_of(exit_cosines)[:, None]
-    polar, weights = _polar_nodes(exit_angles, (reach, tail), band_limit)
+    polar, weights = _polar_nodes(exit_angles, reach, tail, band_limit)
     moments = _moments(lobe, exit_angles, polar, 0)[..., 0]
     kernel = 2 * jnp.pi * moments * jnp.sin(polar) * weights
     polynomials = legendre(jnp.cos(polar), band_limit)
@@ -82,16 +82,15 @@ def azimuthal_transfer(
         raise ValueError(
             f"orders to {order_limit} of degrees to {band_limit}: an order is at most its degree"
         )
-    extent = reach, tail
     nodes = 2 * _node_count(band_limit, tail is not None)
     block = max(1, _MOST_NUMBERS // (nodes * coefficient_count(band_limit)))
     if exit_cosines.shape[0] <= block:
-        return _orders(lobe, exit_cosines, band_limits, extent)
+        return _orders(lobe, exit_cosines, band_limits, reach, tail)
 
     # What each block has computed is computed again for its derivatives, not kept.
     @jax.checkpoint
     def of_one(cosine: Float[Array, ""]) -> Float[Array, "degree order"]:
-        return _orders(lobe, cosine[None], band_limits, extent)[0]
+        return _orders(lobe, cosine[None], band_limits, reach, tail)[0]
 
     return jax.lax.map(of_one, exit_cosines, batch_size=block)
 
@@ -100,12 +99,13 @@ def _orders(
     lobe: Lobe,
     exit_cosines: Float[AnyArray, "bin"],
     band_limits: tuple[int, int],
-    extent: tuple[Float[Array, ""], Float[Array, ""] | None],
+    reach: Float[Array, ""],
+    tail: Float[Array, ""] | None,
 ) -> Float[Array, "bin degree order"]:
     """Compute ``azimuthal_transfer`` for as many exit cosines as memory holds at once."""
     band_limit, order_limit = band_limits
     exit_angles = exit_angles_of(exit_cosines)[:, None]
-    polar, weights = _polar_nodes(exit_angles, extent, band_limit)
+    polar, weights = _polar_nodes(exit_angles, reach, tail, band_limit)
     moments = _moments(lobe, exit_angles, polar, order_limit)
     kernel = 2 * jnp.pi * moments * (jnp.sin(polar) * weights)[..., None]
     # At azimuth 0 the harmonics of the orders q >= 0 are their polar factors.
@@ -141,7 +141,8 @@ def _order_table(band_limit: int, order_limit: int) -> tuple[np.ndarray, np.ndar
 
 def _polar_nodes(
     exit_angles: Float[Array, "bin 1"],
-    extent: tuple[Float[Array, ""], Float[Array, ""] | None],
+    reach: Float[Array, ""],
+    tail: Float[Array, ""] | None,
     band_limit: int,
 ) -> tuple[Float[Array, "bin node"], Float[Array, "bin node"]]:
     """Place nodes over the lobe's extent, split where the circles about R first cross the horizon.
@@ -151,7 +152,6 @@ def _polar_nodes(
     those of a tail, of which there are only as many as the value needs: between fixed ones the
     derivative of a narrow lobe would be off by 5e-5.
     """
-    reach, tail = extent
     reach = jax.lax.stop_gradient(reach)
     # Circles wider than pi / 2 + t_o lie below the horizon altogether.
     reach = jnp.minimum(reach, jnp.pi / 2 + exit_angles)

@@ -16,6 +16,8 @@ The rules are products of Gauss-Legendre in the cosine and equal azimuths; a lob
 few of their nodes (pi / 2 over ``polar``) needs a finer rule.  Differentiable in the BRDF.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +28,13 @@ from jaxrender.brdf import BRDF
 from jaxrender.geometry import Components
 from jaxrender.harmonics import associated, coefficient_count, complex_basis
 from jaxrender.shapes import AnyArray, Array, Complex, Float, checked
+
+
+class PolarRule(NamedTuple):
+    """Cosines from 0 to 1 and their weights, which sum to 1."""
+
+    cosines: Float[np.ndarray, "row"]
+    weights: Float[np.ndarray, "row"]
 
 
 class HemisphereRule(eqx.Module):
@@ -43,10 +52,10 @@ class HemisphereRule(eqx.Module):
                 f"a rule of {self.polar} rows and {self.azimuth} columns; give 1 or more of each"
             )
 
-    def rows(self) -> tuple[Float[np.ndarray, "row"], Float[np.ndarray, "row"]]:
-        """Cosines from 0 to 1 and their weights, which sum to 1."""
+    def rows(self) -> PolarRule:
+        """Gauss and Legendre's rule over the cosine."""
         cosines, weights = np.polynomial.legendre.leggauss(self.polar)
-        return (cosines + 1) / 2, weights / 2
+        return PolarRule((cosines + 1) / 2, weights / 2)
 
     def azimuths(self) -> Float[np.ndarray, "column"]:
         """Equal steps over the circle; none at 0."""
@@ -54,7 +63,7 @@ class HemisphereRule(eqx.Module):
 
     def directions(self) -> Float[np.ndarray, "node 3"]:
         """Every row at every azimuth, row by row."""
-        cosines, azimuths = self.rows()[0][:, None], self.azimuths()[None, :]
+        cosines, azimuths = self.rows().cosines[:, None], self.azimuths()[None, :]
         sines = np.sqrt(1 - cosines**2)
         x, y = sines * np.cos(azimuths), sines * np.sin(azimuths)
         z = np.broadcast_to(cosines, x.shape)
@@ -62,7 +71,7 @@ class HemisphereRule(eqx.Module):
 
     def weights(self) -> Float[np.ndarray, "node"]:
         """Solid angle of each direction; sums to 2 pi."""
-        return np.repeat(self.rows()[1], self.azimuth) * 2 * np.pi / self.azimuth
+        return np.repeat(self.rows().weights, self.azimuth) * 2 * np.pi / self.azimuth
 
 
 def isotropic_coefficients(
@@ -217,7 +226,7 @@ def _ring_values(
 ) -> Float[Array, "lobe row exit azimuth"]:
     """Evaluate every lobe for the incoming rows, the exits at azimuth 0, and each azimuth."""
     numbers = jnp if isinstance(exit_cosines, Tracer) else np
-    cosines, _ = rule.rows()
+    cosines = rule.rows().cosines
     shape = (len(cosines), len(exit_cosines), rule.azimuth)
     cos_i = np.broadcast_to(cosines[:, None, None], shape)
     cos_o = numbers.broadcast_to(exit_cosines[None, :, None], shape)

@@ -35,7 +35,7 @@ def weighted_sum(trees: Sequence[CoefficientTree], weights: Sequence[float]) -> 
         np.concatenate([entries.selector for entries in lists]),
         np.concatenate(values),
     )
-    total = CoefficientTree.of_entries(first.wavelet, (first.size, first.axes), joined, root)
+    total = CoefficientTree.of_entries(first.wavelet, first.size, first.axes, joined, root)
     return dataclasses.replace(total, offset=first.offset)
 
 
@@ -59,7 +59,8 @@ def resampled(tree: CoefficientTree, size: int) -> CoefficientTree:
     held = entries.level < size.bit_length() - 1
     coarse = CoefficientTree.of_entries(
         tree.wavelet,
-        (size, tree.axes),
+        size,
+        tree.axes,
         Entries(*(part[held] for part in entries)),
         np.asarray(tree.root),
     )

@@ -94,7 +94,7 @@ class CellForest(eqx.Module):
 
         Raises ``ValueError`` for points of another number of axes and levels out of range.
         """
-        count = levels_to_look_at((self.axes, self.levels), points, levels)
+        count = levels_to_look_at(self.axes, self.levels, points, levels)
         numbers = jnp.zeros(len(points), np.int32) if tree is None else jnp.asarray(tree)
         return _evaluate(self, count, jnp.asarray(points), numbers.astype(np.int32))
 

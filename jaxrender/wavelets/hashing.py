@@ -11,7 +11,6 @@ reaches the point.
 """
 
 import itertools
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -34,10 +33,10 @@ _SLOTS_PER_COEFFICIENT = 2
 class CoefficientHash(eqx.Module):
     """Keys and values of m slots; empty ones have key -1 and value 0."""
 
-    wavelet: Wavelet
-    size: int
-    axes: int
-    offset: float
+    wavelet: Wavelet = eqx.field(static=True)
+    size: int = eqx.field(static=True)
+    axes: int = eqx.field(static=True)
+    offset: float = eqx.field(static=True)
     root: Float[np.ndarray, "channel"]
     keys: Int[np.ndarray, "slot"]
     values: Float[np.ndarray, "slot channel"]
@@ -69,12 +68,8 @@ class CoefficientHash(eqx.Module):
 
     def evaluate(self, points: Points) -> Float[Array, "point channel"]:
         """Evaluate at points of the unit cube, as ``traversal.evaluate`` does; raises the same."""
-        levels_to_look_at((self.axes, self.size.bit_length() - 1), points, None)
-        return _evaluate(
-            (self.wavelet, self.size, self.offset),
-            (jnp.asarray(self.root), jnp.asarray(self.keys), jnp.asarray(self.values)),
-            jnp.asarray(points),
-        )
+        levels_to_look_at(self.axes, self.size.bit_length() - 1, points, None)
+        return _evaluate(self, jnp.asarray(points))
 
 
 def slots_of(keys: Int[AnyArray, "*any"], probe: int | Array, slots: int) -> Int[AnyArray, "*any"]:
@@ -110,18 +105,15 @@ def look_up(keys: Int[AnyArray, "slot"], wanted: Int[AnyArray, "*any"]) -> Int[A
     return jax.lax.while_loop(goes_on, probe, start)[1]
 
 
-@partial(jax.jit, static_argnums=0)
-def _evaluate(
-    shape: tuple[Wavelet, int, float], table: tuple[Array, Array, Array], points: Array
-) -> Float[Array, "point channel"]:
-    wavelet, size, offset = shape
-    root, keys, values = table
-    where = between_samples(wavelet, size, offset, points)
+@jax.jit
+def _evaluate(table: CoefficientHash, points: Array) -> Float[Array, "point channel"]:
+    root, values = jnp.asarray(table.root), jnp.asarray(table.values)
+    where = between_samples(table.wavelet, table.size, table.offset, points)
     total = jnp.broadcast_to(root[None], (len(points), len(root))).astype(values.dtype)
-    for level, window in enumerate(windows(wavelet, size)):
-        first = jnp.asarray(window.first)[where[0]]
+    for level, window in enumerate(windows(table.wavelet, table.size)):
+        first = jnp.asarray(window.first)[where.sample]
         weights = weights_of(level, first, window, where, values.dtype)
-        slot = look_up(keys, _keys(level, first, window, size))
+        slot = look_up(table.keys, _keys(level, first, window, table.size))
         found = values.at[slot].get(mode="fill", fill_value=0)
         total = total + jnp.einsum("psn,psnc->pc", weights, found, precision="highest")
     return total

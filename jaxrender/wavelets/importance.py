@@ -58,7 +58,8 @@ def most_important(tree: CoefficientTree, count: int) -> CoefficientTree:
     held = np.sort(importance(tree).order[:count])
     smaller = CoefficientTree.of_entries(
         tree.wavelet,
-        (tree.size, tree.axes),
+        tree.size,
+        tree.axes,
         Entries(*(part[held] for part in entries)),
         np.asarray(tree.root),
     )

@@ -89,9 +89,14 @@ def structure_of(child_masks: Masks, value_masks: Masks, axes: int) -> Structure
     return Structure(child_masks, value_masks, level, code, first_child, first_value)
 
 
-def structure_from(
-    entries: Entries, axes: int
-) -> tuple[Structure, Float[np.ndarray, "value channel"]]:
+class ArrangedEntries(NamedTuple):
+    """The structure of a tree, and its coefficients in the structure's order."""
+
+    structure: Structure
+    values: Float[np.ndarray, "value channel"]
+
+
+def structure_from(entries: Entries, axes: int) -> ArrangedEntries:
     """Arrange coefficients as a tree; those of the same place and selector are added up."""
     depth = int(entries.level.max(initial=0)) + 1
     codes = _codes_by_level(entries, axes, depth)
@@ -109,7 +114,7 @@ def structure_from(
     order, row = np.unique((node << axes) + entries.selector, return_inverse=True)
     values = np.zeros((len(order), entries.values.shape[1]), entries.values.dtype)
     np.add.at(values, row, entries.values)
-    return structure_of(child_masks, value_masks, axes), values
+    return ArrangedEntries(structure_of(child_masks, value_masks, axes), values)
 
 
 def interleaved(places: Int[np.ndarray, "entry axis"], bits: int) -> Codes:

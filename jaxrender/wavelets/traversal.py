@@ -71,7 +71,7 @@ class Traversal(eqx.Module):
         leaves the mean.  Raises ``ValueError`` for points of another number of axes and levels out
         of range.
         """
-        count = levels_to_look_at((self.axes, self.levels), points, levels)
+        count = levels_to_look_at(self.axes, self.levels, points, levels)
         return _evaluate(self, count, jnp.asarray(points))
 
 
@@ -90,9 +90,8 @@ def evaluate(
     return Traversal.of(tree).evaluate(points, levels)
 
 
-def levels_to_look_at(available: tuple[int, int], points: Points, levels: int | None) -> int:
-    """Check points and levels against a tree's axes and levels; raises as ``evaluate`` does."""
-    axes, most = available
+def levels_to_look_at(axes: int, most: int, points: Points, levels: int | None) -> int:
+    """Check points and levels against what a tree has; raises as ``evaluate`` does."""
     if points.shape[1] != axes:
         raise ValueError(f"points of {points.shape[1]} axes and a tree of {axes}")
     if levels is None:
@@ -119,21 +118,27 @@ def _at_points(tree: Traversal, levels: int, points: Array) -> Float[Array, "poi
     total = jnp.broadcast_to(root[None], (len(points), len(root))).astype(values.dtype)
     reached = None
     for level, window in enumerate(windows(tree.wavelet, tree.size)[:levels]):
-        reached = _descend(tree, level, reached, window, place[0])
+        reached = _descend(tree, level, reached, window, place.sample)
         total = total + _sum_of(tree, level, reached, window, place)
     return total
 
 
-def between_samples(
-    wavelet: Wavelet, size: int, offset: float, points: Array
-) -> tuple[Int[Array, "point axis"], Float[Array, "point axis"]]:
-    """Return the sample at or before each coordinate, and how far the next one is on its way."""
+class BetweenSamples(NamedTuple):
+    """The sample at or before each coordinate, and how far it is on the way to the next one."""
+
+    sample: Int[Array, "point axis"]
+    fraction: Float[Array, "point axis"]
+
+
+def between_samples(wavelet: Wavelet, size: int, offset: float, points: Array) -> BetweenSamples:
+    """Find points of the unit cube among the samples."""
     if is_stepwise(wavelet):
         cell = jnp.floor(jax.lax.stop_gradient(points) * size)
-        return jnp.clip(cell, 0, size - 1).astype(np.int32), jnp.zeros_like(points)
+        sample = jnp.clip(cell, 0, size - 1).astype(np.int32)
+        return BetweenSamples(sample, jnp.zeros_like(points))
     place = jnp.clip((points - offset) * size, 0, size - 1)
     sample = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0, max(size - 2, 0))
-    return sample.astype(np.int32), place - sample.astype(place.dtype)
+    return BetweenSamples(sample.astype(np.int32), place - sample.astype(place.dtype))
 
 
 def _descend(
@@ -168,7 +173,7 @@ def _sum_of(
     level: int,
     reached: _Reached,
     window: Window,
-    place: tuple[Int[Array, "point axis"], Float[Array, "point axis"]],
+    place: BetweenSamples,
 ) -> Float[Array, "point channel"]:
     """Sum the coefficients of the nodes reached times their functions."""
     values = jnp.asarray(tree.values)
@@ -185,7 +190,7 @@ def weights_of(
     level: int,
     first: Int[Array, "point axis"],
     window: Window,
-    place: tuple[Int[Array, "point axis"], Float[Array, "point axis"]],
+    place: BetweenSamples,
     dtype: np.dtype,
 ) -> Float[Array, "point selector place"]:
     """Evaluate the products of functions of the window's places, for every selector.
@@ -206,7 +211,7 @@ def _values_along(
     level: int,
     first: Int[Array, "point axis"],
     window: Window,
-    place: tuple[Int[Array, "point axis"], Float[Array, "point axis"]],
+    place: BetweenSamples,
     dtype: np.dtype,
 ) -> tuple[Float[Array, "point axis place"], Float[Array, "point axis place"]]:
     """Evaluate the scaling functions and the wavelets of the window at each coordinate."""

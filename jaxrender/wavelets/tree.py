@@ -104,20 +104,21 @@ class CoefficientTree(eqx.Module):
         code = interleaved(places - np.where(fine, (1 << level)[:, None], 0), size.bit_length())
         selector = fine @ (1 << np.arange(axes))
         entries = Entries(level, code, selector, flat[held] * norm)
-        return cls.of_entries(wavelet, (size, axes), entries, flat[0] * norm)
+        return cls.of_entries(wavelet, size, axes, entries, flat[0] * norm)
 
     @classmethod
     def of_entries(
         cls,
         wavelet: Wavelet,
-        cube: tuple[int, int],
+        size: int,
+        axes: int,
         entries: Entries,
         root: Float[np.ndarray, "channel"],
     ) -> "CoefficientTree":
-        """Arrange coefficients; ``cube`` is size and axes.  Equal places are added up."""
-        structure, values = structure_from(entries, cube[1])
+        """Arrange coefficients of ``size`` samples along each axis.  Equal places are added up."""
+        structure, values = structure_from(entries, axes)
         masks = structure.child_masks, structure.value_masks
-        return cls(wavelet, *cube, root, *masks, values)
+        return cls(wavelet, size, axes, root, *masks, values)
 
     @property
     def levels(self) -> int:

@@ -58,7 +58,7 @@ def test_places_within_see_the_mean():
     part = area_weights(mesh).sum()
     face = np.arange(0, len(mesh.faces), 7)
     places = SurfacePlaces.on_faces(mesh, face, np.full((len(face), 3), 1 / 3))
-    seen = gathering(mesh, places, places.geometric_normals, (256, 1)) @ np.ones(len(mesh.vertices))
+    seen = gathering(mesh, places, places.geometric_normals, 256, 1) @ np.ones(len(mesh.vertices))
     np.testing.assert_allclose(seen, part, rtol=0.05)
     assert np.mean(seen) == pytest.approx(part, rel=0.01)
 
@@ -79,7 +79,7 @@ def test_a_surface_brings_nothing_from_behind():
     middle = SurfacePlaces(np.zeros((1, 3)), np.array([[0.0, 0, 1]]))
     glow = np.repeat([0.0, 1.0], 4)
     seen = [
-        float((gathering(mesh, middle, middle.geometric_normals, (256, 0)) @ glow)[0])
+        float((gathering(mesh, middle, middle.geometric_normals, 256, 0) @ glow)[0])
         for mesh in (away, toward)
     ]
     assert seen[0] == 0

@@ -302,7 +302,7 @@ def test_it_runs_under_jit():
 def test_a_large_tree_is_refused_a_table_and_sliced():
     one = np.array([1])
     entries = Entries(6 * one, 77 * one, 5 * one, np.array([[1e-4]]))
-    tree = CoefficientTree.of_entries(haar(), (128, 4), entries, np.ones(1))
+    tree = CoefficientTree.of_entries(haar(), 128, 4, entries, np.ones(1))
     with pytest.raises(ValueError, match="fewer levels, or use SlicedDensities"):
         TabulatedDensities.of(tree, (2, 3))
     drawn = SlicedDensities.of(tree, (2, 3)).draw(np.full((2, 2), 0.7), np.full((2, 2), 0.9))

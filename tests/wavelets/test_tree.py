@@ -58,7 +58,7 @@ def test_order_does_not_matter_and_equal_places_add_up():
     entries = tree.entries()
     order = np.random.default_rng(3).permutation(len(entries.level))
     shuffled = Entries(*(np.concatenate([part[order], part[order]]) for part in entries))
-    twice = CoefficientTree.of_entries(haar(), (8, 3), shuffled, 2 * np.asarray(tree.root))
+    twice = CoefficientTree.of_entries(haar(), 8, 3, shuffled, 2 * np.asarray(tree.root))
     np.testing.assert_allclose(twice.samples(), 2 * tree.samples(), atol=1e-14)
 
 
@@ -83,7 +83,7 @@ def test_one_coefficient_is_one_function():
     """Level 1, place (0, 1), selector 2: a scaling function along axis 0, a wavelet along 1."""
     code = interleaved(np.array([[0, 1]]), 2)
     entries = Entries(np.array([1]), code, np.array([2]), np.ones((1, 1)))
-    tree = CoefficientTree.of_entries(haar(), (8, 2), entries, np.zeros(1))
+    tree = CoefficientTree.of_entries(haar(), 8, 2, entries, np.zeros(1))
     assert tree.child_masks.tolist() == [1 << 2, 0]
     assert tree.value_masks.tolist() == [0, 1 << 2]
     expected = np.zeros((8, 8))

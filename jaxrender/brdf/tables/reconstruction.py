@@ -87,15 +87,19 @@ def axis_taps(name: str, places: Float[AnyArray, "*batch"], count: int) -> Taps:
     return Taps(jnp.stack([index + k for k in range(len(weights))]), weights)
 
 
-def polar_taps(
-    name: str, places: Float[AnyArray, "*batch"], count: int
-) -> tuple[Taps, Bool[Array, "tap *batch"]]:
-    """Find the taps along an axis that begins at the pole, and which are on its other side."""
+class PolarTaps(NamedTuple):
+    """Taps along an axis that begins at the pole, and which of them are on its other side."""
+
+    taps: Taps
+    beyond: Bool[Array, "tap *batch"]
+
+
+def polar_taps(name: str, places: Float[AnyArray, "*batch"], count: int) -> PolarTaps:
+    """Find the taps of places in [0, 1] along an axis that begins at the pole."""
     taps = axis_taps(name, places, count)
     beyond = taps.index < 0
-    return Taps(
-        _clamped(jnp.where(beyond, -1 - taps.index, taps.index), count), taps.weight
-    ), beyond
+    index = _clamped(jnp.where(beyond, -1 - taps.index, taps.index), count)
+    return PolarTaps(Taps(index, taps.weight), beyond)
 
 
 def direction_taps(

@@ -11,6 +11,7 @@
 """
 
 from jaxrender.brdf.textures.bump import (
+    QuantisedNormals,
     Tilted,
     bump_texture,
     normals_of_heights,
@@ -26,6 +27,7 @@ __all__ = [
     "BRDFTexture",
     "ColourPyramid",
     "MipShape",
+    "QuantisedNormals",
     "Tilted",
     "bump_texture",
     "level_of",

@@ -19,6 +19,8 @@ gonioreflectometer measures.
 Maps have row 0 at v = 1 (u to the right, v upwards).
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -129,9 +131,14 @@ def normals_of_heights(
     return normals_of_perturbations(np.stack([*slopes, np.zeros_like(heights)], axis=-1))
 
 
-def quantised(
-    normals: Normals, step: float = 0.0
-) -> tuple[Int[np.ndarray, "row column"], Float[np.ndarray, "normal 3"]]:
+class QuantisedNormals(NamedTuple):
+    """The different normals of a bump map; ``index`` says which one each texel has."""
+
+    index: Int[np.ndarray, "row column"]
+    normals: Float[np.ndarray, "normal 3"]
+
+
+def quantised(normals: Normals, step: float = 0.0) -> QuantisedNormals:
     """List the different normals, and which one each texel has.
 
     With ``step``, x and y of a normal are rounded to multiples of it (radians, nearly, for normals
@@ -149,7 +156,7 @@ def quantised(
     if not (square < 1).all():
         raise ValueError(f"step={step} rounds a normal to the horizon: give a smaller one")
     found = np.concatenate([different, np.sqrt(1 - square)[:, None]], axis=1)
-    return row.reshape(normals.shape[:2]), found
+    return QuantisedNormals(row.reshape(normals.shape[:2]), found)
 
 
 def bump_texture(

@@ -99,8 +99,15 @@ def tree_of(
     return CoefficientTree.of_coefficients(wavelet, np.asarray(coefficients))
 
 
-def thresholded(tree: CoefficientTree, rms: float) -> tuple[CoefficientTree, float]:
-    """Leave out as many coefficients as cost at most this rms error; also return what it costs.
+class Thresholded(NamedTuple):
+    """A tree of fewer coefficients, and the rms error that they cost."""
+
+    tree: CoefficientTree
+    rms: float
+
+
+def thresholded(tree: CoefficientTree, rms: float) -> Thresholded:
+    """Leave out as many coefficients as cost at most this rms error.
 
     The rms is over the unit cube of places, channels' squares added up; exact for an orthonormal
     wavelet.  Raises ``ValueError`` for an error that is negative or NaN.
@@ -113,9 +120,10 @@ def thresholded(tree: CoefficientTree, rms: float) -> tuple[CoefficientTree, flo
     held = np.any(values != 0, axis=1)
     fewer = CoefficientTree.of_entries(
         tree.wavelet,
-        (tree.size, tree.axes),
+        tree.size,
+        tree.axes,
         type(entries)(*(part[held] for part in entries)),
         np.asarray(tree.root),
     )
     missing = kept.predicted_rms * np.sqrt(count)
-    return dataclasses.replace(fewer, offset=tree.offset), float(missing)
+    return Thresholded(dataclasses.replace(fewer, offset=tree.offset), float(missing))

@@ -105,7 +105,7 @@ class Luminaire(eqx.Module):
         radiance = np.asarray(radiance)
         none = np.zeros(0, np.int64)
         empty = Entries(none, none, none, np.zeros((0, len(radiance)), radiance.dtype))
-        tree = CoefficientTree.of_entries(haar(), (2, 4), empty, radiance)
+        tree = CoefficientTree.of_entries(haar(), 2, 4, empty, radiance)
         return cls(patches, (tree,) * len(patches), convex=convex)
 
     @property

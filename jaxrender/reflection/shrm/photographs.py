@@ -71,7 +71,7 @@ def shrm_from_photographs(
             "photograph: add cameras around the sphere, or lower least_cosine "
             f"({goal.least_cosine:g})"
         )
-    found, left = _solve(outgoing, values, seen, (goal.order, goal.ridge))
+    found, left = _solve(outgoing, values, seen, goal.order, goal.ridge)
     maps = np.asarray(found).reshape(*grid.shape, -1, values.shape[2])
     total = np.sum(values[seen] ** 2)
     rms = float(np.sqrt(float(left) / total)) if total > 0 else 0.0
@@ -139,9 +139,9 @@ def _solve(
     outgoing: Float[AnyArray, "texel view 3"],
     values: Float[AnyArray, "texel view channel"],
     seen: Bool[AnyArray, "texel view"],
-    goal: tuple[int, float],
+    order: int,
+    ridge: float,
 ) -> tuple[Float[Array, "texel outgoing channel"], Float[Array, ""]]:
-    order, ridge = goal
     mask = jnp.asarray(seen).astype(jnp.asarray(values).dtype)[..., None]
     basis = real_basis(jnp.asarray(outgoing), order) * mask
     wanted = jnp.asarray(values) * mask

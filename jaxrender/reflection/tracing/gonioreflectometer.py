@@ -94,6 +94,13 @@ class Measurement(NamedTuple):
         return cls(values, np.stack([block.standard_errors for block in rows], axis=2))
 
 
+class MeasuredPairs(NamedTuple):
+    """Values of rho in 1/sr under each incident direction, and their standard errors."""
+
+    values: Float[np.ndarray, "direction channel"]
+    standard_errors: Float[np.ndarray, "direction channel"]
+
+
 class Gonioreflectometer(NamedTuple):
     """A patch under the lamp; ``Gonioreflectometer.of`` mounts it."""
 
@@ -147,8 +154,8 @@ class Gonioreflectometer(NamedTuple):
         outgoing: Float[np.ndarray, "3"],
         settings: MeasureSettings,
         rng: np.random.Generator,
-    ) -> tuple[Float[np.ndarray, "direction channel"], Float[np.ndarray, "direction channel"]]:
-        """Measure one exit direction under any incident ones: rho and its standard errors.
+    ) -> MeasuredPairs:
+        """Measure one exit direction under any incident ones.
 
         Size, embedding and seed of the settings take no part.  Raises ``ValueError`` for directions
         that are not above the mean plane.
@@ -162,9 +169,10 @@ class Gonioreflectometer(NamedTuple):
         for first in range(0, GROUPS, at_once):
             groups = min(at_once, GROUPS - first)
             origins = self._footprint(outgoing, region, (groups, count), rng)
-            means.append(self._means(origins, (incoming, outgoing), settings.bounces, rng))
+            means.append(self._means(origins, incoming, outgoing, settings.bounces, rng))
         radiance = np.concatenate(means) / incoming[:, 2, None]
-        return radiance.mean(axis=0), radiance.std(axis=0, ddof=1) / np.sqrt(GROUPS)
+        errors = radiance.std(axis=0, ddof=1) / np.sqrt(GROUPS)
+        return MeasuredPairs(radiance.mean(axis=0), errors)
 
     def _footprint(
         self,
@@ -188,13 +196,13 @@ class Gonioreflectometer(NamedTuple):
     def _means(
         self,
         origins: Float[np.ndarray, "group sample 3"],
-        pair: tuple[Float[np.ndarray, "direction 3"], Float[np.ndarray, "3"]],
+        incoming: Float[np.ndarray, "direction 3"],
+        outgoing: Float[np.ndarray, "3"],
         bounces: int,
         rng: np.random.Generator,
     ) -> Float[np.ndarray, "group direction channel"]:
         """Mean radiance of each group of paths under light of unit irradiance from each place."""
         groups, count = origins.shape[:2]
-        incoming, outgoing = pair
         scene, path = self.scene, np.arange(groups * count)
         total = np.zeros((groups, len(incoming), scene.channels))
         carried = np.ones((len(path), scene.channels))

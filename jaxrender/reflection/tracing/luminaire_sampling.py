@@ -137,10 +137,8 @@ def sampled_light(
     weights = np.where(useful, 1 / np.where(useful, drawn.density, 1), 0)
     some = ShadedPoints(*(jnp.asarray(part) for part in shaded))
     dtype, wanted = np.dtype(some.points.dtype), padded_length(len(point))
-    pairs = (
-        padded(drawn.directions, wanted, dtype),
-        padded(point, wanted, np.dtype(np.int32)),
-    )
-    values = reflected(brdf, some, pairs)[: len(point)]
+    directions = padded(drawn.directions, wanted, dtype)
+    points = padded(point, wanted, np.dtype(np.int32))
+    values = reflected(brdf, some, directions, points)[: len(point)]
     light = drawn.radiance.astype(dtype) * jnp.asarray(weights, dtype)[:, None]
     return (values * light).reshape(count, each, -1)

@@ -24,7 +24,7 @@ from jaxrender.geometry import NUSSELT, Components, Shape, to_local, world_from_
 from jaxrender.lighting.luminaires.luminaire import Luminaire
 from jaxrender.lighting.luminaires.surfaces import SurfacePoints
 from jaxrender.lighting.positional import PointLight
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Pairs of a point and a node worked on at once.
 _PAIRS_AT_ONCE = 1 << 18
@@ -104,7 +104,7 @@ def direct_light(
         for index, patch in enumerate(on):
             pairs = _lit_pairs(some, patch, luminaire, occluder)
             if len(pairs.point):
-                total = total + _patch_light(some, brdf, luminaire, (index, rule, pairs))
+                total = total + _patch_light(some, brdf, luminaire, index, rule, pairs)
         found.append(total)
     return jnp.concatenate(found)
 
@@ -177,14 +177,18 @@ def _lit_pairs(
 
 
 def _patch_light(
-    shaded: ShadedPoints, brdf: BRDF, luminaire: Luminaire, of: tuple[int, ParameterRule, _Pairs]
+    shaded: ShadedPoints,
+    brdf: BRDF,
+    luminaire: Luminaire,
+    index: int,
+    rule: ParameterRule,
+    pairs: _Pairs,
 ) -> Float[Array, "point channel"]:
     """Add up what a patch's lit pairs contribute."""
-    index, rule, pairs = of
     patch = np.full(len(pairs.node), index)
     light = luminaire.radiance(rule.places[pairs.node], -pairs.directions, patch)
     weights = pairs.weights * rule.weights[pairs.node]
-    count, wanted = len(shaded.points), padded_length(len(pairs.point))
+    wanted = padded_length(len(pairs.point))
     dtype = _dtype(shaded)
     # What is added to make up the length has weight 0.
     arrays = (
@@ -194,7 +198,7 @@ def _patch_light(
     )
     light = jnp.pad(light.astype(dtype), ((0, wanted - len(light)), (0, 0)))
     some = ShadedPoints(*(jnp.asarray(part, dtype) for part in shaded))
-    return _summed(brdf, some, light, arrays, count)
+    return _summed(brdf, some, light, *arrays)
 
 
 @eqx.filter_jit
@@ -202,19 +206,21 @@ def _summed(
     brdf: BRDF,
     shaded: ShadedPoints,
     light: Float[Array, "pair channel"],
-    pairs: tuple[Array, Array, Array],
-    count: int,
+    directions: Float[Array, "pair 3"],
+    weights: Float[Array, "pair"],
+    point: Int[Array, "pair"],
 ) -> Float[Array, "point channel"]:
-    directions, weights, point = pairs
-    values = reflected(brdf, shaded, (directions, point)) * light * weights[:, None]
-    return jax.ops.segment_sum(values, point, num_segments=count)
+    values = reflected(brdf, shaded, directions, point) * light * weights[:, None]
+    return jax.ops.segment_sum(values, point, num_segments=len(shaded.points))
 
 
 def reflected(
-    brdf: BRDF, shaded: ShadedPoints, pairs: tuple[Array, Array]
+    brdf: BRDF,
+    shaded: ShadedPoints,
+    directions: Float[Array, "pair 3"],
+    point: Int[Array, "pair"],
 ) -> Float[Array, "pair channel"]:
     """Evaluate f_r cos t_i for pairs of a world direction and the number of a point."""
-    directions, point = pairs
     frames = jnp.asarray(shaded.frames)[point]
     incoming = to_local(frames, directions)
     outgoing = to_local(frames, jnp.asarray(shaded.outgoing)[point])

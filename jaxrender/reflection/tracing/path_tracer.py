@@ -83,15 +83,17 @@ def path_radiance(
             )
     directions = np.asarray(directions, float)
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    rays = np.asarray(origins, float), directions
+    origins = np.asarray(origins, float)
     total = np.zeros((len(directions), scene.channels))
     square = np.zeros_like(total)
     step = max(1, _CHUNK // settings.samples)
     for chunk, first in enumerate(range(0, len(directions), step)):
         part = slice(first, first + step)
-        own = [np.repeat(array[part], settings.samples, axis=0) for array in rays]
+        starts, towards = (
+            np.repeat(array[part], settings.samples, axis=0) for array in (origins, directions)
+        )
         rng = np.random.default_rng([settings.seed, chunk])
-        values = _traced(scene, emitters, (own[0], own[1]), settings, rng)
+        values = _traced(scene, emitters, starts, towards, settings, rng)
         values = values.reshape(-1, settings.samples, scene.channels)
         total[part] = values.mean(axis=1)
         square[part] = values.var(axis=1, ddof=1)
@@ -101,19 +103,19 @@ def path_radiance(
 def _traced(
     scene: Scene,
     emitters: Sequence[Emitter],
-    rays: tuple[np.ndarray, np.ndarray],
+    origins: np.ndarray,
+    directions: np.ndarray,
     settings: PathSettings,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "ray channel"]:
     """Follow one path for each ray."""
-    origins, directions = rays
     total = np.zeros((len(origins), scene.channels))
     path, carried = np.arange(len(origins)), np.ones_like(total)
     # Rays of the camera are the only way to see an emitter directly.
     density = np.full(len(origins), np.inf)
     for bounce in range(settings.bounces + 1):
         vertices, reach = trace(scene, origins, directions)
-        total[path] += carried * _met(emitters, (origins, directions), reach, density)
+        total[path] += carried * _met(emitters, origins, directions, reach, density)
         if bounce == settings.bounces or not len(vertices.ray):
             break
         path, carried = path[vertices.ray], carried[vertices.ray]
@@ -139,7 +141,8 @@ def _traced(
 
 def _met(
     emitters: Sequence[Emitter],
-    rays: tuple[np.ndarray, np.ndarray],
+    origins: np.ndarray,
+    directions: np.ndarray,
     reach: np.ndarray,
     density: np.ndarray,
 ) -> Float[np.ndarray, "ray channel"] | float:
@@ -149,8 +152,8 @@ def _met(
         if emitter.is_met:
             sure = np.isinf(density)
             own = np.where(sure, 1, density)
-            weight = np.where(sure, 1, own / (own + emitter.density(*rays)))
-            total = total + weight[:, None] * emitter.radiance(*rays, reach)
+            weight = np.where(sure, 1, own / (own + emitter.density(origins, directions)))
+            total = total + weight[:, None] * emitter.radiance(origins, directions, reach)
     return total
 
 

@@ -103,10 +103,24 @@ class Vertices(NamedTuple):
         return np.einsum("vij,vj->vi", self.frames, directions)
 
 
+class TracedRays(NamedTuple):
+    """Where rays met a surface from the front, and how far each ray went (inf: past everything)."""
+
+    vertices: Vertices
+    distance: Float[np.ndarray, "ray"]
+
+
+class DrawnDirections(NamedTuple):
+    """Local incoming directions, and the density per steradian with which they were drawn."""
+
+    incoming: Float[np.ndarray, "vertex 3"]
+    density: Float[np.ndarray, "vertex"]
+
+
 def trace(
     scene: Scene, origins: Float[np.ndarray, "ray 3"], directions: Float[np.ndarray, "ray 3"]
-) -> tuple[Vertices, Float[np.ndarray, "ray"]]:
-    """Follow rays to the first surface: vertices where it faces them, and how far each ray went."""
+) -> TracedRays:
+    """Follow rays to the first surface; vertices are where it faces them."""
     hits = scene.shape.first_hits(origins, directions)
     normals = hits.geometric_normals
     facing = -np.einsum("ri,ri->r", normals, directions)
@@ -120,7 +134,7 @@ def trace(
     frames = _frames(upwards, along)
     outgoing = np.einsum("vij,vi->vj", frames, -directions[row])
     material = np.zeros(len(row), int) if scene.material is None else scene.material[face]
-    return Vertices(row, points, frames, outgoing, material), hits.distance
+    return TracedRays(Vertices(row, points, frames, outgoing, material), hits.distance)
 
 
 def reflected(
@@ -148,8 +162,8 @@ def reflected_pairs(
 
 def continued(
     scene: Scene, vertices: Vertices, uniforms: Float[np.ndarray, "vertex 2"]
-) -> tuple[Float[np.ndarray, "vertex 3"], Float[np.ndarray, "vertex"]]:
-    """Draw local incoming directions by the materials' samplers, and their density per steradian.
+) -> DrawnDirections:
+    """Draw local incoming directions by the materials' samplers.
 
     Where nothing can be drawn the density is zero.
     """
@@ -159,7 +173,7 @@ def continued(
         drawn = np.asarray(sampler.draw(outgoing, uniforms[rows]), float)
         incoming[rows] = drawn
         density[rows] = np.asarray(sampler.density(outgoing, drawn), float)
-    return incoming, density
+    return DrawnDirections(incoming, density)
 
 
 def density_of(

@@ -10,10 +10,11 @@ Host side, float64: sum over levels of 2 x 2^l x cells numbers.
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, Int
 from jaxrender.wavelets.filters import Wavelet, haar
 from jaxrender.wavelets.supports import functions, is_stepwise
 from jaxrender.wavelets.tree import CoefficientTree
@@ -130,18 +131,20 @@ def _between(
     return sample, place - sample
 
 
-def taps(
-    tree: CoefficientTree, places: Float[np.ndarray, "row 2"]
-) -> tuple[np.ndarray, Float[np.ndarray, "row tap"]]:
-    """List the pairs of samples that make up the value at each place, [row, tap, 2]; the weights.
+class Taps(NamedTuple):
+    """The samples along two axes whose weighted sum is the value at each place."""
 
-    One for Haar's wavelet, four for the others.
-    """
+    samples: Int[np.ndarray, "row tap 2"]
+    weights: Float[np.ndarray, "row tap"]
+
+
+def taps(tree: CoefficientTree, places: Float[np.ndarray, "row 2"]) -> Taps:
+    """List what makes up the value at each place: one tap for Haar's wavelet, four for others."""
     places = np.asarray(places, float)
     sample, fraction = _between(tree, places)
     if is_stepwise(tree.wavelet):
-        return sample[:, None], np.ones((len(places), 1))
+        return Taps(sample[:, None], np.ones((len(places), 1)))
     steps = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     samples = np.minimum(sample[:, None] + steps, tree.size - 1)
     weights = np.where(steps == 1, fraction[:, None], 1 - fraction[:, None])
-    return samples, weights.prod(axis=-1)
+    return Taps(samples, weights.prod(axis=-1))

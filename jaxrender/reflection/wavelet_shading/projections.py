@@ -85,10 +85,9 @@ def _projections(
     pairs = pairs_at(brdf.slices, samples)
     held = columns(brdf.slices.size)
     weights = padded(pairs.weight).astype(brdf.values.dtype)
-    where = padded(pairs.row * held + pairs.column), padded(pairs.coefficient)
-    return _project(power_of_two(len(samples)), integrals, brdf.values, where, weights)[
-        : len(samples)
-    ]
+    slot, coefficient = padded(pairs.row * held + pairs.column), padded(pairs.coefficient)
+    rows = power_of_two(len(samples))
+    return _project(rows, integrals, brdf.values, slot, coefficient, weights)[: len(samples)]
 
 
 @partial(jax.jit, static_argnums=0)
@@ -96,11 +95,12 @@ def _project(
     rows: int,
     integrals: tuple[Float[Array, "2 _ cell"], ...],
     values: Float[Array, "coefficient channel"],
-    where: tuple[Int[Array, "pair"], Int[Array, "pair"]],
+    slot: Int[Array, "pair"],
+    coefficient: Int[Array, "pair"],
     weights: Float[Array, "pair"],
 ) -> Float[Array, "row column channel"]:
     width = 4 * sum(table.shape[1] ** 2 for table in integrals)
-    held = added_up(weights[:, None] * values[where[1]], where[0], rows * width)
+    held = added_up(weights[:, None] * values[coefficient], slot, rows * width)
     pyramid = jnp.moveaxis(held.reshape(rows, width, -1), 2, 1)
     total = None
     for table, part in zip(integrals, levels_apart(pyramid)):

@@ -26,6 +26,7 @@ directions, which are host arrays.  Slow twin: ``traversal``.
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -91,8 +92,8 @@ def reflected_cells(
     seen = jnp.einsum("t,tpc->pc", jnp.asarray(weights[0], projected.dtype), projected)
     slices = arriving.slices
     parts = slices.coefficient, slices.column, slices.held_column
-    places = tuple(part.astype(np.int32) for part in parts)
-    return _one_direction(light.size, arriving.values, seen, places)
+    indices = (part.astype(np.int32) for part in parts)
+    return _one_direction(light.size, arriving.values, seen, *indices)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -100,9 +101,10 @@ def _one_direction(
     size: int,
     values: Float[Array, "coefficient channel"],
     projected: Float[Array, "column channel"],
-    places: tuple[Int[Array, "value"], Int[Array, "value"], Int[Array, "value"]],
+    coefficient: Int[Array, "value"],
+    column: Int[Array, "value"],
+    held_column: Int[Array, "value"],
 ) -> Float[Array, "u v channel"]:
-    coefficient, column, held_column = places
     reflected = added_up(values[coefficient] * projected[column], held_column, columns(size))
     return 4 * jnp.moveaxis(_cells_of(reflected.T, size), 0, -1)
 
@@ -143,7 +145,7 @@ def _towards_many(
     costs = arriving.slices.counts(cells)
     most = max(_PROJECTED_AT_ONCE // (columns(light.size) * reflecting.values.shape[1]), 4)
     found = [
-        _piece(arriving, reflecting, cells[some], (seen[some], weights[some]))
+        _piece(arriving, reflecting, cells[some], seen[some], weights[some])
         for some in _pieces(order, costs, seen, most)
     ]
     back = np.argsort(order, kind="stable")
@@ -165,11 +167,35 @@ def _pieces(
     return [piece for part in parts for piece in _pieces(part, costs, seen, most)]
 
 
+class _Merged(NamedTuple):
+    """Which coefficient adds how much to which entry of the sparse pyramids."""
+
+    coefficient: Int[AnyArray, "pair"]
+    entry: Int[AnyArray, "pair"]
+    weight: Float[AnyArray, "pair"]
+
+
+class _Meetings(NamedTuple):
+    """Which pixel meets which entry, and the pyramid's column of each entry."""
+
+    pixel: Int[AnyArray, "met"]
+    entry: Int[AnyArray, "met"]
+    column: Int[AnyArray, "entry"]
+
+
+class _View(NamedTuple):
+    """Which of the projections each pixel sees, and with which weights."""
+
+    samples: Int[AnyArray, "pixel tap"]
+    weights: Float[AnyArray, "pixel tap"]
+
+
 def _piece(
     arriving: Opened,
     reflecting: Opened,
     cells: Int[np.ndarray, "pixel 2"],
-    towards: tuple[Int[np.ndarray, "pixel tap"], Float[np.ndarray, "pixel tap"]],
+    seen: Int[np.ndarray, "pixel tap"],
+    weights: Float[np.ndarray, "pixel tap"],
 ) -> Float[Array, "pixel channel"]:
     """Multiply what arrives at some cells, added up to sparse pyramids, by the projections."""
     size = arriving.slices.size
@@ -181,30 +207,32 @@ def _piece(
     counts = (start[1:] - start[:-1])[corner]
     pixel = np.repeat(np.arange(len(cells)), counts)
     met = np.arange(len(pixel)) + np.repeat(start[corner] - np.cumsum(counts) + counts, counts)
-    samples, sample = np.unique(towards[0], return_inverse=True)
+    samples, sample = np.unique(seen, return_inverse=True)
     side = reflecting.slices.size
     table = projections(reflecting, np.stack(np.divmod(samples, side), axis=1), size)
     dtype = table.dtype
-    merged = padded(pairs.coefficient), padded(entry), padded(pairs.weight.astype(dtype))
+    merged = _Merged(padded(pairs.coefficient), padded(entry), padded(pairs.weight.astype(dtype)))
     # Programs are compiled for so many pixels; what goes beyond the last is dropped.
     pixels = power_of_two(len(cells))
     rows = ((0, pixels - len(cells)), (0, 0))
-    expanded = padded(pixel, pixels), padded(met), padded(column)
-    seen = sample.reshape(towards[0].shape).astype(np.int32), towards[1].astype(dtype)
-    view = np.pad(seen[0], rows), np.pad(seen[1], rows)
-    return _inner_products(arriving.values, table, merged, expanded, view)[: len(cells)]
+    meetings = _Meetings(padded(pixel, pixels), padded(met), padded(column))
+    view = _View(
+        np.pad(sample.reshape(seen.shape).astype(np.int32), rows),
+        np.pad(weights.astype(dtype), rows),
+    )
+    return _inner_products(arriving.values, table, merged, meetings, view)[: len(cells)]
 
 
 @jax.jit
 def _inner_products(
     values: Float[Array, "coefficient channel"],
     table: Float[Array, "sample column channel"],
-    merged: tuple[Int[Array, "pair"], Int[Array, "pair"], Float[Array, "pair"]],
-    expanded: tuple[Int[Array, "met"], Int[Array, "met"], Int[Array, "entry"]],
-    view: tuple[Int[Array, "pixel tap"], Float[Array, "pixel tap"]],
+    merged: _Merged,
+    meetings: _Meetings,
+    view: _View,
 ) -> Float[Array, "pixel channel"]:
     coefficient, entry, weight = merged
-    pixel, met, column = expanded
+    pixel, met, column = meetings
     light = added_up(weight[:, None] * values[coefficient], entry, len(column))
     samples, weights = view
     total = jnp.zeros((len(met), values.shape[1]), values.dtype)

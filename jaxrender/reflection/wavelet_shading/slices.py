@@ -18,13 +18,20 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int
 from jaxrender.wavelets.filters import Wavelet
 from jaxrender.wavelets.nodes import separated
 from jaxrender.wavelets.supports import windows
 from jaxrender.wavelets.tree import CoefficientTree
 
 Samples = Int[np.ndarray, "row 2"]
+
+
+class LevelGroups(NamedTuple):
+    """The groups of one level that reach each sample, and their places along the held axes."""
+
+    group: Int[np.ndarray, "row place"]
+    places: tuple[Int[np.ndarray, "row place"], Int[np.ndarray, "row place"]]
 
 
 class Slices(NamedTuple):
@@ -44,21 +51,22 @@ class Slices(NamedTuple):
 
     def counts(self, samples: Samples) -> Int[np.ndarray, "row"]:
         """Count the coefficients that are looked at for each sample."""
-        groups = np.concatenate([group for group, _ in self.groups(samples)], axis=1)
+        groups = np.concatenate([level.group for level in self.groups(samples)], axis=1)
         return (self.start[groups + 1] - self.start[groups]).sum(axis=1)
 
-    def groups(self, samples: Samples) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
-        """List, for each level, the groups that reach each sample, and their places."""
+    def groups(self, samples: Samples) -> list[LevelGroups]:
+        """List, for each level, the groups that reach each sample."""
         found = []
         for level, window in enumerate(windows(self.wavelet, self.size)):
             run = np.arange(window.width)
             places = (window.first[samples][..., None] + run) % (1 << level)
             pair = np.broadcast_arrays(places[:, 0, :, None], places[:, 1, None, :])
             first, second = (part.reshape(len(samples), -1) for part in pair)
-            found.append((_before(level) + (first << level) + second, (first, second)))
+            group = _before(level) + (first << level) + second
+            found.append(LevelGroups(group, (first, second)))
         if not found:
             nowhere = np.zeros((len(samples), 1), np.int64)
-            return [(nowhere, (nowhere, nowhere))]
+            return [LevelGroups(nowhere, (nowhere, nowhere))]
         return found
 
 
@@ -132,7 +140,9 @@ def levels_apart(pyramid: Float[Array, "*batch column"]) -> list[Array]:
     return found
 
 
-def added_up(rows: Float[Array, "pair channel"], to: Int[Array, "pair"], count: int) -> Array:
+def added_up(
+    rows: Float[AnyArray, "pair channel"], to: Int[AnyArray, "pair"], count: int
+) -> Float[Array, "sum channel"]:
     """Sum rows that go to the same place; those that go beyond the last one are dropped."""
     return jax.ops.segment_sum(rows, to, count)
 

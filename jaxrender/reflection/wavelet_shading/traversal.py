@@ -37,6 +37,14 @@ class Traversed(NamedTuple):
     nodes: int
     coefficients: int
 
+    def plus(self, other: "Traversed") -> "Traversed":
+        """Add what is reflected and what was visited."""
+        return Traversed(
+            self.radiance + other.radiance,
+            self.nodes + other.nodes,
+            self.coefficients + other.coefficients,
+        )
+
 
 class _Opened(NamedTuple):
     """A tree with the place of every node, and its values below the root's."""
@@ -85,8 +93,10 @@ class _Pixel(NamedTuple):
 
     light: _Opened
     brdf: _Opened
-    position: tuple[_Axis, _Axis]
-    reflected: tuple[_Axis, _Axis]
+    position: dict[int, _Axis]
+    """By the number of the radiance's axis: u and v."""
+    reflected: dict[int, _Axis]
+    """By the number of the BRDF's axis: kappa_r and lambda_r."""
     overlaps: tuple[tuple[np.ndarray, ...], ...]
     touched: tuple[np.ndarray, ...]
     """For each level of the BRDF, which of the radiance's cells a node or its descendants touch."""
@@ -107,38 +117,38 @@ def traverse(
     pixel = _Pixel(
         _Opened.of(light),
         _Opened.of(brdf),
-        (_Axis.at(light, place[0]), _Axis.at(light, place[1])),
-        (_Axis.at(brdf, direction[0]), _Axis.at(brdf, direction[1])),
+        {0: _Axis.at(light, place[0]), 1: _Axis.at(light, place[1])},
+        {2: _Axis.at(brdf, direction[0]), 3: _Axis.at(brdf, direction[1])},
         haar_overlaps(brdf, light.size),
         _with_descendants([np.abs(c).max(axis=0) for c in cell_integrals(brdf, light.size)]),
     )
-    radiance, nodes, coefficients = _over_radiance(pixel, 0)
+    found = _over_radiance(pixel, 0)
     channels = max(light.channels, brdf.channels)
-    return Traversed(np.broadcast_to(4 * radiance, channels), nodes, coefficients)
+    return found._replace(radiance=np.broadcast_to(4 * found.radiance, channels))
 
 
-def _over_radiance(pixel: _Pixel, node: int) -> tuple[np.ndarray, int, int]:
+def _over_radiance(pixel: _Pixel, node: int) -> Traversed:
     """RadTraverse: nodes of the radiance whose support has the point in it."""
     total = _over_brdf(pixel, node, 0)
     for child in pixel.light.children(node):
         level = pixel.light.structure.level[child]
         u, v = pixel.light.places[child, :2]
         if pixel.position[0].reached[level][u] and pixel.position[1].reached[level][v]:
-            total = _sum(total, _over_radiance(pixel, child))
+            total = total.plus(_over_radiance(pixel, child))
     return total
 
 
-def _over_brdf(pixel: _Pixel, light_node: int, node: int) -> tuple[np.ndarray, int, int]:
+def _over_brdf(pixel: _Pixel, light_node: int, node: int) -> Traversed:
     """BRDFTraverse: nodes of the BRDF that reach the direction, and overlap with the radiance's."""
     if not _overlap(pixel, light_node, node):
-        return np.zeros(1), 0, 0
+        return Traversed(np.zeros(1), 0, 0)
     total = _integrate(pixel, light_node, node)
     for child in pixel.brdf.children(node):
         level = pixel.brdf.structure.level[child]
         kappa, lambda_ = pixel.brdf.places[child, 2:]
-        in_kappa, in_lambda = (axis.reached[level] for axis in pixel.reflected)
+        in_kappa, in_lambda = (pixel.reflected[axis].reached[level] for axis in (2, 3))
         if in_kappa[kappa] and in_lambda[lambda_]:
-            total = _sum(total, _over_brdf(pixel, light_node, child))
+            total = total.plus(_over_brdf(pixel, light_node, child))
     return total
 
 
@@ -150,38 +160,32 @@ def _overlap(pixel: _Pixel, light_node: int, node: int) -> bool:
     return all(touched[own, width * other : width * (other + 1)].any() for own, other in places)
 
 
-def _integrate(pixel: _Pixel, light_node: int, node: int) -> tuple[np.ndarray, int, int]:
+def _integrate(pixel: _Pixel, light_node: int, node: int) -> Traversed:
     """Sum what L 6.9 has for all coefficients of two nodes."""
     level, other = pixel.brdf.structure.level[node], pixel.light.structure.level[light_node]
-    reflecting, held = _with_two_held(pixel.brdf, node, pixel.reflected, (2, 3))
-    arriving, met = _with_two_held(pixel.light, light_node, pixel.position, (0, 1))
+    reflecting, held = _with_two_held(pixel.brdf, node, pixel.reflected)
+    arriving, met = _with_two_held(pixel.light, light_node, pixel.position)
     own, others = pixel.brdf.places[node, :2], pixel.light.places[light_node, 2:]
     kappa, lambda_ = (
         pixel.overlaps[level][other][:, m, :, n] for m, n in zip(own, others, strict=True)
     )
     total = np.einsum("klc,ijc,ki,lj->c", reflecting, arriving, kappa, lambda_)
-    return total, 1, held * met
+    return Traversed(total, 1, held * met)
 
 
-def _with_two_held(
-    tree: _Opened, node: int, held: tuple[_Axis, _Axis], axes: tuple[int, int]
-) -> tuple[np.ndarray, int]:
+def _with_two_held(tree: _Opened, node: int, held: dict[int, _Axis]) -> tuple[np.ndarray, int]:
     """Sum a node's coefficients by the kinds of the two free axes, [kind, kind, channel]."""
     level, places = tree.structure.level[node], tree.places[node]
-    free = [axis for axis in range(4) if axis not in axes]
+    free = [axis for axis in range(4) if axis not in held]
     total = np.zeros((2, 2, len(tree.root)))
     coefficients = tree.coefficients(node)
     for nu, value in coefficients:
         bit = [(nu >> axis) & 1 for axis in range(4)]
         first, second = (
-            along.values[level][bit[axis], places[axis]] for along, axis in zip(held, axes)
+            along.values[level][bit[axis], places[axis]] for axis, along in held.items()
         )
         total[bit[free[0]], bit[free[1]]] += value * first * second
     return total, len(coefficients)
-
-
-def _sum(one: tuple[np.ndarray, int, int], other: tuple[np.ndarray, int, int]):
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
 
 
 def _with_descendants(sizes: list[np.ndarray]) -> tuple[Bool[np.ndarray, "place *any"], ...]:
