@@ -1,11 +1,21 @@
 """A BRDF as a wavelet tree in a file (L 4.4): tabulated, transformed, thresholded, and judged.
 
-Samples are means over the cells of Nusselt's square, zero outside its disc (L 4.1, 4.6); channels
-share their coefficients' places.  Two errors are stated, both relative and of values clamped at
-zero: what thresholding misses, the rms over the table's samples over that of the table, which is
-predicted by the coefficients that were dropped (L 4.7, ERRATA 61), exactly for an orthonormal
-wavelet but for the clamping; and what the tree misses of the BRDF itself, at random pairs of
-directions, where cells wider than the lobe show.
+Samples are means over the cells of Nusselt's square, and zero outside its disc (L 4.1, 4.6).  The
+coefficients of all channels share their places.  Two relative errors of the clamped values are
+stated:
+
+- What thresholding misses: the rms of the missing part over the rms of the table.  The dropped
+  coefficients predict it (L 4.7, ERRATA 61); for an orthonormal wavelet exactly, but for clamping.
+- What the tree misses of the BRDF itself, at random pairs of directions.  It shows where cells are
+  wider than the lobe.
+
+Python reads a tree, renders with it, draws directions from it, and finds the nearest models::
+
+    tree, about = read_tree("paint.nc")  # jaxrender.io
+    material = WaveletBRDF(tree)  # jaxrender.brdf
+    sampler = TreeSampler.of(tree)  # jaxrender.brdf; for reflection.tracing.path_radiance
+    picture = shade_plane(light_tree, [tree], view)  # jaxrender.reflection.wavelet_shading
+    best_models(material)  # jaxrender.inverse
 """
 
 import time

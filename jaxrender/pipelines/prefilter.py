@@ -1,7 +1,11 @@
 """A probe prefiltered: nine coefficients for diffuse surfaces, a reflection map for each lobe.
 
-The map of a lobe shows it head-on; asked for, a spherical harmonic reflection map (T 5) goes with
-it, whose texels depend on the viewer.
+The map of a lobe shows it head-on.  On request a spherical harmonic reflection map (T 5) goes with
+it, whose texels depend on the viewer.  Python makes one from any light and any isotropic BRDF::
+
+    spectrum = central_spectrum_of(brdf, (24, 4), weighted=True)  # jaxrender.spectra
+    shrm = global_shrm(local_shrm(light, spectrum, LatLongGrid(240, 480)))  # jaxrender.reflection
+    picture = shrm.at(samples.reflected, samples.outgoing)  # or shrm.dynamic_map(viewer)
 """
 
 import json

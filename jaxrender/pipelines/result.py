@@ -1,6 +1,12 @@
 """A fit's result as files: ``result.json`` for the summary, ``result.nc`` for the arrays.
 
-Every task says the same of what it found (``Result``), and adds keys and arrays of its own.
+Every task states the same facts (``Result``), and adds keys and arrays of its own.  ``result.json``
+holds values, 90 % intervals, what is identifiable and what depends on the model, residuals, the
+light, a forecast, and the seconds.  ``result.nc`` holds samples, how many ``pixels`` each stands
+for, and coefficients; its dimensions have names, and its arrays have units and a meaning.
+
+Beside them a result folder holds the light and its slow part, the predicted and residual
+photographs (all EXR), the resolved ``config.yaml``, and ``report.html``, which works offline.
 """
 
 import hashlib
