@@ -177,17 +177,18 @@ def analyze(
         from jaxrender.pipelines import analyze as analysis
 
         lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
-        measurement = (0.01 if noise is None else noise, samples)
+        relative = analysis.DEFAULT_MEASUREMENT.noise if noise is None else noise
         limit = 32 if band_limit is None else band_limit
         found = analysis.analyze(
             subject,
             convention,
             lobes,
             limit,
-            measurement,
-            figure,
+            analysis.Measurement(relative, samples),
             tolerance=analysis.TOLERANCE if tolerance is None else tolerance,
         )
+        if figure is not None:
+            found.draw(figure)
         process.say(found.table.rstrip())
     if figure is not None:
         process.say(f"figure: {figure}")

@@ -37,12 +37,11 @@ from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, res
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.reflection_maps import (
     LightSpectrum,
-    ReflectionMap,
     check_lobes,
     reflection_map,
 )
 from jaxrender.pipelines.shrm_files import read_about, write_shrm
-from jaxrender.pipelines.shrm_layout import ShrmAbout
+from jaxrender.pipelines.shrm_layout import ReflectionMap, ShrmAbout
 from jaxrender.reflection import irradiance_matrix, reflection_maps
 from jaxrender.shapes import Float
 

@@ -26,6 +26,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Format
+from jaxrender.pipelines.config import RunConfig, load_run_config
 
 RESULT, ARRAYS = "result.json", "result.nc"
 ARRAYS_FORMAT = Format("jaxrender result", 1, "jaxrender fit --force")
@@ -108,6 +109,20 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"{path}: cannot be read ({error}); make the result anew with fit --force"
         ) from None
+
+
+class FinishedRun(NamedTuple):
+    """A finished run: its folder, its config, and its summary as ``result.json`` holds it."""
+
+    folder: Path
+    config: RunConfig
+    summary: dict[str, Any]
+
+
+def read_run(folder: Path) -> FinishedRun:
+    """Read a finished run; ``InputError`` where there is none or it is damaged."""
+    summary = read_result(folder)
+    return FinishedRun(folder, load_run_config(folder / "config.yaml"), summary)
 
 
 def _pixels_of(photographs: list[Photograph]) -> dict[str, Any]:

@@ -12,12 +12,12 @@ from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jaxrender.errors import InputError
 from jaxrender.pipelines.batch.folder import check_ours, our_folder, sweep_away
 from jaxrender.pipelines.batch.index import INDEX, Row, write_index
-from jaxrender.pipelines.batch.plan import Planned, State, plan_of
+from jaxrender.pipelines.batch.plan import Look, Planned, State, plan_of
 from jaxrender.pipelines.batch.task import Failure
 from jaxrender.pipelines.batch.workers import Opener
 from jaxrender.pipelines.caches import capture_folder, is_whole
@@ -50,7 +50,7 @@ def list_runs(sweep: Sweep) -> str:
     """Say what a batch would do; touches nothing."""
     plan = plan_of(sweep)
     check_ours(sweep.output)
-    states = [run.look()[0] for run in plan]
+    states = [run.look().state for run in plan]
     again = {State.PENDING: "to do", State.FAILED: "failed, to do again"}
     lines = [
         f"{run.name}  {again.get(state, state.value):<19}  {shown(run.parameters)}"
@@ -101,21 +101,21 @@ class _Ledger:
 
     def __init__(self, sweep: Sweep, plan: tuple[Planned, ...]):
         self._keys, self._folder, self._plan = sweep.keys, sweep.output, plan
-        self._found: dict[str, tuple[State, dict[str, Any]]] = {}
+        self._found: dict[str, Look] = {}
         for run in plan:
             self.look(run)
         self._written = time.monotonic()
 
     def state(self, run: Planned) -> State:
         """How far a run is."""
-        return self._found[run.name][0]
+        return self._found[run.name].state
 
     def look(self, run: Planned, failure: Failure | None = None) -> str:
         """Look into a run's folder again, and return its outcome."""
         found = run.look()
-        if failure is not None and found[0] is not State.FAILED:
-            # Its folder could not take the error; the index shall.
-            found = (State.FAILED, failure._asdict())
+        if failure is not None and found.state is not State.FAILED:
+            # The folder could not store the error; the index does.
+            found = Look(State.FAILED, failure._asdict())
         self._found[run.name] = found
         return self._outcome(run)
 

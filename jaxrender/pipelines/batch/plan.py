@@ -27,11 +27,18 @@ _ERROR = "error.json"
 
 
 class State(enum.Enum):
-    """What is known of a run; the value is what the index calls it until there is an outcome."""
+    """The state of a run; the index shows its value until the run has an outcome."""
 
     PENDING = "pending"
     FINISHED = "finished"
     FAILED = "failed"
+
+
+class Look(NamedTuple):
+    """The state of a run, and its result or its error."""
+
+    state: State
+    document: dict[str, Any]
 
 
 class Planned(NamedTuple):
@@ -42,14 +49,14 @@ class Planned(NamedTuple):
     parameters: dict[str, Any]
     config: RunConfig
 
-    def look(self) -> tuple[State, dict[str, Any]]:
-        """What is in the run's folder: its state, with the result or the error."""
+    def look(self) -> Look:
+        """Read the run's folder."""
         if (self.folder / _ERROR).is_file():
-            return State.FAILED, _read_error(self.folder)
+            return Look(State.FAILED, _read_error(self.folder))
         try:
-            return State.FINISHED, read_result(self.folder)
+            return Look(State.FINISHED, read_result(self.folder))
         except InputError:
-            return State.PENDING, {}
+            return Look(State.PENDING, {})
 
     def job(self) -> Job:
         """The run as a worker is told of it."""

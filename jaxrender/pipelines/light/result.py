@@ -1,4 +1,4 @@
-"""What was found of light and material, as data for ``result.json``."""
+"""The recovered light and material as data for ``result.json``."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
-# A degree is told if the photographs tell more than this share of it.
+# A degree is identifiable if the photographs determine more than this share of it.
 _MOSTLY = 0.5
 _GAUGES = {
     "per-channel": "kd + ks = 1 in each channel; light scaled to match",
@@ -24,7 +24,7 @@ _GAUGES = {
 
 
 class Recovered(NamedTuple):
-    """What a result speaks of: the task, the model's name, the gauge, and what was found."""
+    """A finished recovery: the task, the model's name, the gauge, the fit and what it used."""
 
     task: str
     model: str
@@ -36,7 +36,7 @@ class Recovered(NamedTuple):
 
 
 def result_of(recovered: Recovered) -> Result:
-    """Sum up light and material, and how the fit came to them."""
+    """Sum up light and material, and the steps of the fit."""
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
     parameters = found.parameters

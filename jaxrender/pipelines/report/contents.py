@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
+from jaxrender.pipelines.light.images import LightImages
 from jaxrender.shapes import Bool, Float
 
 
@@ -47,15 +48,12 @@ Panorama = Float[np.ndarray, "row column channel"]
 
 
 class LightContents(NamedTuple):
-    """All that the report of a recovered light shows.
-
-    ``images`` are the whole light and its slow part.
-    """
+    """All that the report of a recovered light shows."""
 
     title: str
     result: dict[str, Any]
     fit: Factorization
-    images: tuple[Panorama, Panorama]
+    images: LightImages
     frames: tuple[FramePictures, ...]
 
     @property
