@@ -1,7 +1,7 @@
 """A config's cameras, shape and light, whether or not its photographs exist.
 
-Blank pictures stand for photographs, so that everything else, silhouettes, masks that are there,
-grazing pixels, warnings and refusals, is as a fit has it.
+Blank pictures stand for the photographs.  Silhouettes, existing masks, grazing pixels, warnings and
+refusals are then those of a fit.
 """
 
 from pathlib import Path

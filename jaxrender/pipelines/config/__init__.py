@@ -1,12 +1,12 @@
-"""Configs as data: what a run is told, with no class of the run time in it.
+"""Configs as plain data, without run-time classes.
 
 One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :mod:`.lighting`,
 :mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`, :mod:`.texture`;
 :mod:`.run` is the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values`
 holds the kinds of value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document`
-(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  What is stated
-has an effect or is refused (:mod:`.stated`); :mod:`.honoured` lists what a task has no use for.
-:mod:`.schema` tells editors all of it.
+(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  Every stated
+key has an effect or is refused (:mod:`.stated`).  :mod:`.honoured` lists the keys that a task
+cannot use.  :mod:`.schema` describes every key for editors.
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig

@@ -74,7 +74,7 @@ class SolveConfig(Section):
     starts: Count = 8
     """Starting points of the search."""
     free_exposure: Switch = False
-    """Whether each photograph has an unknown exposure."""
+    """Whether each photograph has an unknown exposure, which the fit finds."""
     most_sources: Count = 48
     """Largest number of directional sources in unknown light, beside its slow part."""
     variants: Switch = True
