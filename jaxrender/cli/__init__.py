@@ -6,7 +6,7 @@ commands import JAX themselves, so that ``--help`` is quick.
 ``app``
     the application that commands register with, exit codes, ``main``
 ``process``
-    what a command does to its own process: output, bundled examples, JAX, the end
+    the process of a command: output, bundled examples, JAX, the end
 ``photographs`` ``sweeps`` ``probes`` ``reflectance``
     the commands: fit, render, synth; batch, schema; prefilter, analyze; measure, compress
 

@@ -60,14 +60,14 @@ _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
 class Goal(NamedTuple):
-    """How much to keep: a fraction of the non-zero coefficients, or what leaves an error."""
+    """How much to keep: a fraction of the non-zero coefficients, or enough for an error."""
 
     fraction: float = 0.01
     error: float | None = None
 
 
 class Compression(NamedTuple):
-    """A tree, how many coefficients its table has, and the relative rms of what it misses."""
+    """A tree, the number of coefficients of its table, and its relative rms error."""
 
     tree: CoefficientTree
     non_zero: int
@@ -79,7 +79,7 @@ class Compression(NamedTuple):
 
 
 class Compressed(NamedTuple):
-    """What was written, and what there is to say of it."""
+    """The written tree, and sentences about it."""
 
     compression: Compression
     said: tuple[str, ...]
@@ -100,8 +100,8 @@ def compress(
 
     ``cell_samples`` are taken for the mean over a cell, 1 at its centre.
 
-    Raises ``InputError`` for what cannot be read or written, a size that is no power of two or too
-    large, a wavelet that there is none of, and a goal out of range.
+    Raises ``InputError`` for unreadable and unwritable files, a size that is too large or no power
+    of two, an unknown wavelet, and a goal out of range.
     """
     goal, progress = goal or Goal(), progress or SilentProgress()
     chosen = _checked(goal, size, wavelet, cell_samples)

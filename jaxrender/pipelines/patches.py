@@ -1,9 +1,9 @@
 """Patches and facet BRDFs named on a command line.
 
 ``sawtooth:teeth=4,rising=45,falling=45`` and ``velvet:threads=600,length=0.3,lean=20`` have
-parameters as lobes do, angles in degrees.  Anything else is a file: a mesh, whose bounding
-rectangle is one period, or an image of heights, whose white is ``relief`` above its black, in units
-of the image's width.
+parameters as lobes do; angles are in degrees.  Anything else is a file: a mesh or an image of
+heights.  The bounding rectangle of a mesh is one period.  White is ``relief`` above black in an
+image, in units of its width.
 
 A facet BRDF is a lobe's specification (``lobes``), in which an amplitude may have a colour:
 ``lambertian:kd=0.2/0.02/0.02``.  ``lambertian`` alone is white, kd = 1 / pi.
@@ -67,9 +67,9 @@ def patch_of(specification: str, relief: float = 0.1) -> NamedPatch:
 
 
 def facets_of(specifications: Sequence[str], count: int) -> list[BRDF]:
-    """Make a BRDF for each of so many materials, all of as many channels; one serves them all.
+    """Make a BRDF for each of ``count`` materials, with one number of channels; one may serve all.
 
-    Raises ``InputError`` for a specification that is none, and for another number of them.
+    Raises ``InputError`` for a wrong specification, and for a wrong number of them.
     """
     facets = [_facet(specification) for specification in specifications]
     if len(facets) not in (1, count):

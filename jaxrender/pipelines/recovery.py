@@ -1,4 +1,4 @@
-"""What a run gives to every task (``Evidence``), and what it gets back (``Recovery``)."""
+"""The input of every task (``Evidence``), and its result (``Recovery``)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Evidence(NamedTuple):
     """What a recovery starts from: photographs of a known shape, and the light if it is known.
 
-    ``pool`` are all usable pixels.  ``observations`` are those that the fit was given of them.
+    ``pool`` are all usable pixels.  ``observations`` are those of them that the fit uses.
     """
 
     photographs: list[Photograph]

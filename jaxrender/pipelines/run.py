@@ -64,7 +64,7 @@ _SHOWN = 6
 
 
 class FitReport(NamedTuple):
-    """How a run ended: the outcome, where its result is, and a table for the terminal."""
+    """The end of a run: its outcome, its folder, and a table for the terminal."""
 
     outcome: str
     folder: Path
@@ -80,7 +80,7 @@ def fit(
     """Fit what a config asks for and write the result folder.
 
     An identical run that has finished is reused; ``dry_run`` checks the input and writes nothing.
-    Raises ``InputError`` for everything that is wrong with the input.
+    Raises ``InputError`` for any wrong input.
     """
     progress = progress or SilentProgress()
     folder = config.output or Path.cwd() / "runs" / _name_of(config)
@@ -160,8 +160,8 @@ def _drawn(config: RunConfig, observations: Observations, light: KnownLight | No
     count, seed = config.samples.count, config.samples.seed
     if config.task == "brdf-spectrum":
         return random_subset(observations, count, seed)
-    tells = sharpness(observations) if light is None else leverage(observations, light)
-    return draw(observations, tells, count, seed).observations
+    weight = sharpness(observations) if light is None else leverage(observations, light)
+    return draw(observations, weight, count, seed).observations
 
 
 def _light_of_kept(
@@ -184,7 +184,7 @@ def _check_samples(config: RunConfig, evidence: Evidence) -> None:
             "the position of capture.geometry"
         )
     if config.task in ("texture", "brdf-spectrum"):
-        # What these need is for the sites, or for the light's degrees, to say.
+        # These tasks check the sites, or the degrees of the light, themselves.
         return
     usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
     problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
@@ -199,12 +199,12 @@ def _check_samples(config: RunConfig, evidence: Evidence) -> None:
         name = photographs[min(unseen)].frame.image_path
         raise InputError(
             f"{name}: none of its pixels is among the {observations.count} samples drawn, so "
-            "solve.free_exposure cannot tell its exposure; raise samples.count"
+            "its exposure is not identifiable; raise samples.count"
         )
 
 
 def _recover(config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress) -> Recovery:
-    """Do what the task asks for."""
+    """Do the task of the config."""
     seen = (evidence.photographs, evidence.shape)
     if config.task == "brdf":
         return recover_material(config, evidence, clock, progress)

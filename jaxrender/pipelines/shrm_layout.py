@@ -87,7 +87,7 @@ def attributes(shrm: Shrm, about: ShrmAbout) -> dict[str, Any]:
     is_named = about.central_direction in CENTRE_MEANING and about.axes in AXES
     # The weight is known from the reflected direction alone.
     if shrm.weighted and about.central_direction == "normal":
-        raise ValueError("a weighted map about the normal does not tell its weight; divide it out")
+        raise ValueError("a weighted map about the normal does not hold its weight; divide it out")
     if frame is None or grid is None or not is_named:
         raise ValueError(
             f"{type(shrm).__name__} on {type(shrm.grid).__name__} about "

@@ -75,7 +75,7 @@ def synthesise(
 
 
 def purpose_of(recipe: RecipeConfig) -> str:
-    """Tell photographs of meshes apart from those made before concave ones had shadows."""
+    """Name the purpose; that of meshes changed when concave ones got shadows."""
     return "synth" if recipe.geometry.mesh is None else "synth with shadows"
 
 

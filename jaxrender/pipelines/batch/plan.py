@@ -1,8 +1,8 @@
-"""Which runs a sweep means, under which names, and what of them is there already.
+"""The runs of a sweep, their names, and their states on disk.
 
-A run's name is the start of a hash of its whole config, the contents of all its input files and the
-version.  A folder with a readable ``result.json`` is finished; one with ``error.json`` failed, and
-is tried again.
+The name of a run is the start of a hash of its whole config, the contents of its input files and
+the version.  A folder with a readable ``result.json`` is finished.  A folder with ``error.json``
+has failed, and is tried again.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Planned(NamedTuple):
             return Look(State.PENDING, {})
 
     def job(self) -> Job:
-        """The run as a worker is told of it."""
+        """Make the job for a worker."""
         return Job(self.name, self.folder, self.config, replaces=self.folder.exists())
 
     def keep_error(self, failure: Failure) -> None:
@@ -87,7 +87,7 @@ def plan_of(sweep: Sweep) -> tuple[Planned, ...]:
 
 
 class _Data:
-    """Digests of what runs read, each file read once however many runs share it."""
+    """Digests of the files that runs read; each file is read once."""
 
     def __init__(self) -> None:
         self._captures: dict[str, list[Path]] = {}
@@ -95,7 +95,7 @@ class _Data:
         self._digests: dict[Path, str] = {}
 
     def digest(self, config: RunConfig) -> str:
-        """A digest of the contents of everything that a run reads."""
+        """Digest the contents of all files that a run reads."""
         recipe = config.capture.recipe
         files = [path for path in input_files(config) if path != recipe]
         if recipe is not None:

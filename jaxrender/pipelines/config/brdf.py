@@ -184,7 +184,7 @@ def foreign_keys(models_of: Callable[[Any], Iterable[str]]) -> tuple[Case, ...]:
 
 
 def with_defaults_of_model(given: Any, make: Callable[[Any], Any]) -> Any:
-    """Make a section in which a model's own choices hold, unless told otherwise."""
+    """Make a section with the default options of its model."""
     model = MODELS.get(str(given.get("model"))) if isinstance(given, dict) else None
     if model is None:
         return make(given)

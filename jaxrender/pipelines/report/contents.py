@@ -1,4 +1,4 @@
-"""What a report is made of: a result as data, the fit itself, the light, and some pictures."""
+"""The contents of a report: a result as data, the fit itself, the light, and pictures."""
 
 from typing import Any, NamedTuple
 
@@ -58,7 +58,7 @@ class LightContents(NamedTuple):
 
     @property
     def is_lambertian(self) -> bool:
-        """Whether the light was read off a body that reflects evenly."""
+        """Whether the object is Lambertian."""
         return self.result["brdf"]["model"] == "lambertian"
 
     @property
@@ -86,7 +86,7 @@ class TextureContents(NamedTuple):
 
     @property
     def is_lambertian(self) -> bool:
-        """Whether the paint was taken to have no gloss."""
+        """Whether the model has no specular lobe."""
         return self.result["brdf"]["model"] == "lambertian"
 
 
