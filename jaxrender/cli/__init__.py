@@ -1,17 +1,17 @@
-"""The command line: ``jaxrender fit | batch | render | synth | prefilter | measure | compress`` ...
+"""The command line: ``jaxrender fit``, ``batch``, ``render``, ``analyze`` and the other commands.
 
-It sets precision, the compilation cache and logging, and hands files to ``pipelines``; nothing
-else.  JAX and all that imports it are imported inside the commands, so that ``--help`` is quick.
+It sets precision, the compilation cache and logging, and hands files to ``pipelines``.  The
+commands import JAX themselves, so that ``--help`` is quick.
 
 ``app``
     the application that commands register with, exit codes, ``main``
 ``process``
-    what a command does to its own process: output, bundled examples, JAX, the end
+    the process of a command: output, bundled examples, JAX, the end
 ``photographs`` ``sweeps`` ``probes`` ``reflectance``
     the commands: fit, render, synth; batch, schema; prefilter, analyze; measure, compress
 
-Exit codes: 0 done; 1 ran, but not converged or not identifiable (with ``--strict``); 2 bad input;
-130 interrupted; 141 nobody reads the output any more.
+Exit codes: 0 done; 1 not converged or not identifiable (with ``--strict``); 2 bad input;
+130 interrupted; 141 the output was closed.
 """
 
 # To import the commands is to register them.

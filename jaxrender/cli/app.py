@@ -17,7 +17,9 @@ _NAMED = Parameter(negative=())
 
 app = App(
     name="jaxrender",
-    help="Materials and lighting from photographs of objects of known shape.",
+    help="Recover materials and lighting from photographs of objects of known shape.\n\n"
+    "Exit codes: 0 done; 1 not converged or not identifiable (with --strict); 2 bad input; "
+    "130 interrupted; 141 the output was closed.",
     version=__version__,
     default_parameter=_NAMED,
     result_action="return_value",

@@ -1,4 +1,4 @@
-"""Photographs: ``fit`` a material to them, ``render`` a result again, ``synth`` new ones."""
+"""The commands about photographs: ``fit``, ``render`` and ``synth``."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ def fit(
     dry_run: bool = False,
     strict: bool = False,
 ) -> int:
-    """Fit the material that a config asks for.
+    """Recover what a config asks for: a material, a light, both, a texture, or a BRDF.
+
+    The result folder holds result.json, result.nc, report.html, config.yaml and the images.
 
     Parameters
     ----------
     config
         Config of the run (YAML).
     overrides
-        Values written over the config's, such as brdf.mu=1.5 or output=runs/a.
+        Values that replace those of the config, such as brdf.mu=1.5 or output=runs/a.
     force
         Replace the result of another run.
     dry_run
-        Check everything and say what would be done, but fit nothing.
+        Check everything and print what would be fitted, but fit nothing.
     strict
         Exit with 1 unless the outcome is 'converged'.
     """
@@ -61,7 +63,9 @@ def render(
     model: Literal["integral", "dual"] = "integral",
     force: bool = False,
 ) -> int:
-    """Render the views of a finished result again, or what it would look like elsewhere.
+    """Render the views of a finished result again, in its own light or another.
+
+    For one material the command also writes the standard deviation of every image.
 
     Parameters
     ----------
@@ -70,13 +74,13 @@ def render(
     out
         Folder to write the images into.
     environment
-        Another light, a panorama of radiance, in place of the result's own.
+        A panorama of radiance that replaces the light of the result.
     convention
-        Its layout: z-up, y-up, angular, cross or mirror-ball.
+        Layout of that panorama: z-up, y-up, angular, cross or mirror-ball.
     camera
-        Another transforms.json, whose cameras take the place of the photographs'.
+        A transforms.json whose cameras replace those of the photographs.
     model
-        The exact reflection integral, or the frequency-space dual model.
+        integral (the exact reflection integral) or dual (the frequency-space model).
     force
         Replace an earlier rendering of another result.
     """
@@ -96,7 +100,7 @@ def render(
 
 @app.command
 def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
-    """Render the photographs of a recipe, with all that a fit of them needs.
+    """Render the photographs of a recipe, and write a config that fits them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Light probes: ``prefilter`` them for rendering, ``analyze`` what they let a camera tell."""
+"""The commands about light: ``prefilter`` and ``analyze``."""
 
 from __future__ import annotations
 
@@ -32,6 +32,9 @@ def prefilter(
 ) -> int:
     """Filter a light probe for rendering: irradiance coefficients, and a map for each lobe.
 
+    irradiance.json holds the nine coefficients and their 4 x 4 matrices.  Each lobe gives a
+    latitude-longitude image and the cross of a cube, both EXR.  A contact sheet shows them all.
+
     Parameters
     ----------
     probe
@@ -39,26 +42,26 @@ def prefilter(
     out
         Folder to write into.
     convention
-        Its layout: z-up, y-up, angular, cross or mirror-ball.
+        Layout of the panorama: z-up, y-up, angular, cross or mirror-ball.
     axes
-        Whose axes the results are in: the probe's own, or the scene's.
+        Axes of the results: probe (its own axes) or world (those of the scene).
     brdf
         A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
     shrm
-        Write of each lobe also a spherical harmonic reflection map, whose texels depend on the
-        viewer (NAME_shrm.nc), and a sphere seen by six viewers (NAME_shrm.png).
+        Also write a spherical harmonic reflection map of each lobe (NAME_shrm.nc).  Its texels
+        depend on the viewer.  NAME_shrm.png shows a sphere to six viewers.
     tolerance
-        Part of a lobe's energy that its reflection map may miss; 0.03 if not given, at which small
-        bright lamps still ring, 0.003 shows none. The degrees that it needs are printed.
+        Part of a lobe's energy that its reflection map may miss; 0.03 by default.  Small bright
+        sources still ring at 0.03, but not at 0.003.  The command prints the degrees it needs.
     view_degree
-        Degree P of the viewer's direction, in place of the chosen one: (P + 1)^2 maps; 0 to 12.
-        Lobes of one angle, such as lambertian, have P = 0 in any case.
+        Degree P of the viewer's direction, 0 to 12; by default chosen by tolerance.  A map has
+        (P + 1)^2 parts.  Lobes of one angle, such as lambertian, always have P = 0.
     degree
-        Degree F of the light's direction, in place of the chosen one; at most 128, and what the
-        probe carries.
+        Degree F of the light's direction; by default chosen by tolerance.  At most 128, and at
+        most what the probe resolves.
     window
-        Takes off the dark rings that a lobe cut at a degree draws around small bright lamps: hann,
-        lanczos, or minimal, which is no stronger than a lobe needs; none keeps lobes as they are.
+        Removes the dark rings that a truncated lobe draws around small bright sources: hann,
+        lanczos, or minimal (no stronger than a lobe needs).  none keeps the lobes as they are.
     force
         Replace an earlier result of another probe.
     """
@@ -109,40 +112,46 @@ def analyze(
     aim: str = "worst",
     count: int = 5,
 ) -> int:
-    """Say what photographs could tell before they are taken: of a run's config, or under a light.
+    """Predict what photographs can determine, before they are taken.
+
+    With a config: the standard errors that a fit will state, the identifiable degrees of the light,
+    and why something is not identifiable.  The material is supposed: from --suppose, the config's
+    fixed or start values, its recipe, or a typical plastic.  With a panorama: the spectra of light
+    and BRDF, the well-posed degrees, and the degrees that a rendering needs.
 
     Parameters
     ----------
     subject
-        Config of a run (.yaml, .yml), of which only cameras, shape and light need exist; or a
-        panorama of radiance (EXR, HDR or PFM).
+        A run's config (.yaml, .yml), or a panorama of radiance (EXR, HDR or PFM).  Of a config only
+        cameras, shape and light need exist.
     overrides
-        Values written over the config's, such as samples.min_cosine=0.3.
+        Values that replace those of the config, such as samples.min_cosine=0.3.
     convention
-        The panorama's layout: z-up, y-up, angular, cross or mirror-ball.
+        Layout of the panorama: z-up, y-up, angular, cross or mirror-ball.
     brdf
-        A lobe such as phong:exponent=32 or microfacet:sigma=0.1 to go with a panorama; may be given
+        With a panorama: a lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given
         several times.
     band_limit
-        The highest degree to look at; 32 for a panorama, chosen from the roughness for a config.
+        The highest degree.  Default: 32 for a panorama, chosen by the roughness for a config.
     tolerance
-        Part of an energy that the orders of light and viewer may leave out, with a panorama; 0.03
-        if not given.
+        With a panorama: the part of the energy that the degrees of light and viewer may miss; 0.03
+        by default.
     noise
-        Standard deviation of a sample, as a part of the reflected light; the config's, or 0.01.
+        Standard deviation of a sample, relative to the reflected light.  Default: that of the
+        config, or 0.01.
     samples
-        How many samples the photographs have, with a panorama.
+        With a panorama: the number of samples in all photographs.
     figure
         Picture of spectra and predicted errors to write (PNG, PDF or SVG).
     suppose
-        What to suppose of a config's material, such as sigma=0.1 or kd=0.3,0.2,0.1; may be given
+        With a config: a number of the material, such as sigma=0.1 or kd=0.3,0.2,0.1; may be given
         several times.
     suggest
-        Rank further camera positions or lamps by what one more photograph would tell.
+        Rank further camera positions or sources by what one more photograph would add.
     aim
-        The parameter that suggestions are to tell better, by the model's own name, or worst.
+        The parameter that suggestions should improve, by the model's own name, or worst.
     count
-        How many suggestions to print.
+        Number of suggestions to print.
     """
     if subject.suffix.lower() in (".yaml", ".yml"):
         if brdf:
@@ -168,17 +177,18 @@ def analyze(
         from jaxrender.pipelines import analyze as analysis
 
         lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
-        measurement = (0.01 if noise is None else noise, samples)
+        relative = analysis.DEFAULT_MEASUREMENT.noise if noise is None else noise
         limit = 32 if band_limit is None else band_limit
         found = analysis.analyze(
             subject,
             convention,
             lobes,
             limit,
-            measurement,
-            figure,
+            analysis.Measurement(relative, samples),
             tolerance=analysis.TOLERANCE if tolerance is None else tolerance,
         )
+        if figure is not None:
+            found.draw(figure)
         process.say(found.table.rstrip())
     if figure is not None:
         process.say(f"figure: {figure}")

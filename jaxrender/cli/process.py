@@ -1,4 +1,4 @@
-"""What a command does to its own process: output, bundled examples, JAX's settings, the end."""
+"""The process of a command: output, bundled examples, JAX's settings, the end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from jaxrender.cli.app import UNREAD, main
 
-# Folders of examples that travel with the package, by the names that the README gives them.
+# Folders of examples that travel with the package, by the names in the README.
 _BUNDLED = ("configs", "data_synth")
 # Compile seconds from which a program is worth keeping: all of them, since a run needs a hundred
 # small ones.  JAX's own 1 s would keep almost none.
@@ -43,7 +43,7 @@ def collect_seldom() -> None:
 
 
 def say(text: str) -> None:
-    """Print to the output.  Only its own closed pipe is no trouble: any other is a failure."""
+    """Print to the output; end quietly if the reader has closed it."""
     try:
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
@@ -54,7 +54,7 @@ def say(text: str) -> None:
 
 
 def bundled(path: Path) -> Path:
-    """The path, or the example of that name which came with the package where the path is not."""
+    """Return the path, or the bundled example of that name if the path does not exist."""
     if path.exists() or not path.parts or path.parts[0] not in _BUNDLED:
         return path
     example = Path(str(resources.files("jaxrender"))).joinpath("package_data", *path.parts)

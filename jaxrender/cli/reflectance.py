@@ -1,4 +1,4 @@
-"""Reflectance: ``measure`` that of micro-geometry, ``compress`` that of a file or model."""
+"""The commands about reflectance: ``measure`` and ``compress``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ def measure(
     relief: float = 0.1,
     force: bool = False,
 ) -> int:
-    """Measure the BRDF of micro-geometry; interrupted, the same command goes on later.
+    """Measure the BRDF of micro-geometry, with masking and interreflection.
+
+    The table holds values and standard errors.  After an interrupt the same command continues.
 
     Parameters
     ----------
@@ -36,27 +38,27 @@ def measure(
         sawtooth:teeth=4,rising=45,falling=45 (degrees), velvet:threads=600,length=0.3,lean=20, a
         mesh of one period (.obj, .ply, .glb, .stl), or an image of heights.
     out
-        The table to write (.nc): values and standard errors.
+        The table to write (.nc).
     brdf
-        A facet's BRDF such as lambertian:kd=0.2/0.1/0.1 or microfacet:sigma=0.2; given several
-        times, that of material 0, 1, ... (rising and falling sides; base and threads).
+        A facet's BRDF such as lambertian:kd=0.2/0.1/0.1 or microfacet:sigma=0.2.  Give it several
+        times for materials 0, 1, ... (rising and falling sides; base and threads).
     size
-        Samples along each axis of the table; given four times, kappa_i, lambda_i, kappa_r,
-        lambda_r; 16 if not given.
+        Samples along each axis of the table; 16 by default.  Give it four times for kappa_i,
+        lambda_i, kappa_r and lambda_r.
     embedding
-        How directions lie on the table's square.
+        How the square of the table holds directions.
     samples
         Paths for each exit direction.
     bounces
-        The most reflections between facets; 1 is direct light only.
+        Largest number of reflections between facets; 1 is direct light only.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     region
-        The part u0 v0 u1 v1 of the period that is looked at, 0 to 1.
+        The part u0 v0 u1 v1 of the period that is measured, 0 to 1.
     relief
-        Height of an image's white above its black, in units of its width.
+        Height of white above black in an image, in units of its width.
     force
-        Replace the result of another measurement, or what is left of one.
+        Replace the result of another measurement, finished or not.
     """
     process.set_up_jax()
     from jaxrender.pipelines import measure as measuring
@@ -85,7 +87,10 @@ def compress(
     spectral: bool = False,
     cell_samples: int = 16,
 ) -> int:
-    """Compress a BRDF to a tree of wavelet coefficients, and say what that costs.
+    """Compress a BRDF to a tree of wavelet coefficients.
+
+    Prints the size of the tree, the errors of thresholding and of the tree, and the cost of an
+    evaluation.
 
     Parameters
     ----------
@@ -95,17 +100,18 @@ def compress(
     out
         The tree to write (NetCDF).
     keep
-        Fraction of the non-zero coefficients to keep, those of all channels together.
+        Fraction of the non-zero coefficients to keep, over all channels together.
     error
-        Relative rms error to meet instead, such as 0.05, with as few coefficients as that takes.
+        Relative rms error to meet, such as 0.05, with as few coefficients as possible.  It replaces
+        keep.
     size
         Samples along each of four axes; a power of two.
     wavelet
         haar, cdf-2-2 (linear spline), daubechies-2 or daubechies-4.
     spectral
-        Keep all wavelengths of a file that has them, in place of linear RGB.
+        Keep all wavelengths of a file, not linear RGB.
     cell_samples
-        Evaluations that the mean over a cell is made of; 1 takes its centre.
+        Evaluations in the mean over a cell; 1 takes its centre.
     """
     process.set_up_jax()
     from jaxrender.pipelines import compress as compression

@@ -1,4 +1,4 @@
-"""Sweeps: ``batch`` does their fits; ``schema`` says what may stand in them, and in configs."""
+"""The commands about sweeps and configs: ``batch`` and ``schema``."""
 
 from __future__ import annotations
 
@@ -20,18 +20,23 @@ def batch(
     dry_run: bool = False,
     strict: bool = False,
 ) -> int:
-    """Do all fits of a sweep, several at a time; running it again does what is missing.
+    """Do all fits of a sweep, several at a time.
+
+    Each run has a folder, named by a hash of its config, its data and the version.  Run the same
+    command again to continue after an interrupt: it skips finished runs and repeats failed ones.  A
+    failed run leaves error.json.  The table of all runs is index.nc for xarray and index.csv.
 
     Parameters
     ----------
     sweep
-        Base config and the values to be written over it (YAML).
+        A base config, and the values that replace its own (YAML).
     workers
-        How many processes of this machine to use; as many as it has room for if not given.
+        Number of processes on this machine; by default as many as it has room for.
     scheduler
-        Address of a dask scheduler, such as tcp://host:8786, whose workers are used instead.
+        Address of a dask scheduler, such as tcp://host:8786.  Its workers do the fits, and must
+        share the file system.
     dry_run
-        Check everything and list the runs, but do none.
+        Check everything and list the runs, but do nothing.
     strict
         Exit with 1 unless every run's outcome is 'converged'.
     """
@@ -53,14 +58,16 @@ def batch(
 
 @app.command
 def schema(*, recipe: bool = False, sweep: bool = False) -> int:
-    """Print the JSON Schema of configs, for editors that check YAML.
+    """Print the JSON Schema of configs: every key with its meaning, range and tasks.
+
+    Editors that check YAML can read it.
 
     Parameters
     ----------
     recipe
-        The schema of recipes instead.
+        Print the schema of recipes.
     sweep
-        The schema of sweeps instead.
+        Print the schema of sweeps.
     """
     import json
 

@@ -1,11 +1,11 @@
 """Files in, files out.
 
 ``config``
-    what a run is told, as data
+    the settings of a run, as data
 ``run`` ``synth`` ``render``
     a fit; synthetic photographs from a recipe; a finished result's views rendered again
 ``output`` ``progress``
-    result folders that appear whole or not at all; what is being done, and how long it took
+    result folders that appear whole or not at all; the stages of a run and their seconds
 
 The functions of one step are imported when they are first asked for, so that reading a config
 does not import the numerics.

@@ -1,4 +1,4 @@
-"""What a light and a BRDF let through, which inverse problems that leaves, and to which orders."""
+"""The spectra of a light and of lobes, the well-posed inverse problems, and the degrees needed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,14 +19,29 @@ DEFAULT_LOBES = ("lambertian", "microfacet:sigma=0.2", "microfacet:sigma=0.05")
 _DEGREES_SHOWN = (*range(9), 10, 12, 16, 20, 24, 32, 48, 64)
 
 
-class Analysis(NamedTuple):
-    """The table for a terminal, and what it was made from: verdict and orders for each lobe."""
+class Measurement(NamedTuple):
+    """What photographs measure: the relative noise of a sample, and the number of samples."""
 
+    noise: float = 0.01
+    samples: int = 12_000
+
+
+class Analysis(NamedTuple):
+    """The table for a terminal, and its contents: verdict and orders for each lobe."""
+
+    title: str
     table: str
     lobes: tuple[Lobe, ...]
     verdicts: tuple[Posedness, ...]
     orders: tuple[LobeOrders | None, ...]
-    """None for a mirror, which no orders hold."""
+    """None for a mirror, which passes all degrees."""
+
+    def draw(self, path: Path) -> None:
+        """Draw the spectra as a picture (PNG, PDF or SVG)."""
+        _draw(path, self.title, self.lobes, self.verdicts)
+
+
+DEFAULT_MEASUREMENT = Measurement()
 
 
 def analyze(
@@ -34,15 +49,13 @@ def analyze(
     convention: str = "z-up",
     brdfs: Sequence[str] = DEFAULT_LOBES,
     band_limit: int = 32,
-    measurement: tuple[float, int] = (0.01, 12_000),
-    figure: Path | None = None,
+    measurement: Measurement = DEFAULT_MEASUREMENT,
     tolerance: float = TOLERANCE,
 ) -> Analysis:
     """Compare the spectra of a panorama and of lobes, degree by degree (T 2.4.2, 3.2, 5.5).
 
-    ``measurement`` is the relative noise of a sample and the number of samples; ``tolerance`` the
-    part of an energy that orders may leave out.  Raises ``InputError`` for a panorama that cannot
-    be used, unknown lobes, more degrees than texels, and a tolerance outside (0, 1).
+    ``tolerance`` is the part of the energy that the degrees may miss.  Raises ``InputError`` for an
+    unusable panorama, unknown lobes, more degrees than texels, and a tolerance outside (0, 1).
     """
     goal = OrdersGoal(tolerance)
     goal.check()
@@ -51,26 +64,27 @@ def analyze(
         environment = read_environment(light, convention)
         coefficients = np.asarray(analyse(environment.grid, environment.radiance, band_limit))
         verdicts = tuple(
-            posedness(coefficients, lobe.transfer(band_limit), *measurement) for lobe in lobes
+            posedness(
+                coefficients, lobe.transfer(band_limit), measurement.noise, measurement.samples
+            )
+            for lobe in lobes
         )
         spectrum = LightSpectrum.of(environment)
         orders = tuple(None if lobe.brdf is None else lobe_orders(lobe, goal) for lobe in lobes)
-        told = [_orders(spectrum, found, goal) for found in orders]
+        sentences = [_orders(spectrum, found, goal) for found in orders]
     except InputError:
         raise
     except ValueError as error:
         raise InputError(f"{light}: {error}") from None
-    if figure is not None:
-        _draw(figure, light.name, lobes, verdicts)
     sections = [
-        _section(lobe, verdict, lines) for lobe, verdict, lines in zip(lobes, verdicts, told)
+        _section(lobe, verdict, lines) for lobe, verdict, lines in zip(lobes, verdicts, sentences)
     ]
     heading = (
-        f"{light.name}, to degree {band_limit}; samples with {100 * measurement[0]:g} % noise: "
-        f"{measurement[1]:,}.\n"
+        f"{light.name}, to degree {band_limit}; samples with {100 * measurement.noise:g} % noise: "
+        f"{measurement.samples:,}.\n"
         f"Recoverable: a relative standard error below {100 * RECOVERABLE:g} %.\n"
     )
-    return Analysis("\n".join([heading, *sections]), lobes, verdicts, orders)
+    return Analysis(light.name, "\n".join([heading, *sections]), lobes, verdicts, orders)
 
 
 def _section(lobe: Lobe, verdict: Posedness, orders: list[str]) -> str:
@@ -98,7 +112,7 @@ def _section(lobe: Lobe, verdict: Posedness, orders: list[str]) -> str:
 
 
 def _orders(light: LightSpectrum, found: LobeOrders | None, goal: OrdersGoal) -> list[str]:
-    """Say which degrees of light and viewer hold all but the tolerance (T 5.16 to 5.19)."""
+    """Say which degrees of light and viewer miss no more than the tolerance (T 5.16 to 5.19)."""
     heading = f"  orders for {percent(goal.tolerance)} missing energy: "
     missing = light.missing()
     enough = np.flatnonzero(missing < goal.tolerance)

@@ -1,4 +1,4 @@
-"""What several tasks write into ``result.nc``: samples, and a light."""
+"""Arrays of ``result.nc`` that several tasks share: samples, and a light."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _LIGHT = {
 def sample_arrays(
     observations: Observations, predicted: Float[AnyArray, "sample channel"]
 ) -> dict[str, Variable]:
-    """Lay out samples, and what the fit predicts of them."""
+    """Lay out samples with their measured and predicted radiance."""
     normals, outgoing = observations.samples.normals, observations.samples.outgoing
     return {
         "normal": Variable(_DIRECTION, normals, "1", "surface normal, world axes"),
@@ -36,7 +36,7 @@ def sample_arrays(
 
 
 def light_group(slow: Float[AnyArray, "coefficient channel"], **more: AnyArray | None) -> Group:
-    """Lay out a light by the names of ``_LIGHT``; what is None or of no source is left out."""
+    """Lay out a light by the names of ``_LIGHT``, without arrays that are None or empty."""
     band_limit = band_limit_of(len(slow))
     coefficient = ("coefficient",)
     variables = {

@@ -1,6 +1,6 @@
-"""Where a BRDF may come from: a file of measurements, a model by name, the result of a fit.
+"""The sources of a BRDF: a file of measurements, a model by name, or the result of a fit.
 
-Files are told apart by their suffix, or by how they begin; a reader says in words what it did.
+The suffix of a file, or its first bytes, decide who reads it.  Each reader says what it did.
 """
 
 from collections.abc import Callable
@@ -33,18 +33,17 @@ from jaxrender.io.tree_layout import FORMAT as TREE
 from jaxrender.io.trees import read_tree
 from jaxrender.io.utia import read_utia
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
-from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.result import ARRAYS, read_result
+from jaxrender.pipelines.result import ARRAYS, read_run
 
 _LOOKED_AT = 4096
 _COLOURS = 3
 
 
 class Source(NamedTuple):
-    """A BRDF, what its channels are (as ``io.tree_layout`` names them) and what reading it did.
+    """A BRDF, its channels (as ``io.tree_layout`` names them), and what the reader says.
 
-    ``rings``: negative values are those of a truncated series, not holes among measurements.
+    ``rings``: negative values belong to a truncated series, not to holes among measurements.
     """
 
     name: str
@@ -56,11 +55,10 @@ class Source(NamedTuple):
 
 
 def source_of(named: str, spectral: bool = False) -> Source:
-    """Read what a command line names: a file, a result folder, else a model such as ``phong:...``.
+    """Read a BRDF by its name: a file, a result folder, or a model such as ``phong:...``.
 
-    ``spectral`` asks for all wavelengths of a file that has them instead of linear RGB.  Raises
-    ``InputError`` for what cannot be read, a kind of file that nobody knows, and ``spectral`` of
-    what has no wavelengths.
+    ``spectral`` asks for all wavelengths of a file, instead of linear RGB.  Raises ``InputError``
+    for an unreadable file, an unknown kind of file, and ``spectral`` without wavelengths.
     """
     path = Path(named)
     if path.is_dir():
@@ -83,7 +81,7 @@ def _reader(path: Path) -> Callable[[Path, bool], Source]:
         if b"#ALTA" in stream.read(_LOOKED_AT):
             return _alta
     raise InputError(
-        f"{path}: no kind of file known by {path.suffix!r}; give one of {', '.join(READERS)}, a "
+        f"{path}: unknown kind of file {path.suffix!r}; give one of {', '.join(READERS)}, a "
         "result folder, or a model such as microfacet:sigma=0.2"
     )
 
@@ -92,9 +90,9 @@ def _cornell(path: Path, spectral: bool) -> Source:
     data = read_cornell(path)
     values = np.where(data.values >= 0, data.values, np.nan)
     if not spectral:
-        # Of a colour every wavelength must be known; what is more saturated than it may be is 0.
+        # A colour needs every wavelength.  A channel below zero, outside the gamut, becomes 0.
         values = rgb_of_reflectance(data.wavelengths, values)
-    fit = _fitted(path, (data.incoming, data.outgoing, values))
+    fit = _fitted(path, data.incoming, data.outgoing, values)
     wavelengths = tuple(data.wavelengths.tolist()) if spectral else ()
     channels = "wavelengths" if spectral else "rgb"
     return Source(path.name, fit.brdf, channels, wavelengths, _said_of_fit(fit))
@@ -102,16 +100,18 @@ def _cornell(path: Path, spectral: bool) -> Source:
 
 def _alta(path: Path, _: bool) -> Source:
     data = read_alta(path)
-    fit = _fitted(path, (data.incoming, data.outgoing, data.values))
+    fit = _fitted(path, data.incoming, data.outgoing, data.values)
     said = _said_of_fit(fit)
     if data.below_horizon:
         said += (f"{data.below_horizon} rows below the horizon left out",)
     return Source(path.name, fit.brdf, _colours(data.values.shape[1]), (), said)
 
 
-def _fitted(path: Path, data: tuple[np.ndarray, np.ndarray, np.ndarray]) -> ScatteredFit:
+def _fitted(
+    path: Path, incoming: np.ndarray, outgoing: np.ndarray, values: np.ndarray
+) -> ScatteredFit:
     try:
-        return fit_isotropic_table(*data)
+        return fit_isotropic_table(incoming, outgoing, values)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -119,8 +119,8 @@ def _fitted(path: Path, data: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Scat
 def _said_of_fit(fit: ScatteredFit) -> tuple[str, ...]:
     errors = " ".join(f"{100 * error:.3g}" for error in fit.relative_rms)
     return (
-        f"fitted to {int(fit.used.max())} scattered measurements, taken as isotropic; those held "
-        f"out missed by {errors} % rms",
+        f"fitted to {int(fit.used.max())} scattered measurements as an isotropic BRDF; error on "
+        f"held-out measurements {errors} % rms",
         f"{int(fit.masked.sum())} negative or unknown values masked",
     )
 
@@ -128,8 +128,8 @@ def _said_of_fit(fit: ScatteredFit) -> tuple[str, ...]:
 def _merl(path: Path, _: bool) -> Source:
     table = read_merl(path)
     count = int(table.invalid.sum())
-    said = (f"{count} of {table.invalid.size} entries are no measurement; taken from neighbours",)
-    return Source(path.name, table.brdf(), "rgb", (), said)
+    said = f"{count} of {table.invalid.size} entries are not measured; filled from their neighbours"
+    return Source(path.name, table.brdf(), "rgb", (), (said,))
 
 
 def _utia(path: Path, _: bool) -> Source:
@@ -174,16 +174,16 @@ def _tree(path: Path) -> Source:
 
 
 def _result(folder: Path) -> Source:
-    found, config = read_result(folder), load_run_config(folder / "config.yaml")
-    if config.task == "texture":
+    run = read_run(folder)
+    if run.config.task == "texture":
         raise InputError(f"{folder}: a texture has a material for each texel; give a uniform one")
-    said = f"recovered by a fit, outcome {found['outcome']}"
-    if config.task == "brdf-spectrum":
+    said = f"recovered by a fit, outcome {run.summary['outcome']}"
+    if run.config.task == "brdf-spectrum":
         brdf = HarmonicBRDF.of(read_spectrum(folder / ARRAYS))
         return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
-    if "brdf" not in found:
-        raise InputError(f"{folder}: a result of task {config.task} holds no material")
-    brdf = material_named(found["brdf"]["model"], found["brdf"])
+    if "brdf" not in run.summary:
+        raise InputError(f"{folder}: a result of task {run.config.task} holds no material")
+    brdf = material_named(run.summary["brdf"]["model"], run.summary["brdf"])
     return Source(folder.name, brdf, _colours(brdf.amplitudes.shape[1]), (), (said,))
 
 
@@ -198,7 +198,7 @@ def _colours(channels: int) -> str:
     return "rgb" if channels == _COLOURS else "plain"
 
 
-# A kind of file is a line here.
+# One line for each kind of file.
 READERS: dict[str, Callable[[Path, bool], Source]] = {
     ".binary": _merl,
     ".brdf": _cornell,

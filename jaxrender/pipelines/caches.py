@@ -1,6 +1,6 @@
-"""What is kept between runs: photographs rendered from a recipe, and arrays that took long.
+"""Caches between runs: photographs rendered from a recipe, and arrays that are slow to make.
 
-All of it lies below ``XDG_CACHE_HOME`` or ``~/.cache`` and may be deleted at any time.
+They lie below ``XDG_CACHE_HOME`` or ``~/.cache``, and may be deleted at any time.
 """
 
 import hashlib
@@ -25,16 +25,16 @@ def capture_folder(recipe: RecipeConfig, recipe_path: Path) -> Path:
 
 
 def is_whole(recipe: RecipeConfig, folder: Path) -> bool:
-    """Whether a folder of photographs still holds all that was written into it."""
+    """Say whether a folder of photographs still holds all its files."""
     return all((folder / name).is_file() for name in written_files(recipe))
 
 
 def remembered(
     kind: str, key: Sequence[np.ndarray | str], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """Look an array up by the content that it depends on, or make it and keep it.
+    """Look up an array by the content that it depends on, or make it and keep it.
 
-    Where nothing can be kept, or what was kept is damaged, it is simply made.
+    The array is made anew where the cache is damaged or cannot be written.
     """
     digest = hashlib.sha256()
     for part in key:

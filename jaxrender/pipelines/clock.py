@@ -1,7 +1,7 @@
-"""Seconds by stage, with what JAX spent on compiling told apart.
+"""Seconds by stage, with compilation as a stage of its own.
 
-JAX announces how long each tracing, lowering and compilation took; those inside a stage are taken
-off its time and added to ``compile``.
+JAX reports the seconds of each tracing, lowering and compilation.  They are moved from their stage
+to ``compile``.
 """
 
 import time

@@ -1,11 +1,21 @@
 """A BRDF as a wavelet tree in a file (L 4.4): tabulated, transformed, thresholded, and judged.
 
-Samples are means over the cells of Nusselt's square, zero outside its disc (L 4.1, 4.6); channels
-share their coefficients' places.  Two errors are stated, both relative and of values clamped at
-zero: what thresholding misses, the rms over the table's samples over that of the table, which is
-predicted by the coefficients that were dropped (L 4.7, ERRATA 61), exactly for an orthonormal
-wavelet but for the clamping; and what the tree misses of the BRDF itself, at random pairs of
-directions, where cells wider than the lobe show.
+Samples are means over the cells of Nusselt's square, and zero outside its disc (L 4.1, 4.6).  The
+coefficients of all channels share their places.  Two relative errors of the clamped values are
+stated:
+
+- What thresholding misses: the rms of the missing part over the rms of the table.  The dropped
+  coefficients predict it (L 4.7, ERRATA 61); for an orthonormal wavelet exactly, but for clamping.
+- What the tree misses of the BRDF itself, at random pairs of directions.  It shows where cells are
+  wider than the lobe.
+
+Python reads a tree, renders with it, draws directions from it, and finds the nearest models::
+
+    tree, about = read_tree("paint.nc")  # jaxrender.io
+    material = WaveletBRDF(tree)  # jaxrender.brdf
+    sampler = TreeSampler.of(tree)  # jaxrender.brdf; for reflection.tracing.path_radiance
+    picture = shade_plane(light_tree, [tree], view)  # jaxrender.reflection.wavelet_shading
+    best_models(material)  # jaxrender.inverse
 """
 
 import time
@@ -50,14 +60,14 @@ _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
 class Goal(NamedTuple):
-    """How much to keep: a fraction of the non-zero coefficients, or what leaves an error."""
+    """How much to keep: a fraction of the non-zero coefficients, or enough for an error."""
 
     fraction: float = 0.01
     error: float | None = None
 
 
 class Compression(NamedTuple):
-    """A tree, how many coefficients its table has, and the relative rms of what it misses."""
+    """A tree, the number of coefficients of its table, and its relative rms error."""
 
     tree: CoefficientTree
     non_zero: int
@@ -69,7 +79,7 @@ class Compression(NamedTuple):
 
 
 class Compressed(NamedTuple):
-    """What was written, and what there is to say of it."""
+    """The written tree, and sentences about it."""
 
     compression: Compression
     said: tuple[str, ...]
@@ -90,8 +100,8 @@ def compress(
 
     ``cell_samples`` are taken for the mean over a cell, 1 at its centre.
 
-    Raises ``InputError`` for what cannot be read or written, a size that is no power of two or too
-    large, a wavelet that there is none of, and a goal out of range.
+    Raises ``InputError`` for unreadable and unwritable files, a size that is too large or no power
+    of two, an unknown wavelet, and a goal out of range.
     """
     goal, progress = goal or Goal(), progress or SilentProgress()
     chosen = _checked(goal, size, wavelet, cell_samples)

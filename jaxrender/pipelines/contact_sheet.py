@@ -1,4 +1,4 @@
-"""Several panoramas on one page, each in the tone curve that suits it."""
+"""Several panoramas on one page, each with its own tone curve."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,8 +1,8 @@
 """A material's covariance, kept with a result and carried into what is rendered from it.
 
-To first order an image's variance is J C J', with J its derivatives by all that was fitted: K_d and
-K_s of a channel, the lobe's numbers, the photograph's gain and the scale of the light.  Errors of a
-light that was recovered along with the material are not in it.
+To first order the variance of an image is J C J'.  J are its derivatives by all fitted numbers: K_d
+and K_s of a channel, the lobe's numbers, the photograph's gain and the scale of the light.  The
+errors of a recovered light are not included.
 """
 
 from collections.abc import Iterable
@@ -50,14 +50,13 @@ def image_deviation(
     covariance: Float[np.ndarray, "channel part part"],
     slopes: Float[np.ndarray, "pixel number channel"],
     radiance: Float[np.ndarray, "pixel channel"],
-    factors: tuple[float, float],
+    gain: float,
+    scale: float,
 ) -> Float[np.ndarray, "pixel channel"]:
     """Carry a covariance into the standard deviation of gain x scale x radiance.
 
-    ``slopes`` are those of the radiance by amplitudes and numbers.  ``factors`` are gain
-    and scale.
+    ``slopes`` are the derivatives of the radiance by amplitudes and numbers.
     """
-    gain, scale = factors
     by_factor = np.stack([scale * radiance, gain * radiance], axis=1)
     every = np.concatenate([gain * scale * slopes, by_factor], axis=1)
     variance = np.einsum("pic,cij,pjc->pc", every, covariance, every)

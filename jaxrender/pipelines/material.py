@@ -1,16 +1,17 @@
 """Task ``brdf``: the material from photographs under known light."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jaxrender.brdf import Glossy
-from jaxrender.geometry import Mesh, Shape
-from jaxrender.inverse import BRDFFit, KnownLight, Observations, fit_brdf
+from jaxrender.geometry import Mesh
+from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
-from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
@@ -20,7 +21,7 @@ from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.material_result import Finding, groups_of, result_of
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.ranking import sentence_of
-from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import (
     fault_of,
@@ -45,6 +46,9 @@ from jaxrender.reflection import (
     render_views,
 )
 
+if TYPE_CHECKING:
+    from jaxrender.pipelines.report.contents import FramePictures, ReportContents
+
 
 class MaterialRecovery(Recovery):
     """A recovered material."""
@@ -68,7 +72,9 @@ class MaterialRecovery(Recovery):
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
 
-    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+    def contents(
+        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
+    ) -> ReportContents:
         """Gather what the report shows."""
         from jaxrender.pipelines.report import ReportContents
 
@@ -111,18 +117,14 @@ class MaterialRecovery(Recovery):
 
 
 def recover_material(
-    config: RunConfig,
-    known: tuple[Observations, KnownLight],
-    seen: tuple[list[Photograph], Shape],
-    clock: Clock,
-    progress: Progress,
-    pool: Observations | None = None,
+    config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress
 ) -> MaterialRecovery:
     """Fit the material, and its variants where the config asks for them.
 
-    The refinement may draw from ``pool``, all pixels, where the shape does not shadow itself.
+    The refinement may draw from all pixels where the shape does not shadow itself.
     """
-    (observations, light), (photographs, shape) = known, seen
+    photographs, shape, light, pool, observations = evidence
+    assert light is not None
     settings = settings_of(config)
     transfer = None
     if not shape.is_convex():
@@ -134,10 +136,9 @@ def recover_material(
             assert observations.places is not None
             vectors = transfer.at(observations.places, np.asarray(observations.samples.normals))
             observations = observations._replace(transfer=vectors)
-    known = (observations, light)
     comparison, model = None, config.brdf.model
     if config.brdf.compare:
-        comparison = _compared(config, known, (shape, len(photographs)), clock)
+        comparison = _compared(config, evidence._replace(observations=observations), clock)
         found, model = comparison.best.fit, comparison.best.name
         assert isinstance(found, BRDFFit)
         progress.note(sentence_of(comparison))
@@ -146,7 +147,9 @@ def recover_material(
         lobe = lobe_of(config.brdf)
         # Shadows are traced for the samples alone: a pool would cost as many times more rays.
         pool = pool if transfer is None else None
-        found = fit_brdf(*known, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool)
+        found = fit_brdf(
+            observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
+        )
     variants = ()
     if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):
@@ -170,24 +173,20 @@ def recover_material(
     return MaterialRecovery(finding)
 
 
-def _compared(
-    config: RunConfig,
-    known: tuple[Observations, KnownLight],
-    seen: tuple[Shape, int],
-    clock: Clock,
-) -> Comparison:
-    """Fit every model that the config names, each with what is said of its own parameters."""
-    shape, photographs = seen
-    candidates = []
+def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison:
+    """Fit every model that the config names, each with what the config says of its parameters."""
+    assert evidence.light is not None
+    photographs, candidates = len(evidence.photographs), []
     for model in config.brdf.models:
         own = config.model_copy(update={"brdf": config.brdf.as_model(model)})
         candidates.append(Candidate(model, lobe_of(own.brdf), unknowns_of(own, photographs)))
     with fault_of("brdf.compare"):
         return compare_models(
-            *known,
+            evidence.observations,
+            evidence.light,
             tuple(candidates),
             settings_of(config),
             config.solve.held_out,
             stage=clock.stage,
-            shape=shape,
+            shape=evidence.shape,
         )

@@ -1,4 +1,4 @@
-"""What task ``brdf`` found, as the data of ``result.json`` and the arrays of ``result.nc``."""
+"""The result of task ``brdf``: the data of ``result.json`` and the arrays of ``result.nc``."""
 
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from jaxrender.spectra import light_coefficients
 
 
 class Finding(NamedTuple):
-    """A finished fit with everything that its result is made of."""
+    """A finished fit, and everything else that its result states."""
 
     fit: BRDFFit
     variants: tuple[Variant, ...]
@@ -60,7 +60,7 @@ def result_of(finding: Finding) -> Result:
 
 
 def _own(finding: Finding) -> dict[str, Any]:
-    """Say what no other task does."""
+    """Gather the keys that only this task has."""
     fit, words = finding.fit, _words(finding)
     own: dict[str, Any] = {
         "model_sensitive": model_sensitive(fit, finding.variants),
@@ -109,7 +109,7 @@ def _words(finding: Finding) -> OwnWords:
 
 
 def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
-    """Say what the material that was found could have been expected to tell."""
+    """Lay out the predicted errors of the recovered material."""
     return {
         "standard_error": _words(finding).values(forecast.parameters.standard_error),
         "recoverable_degree": forecast.highest_degree,
@@ -134,7 +134,7 @@ def _lighting(finding: Finding) -> dict[str, Any]:
     fit, light = finding.fit, finding.light
     dual, split = fit.light.dual, fit.light.split
     free = fit.final.problem.unknowns.free_scale
-    gauge = "mean of kd + ks is 1; the light as given, times scale, made the photographs"
+    gauge = "mean of kd + ks is 1; the light of the photographs is the given light times scale"
     lighting: dict[str, Any] = {"gauge": gauge if free else "given"}
     if light.environment is not None:
         sources = light_coefficients(dual.sources, dual.band_limit)

@@ -1,7 +1,7 @@
 """``jaxrender measure``: a patch under the virtual gonioreflectometer, into a table (L 3.1.1).
 
-Finished rows of exit directions are kept in a folder beside the result, ``OUT.partial``.  Whatever
-ends the run, the same command goes on from there; another command is refused unless forced.
+Finished rows of exit directions are kept in a folder beside the result, ``OUT.partial``.  After any
+interrupt the same command continues from there.  Another command is refused unless forced.
 """
 
 import json
@@ -37,7 +37,7 @@ _MOST_NUMBERS = 2**28
 
 
 class MeasureOptions(NamedTuple):
-    """What the command line asks for; see ``jaxrender measure --help``."""
+    """The options of the command line; see ``jaxrender measure --help``."""
 
     patch: str
     brdfs: tuple[str, ...] = DEFAULT_FACETS
@@ -52,7 +52,7 @@ class MeasureOptions(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What was written, and how good it is."""
+    """The written table, and a sentence on its accuracy."""
 
     path: Path
     table: BRDFTable
@@ -62,10 +62,10 @@ class Measured(NamedTuple):
 def measure(
     options: MeasureOptions, out: Path, progress: Progress | None = None, force: bool = False
 ) -> Measured:
-    """Measure a patch and write the table; goes on where an equal run was interrupted.
+    """Measure a patch and write the table; continues an interrupted run of the same options.
 
-    Raises ``InputError`` for options out of range, for files that cannot be used, and where the
-    result of another measurement, finished or not, is in the way and not ``force``.
+    Raises ``InputError`` for options out of range and for unusable files.  Raises it without
+    ``force`` where the result of another measurement is in the way, finished or not.
     """
     progress = progress or SilentProgress()
     settings = _settings(options)

@@ -1,8 +1,8 @@
-"""Result folders: they appear whole or not at all, and no one's files are ever deleted for them.
+"""Result folders: they appear whole or not at all, and never replace files that are not ours.
 
-A folder is ours if it holds the marker ``run.json``, which carries the fingerprint of what was run.
-Results are written into a hidden sibling folder and renamed into place when they are complete; an
-error or an interrupt removes the sibling and leaves an older result as it was.
+A folder is ours if it holds the marker ``run.json`` with the fingerprint of the run.  Results are
+written into a hidden sibling folder, and renamed into place when they are complete.  An error or an
+interrupt removes the sibling and leaves an older result unchanged.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MAKER = "jaxrender"
 
 
 class FolderState(enum.Enum):
-    """What a run finds at the place where its results belong."""
+    """The state of a result folder before a run."""
 
     FRESH = "to be written"
     FINISHED = "an identical run has finished here"
@@ -36,7 +36,7 @@ class FolderState(enum.Enum):
 def fingerprint(
     config: RunConfig | RecipeConfig, input_files: Iterable[Path], purpose: str = "fit"
 ) -> str:
-    """A hexadecimal digest of all that a result depends on.
+    """Make a hexadecimal digest of everything that a result depends on.
 
     SHA-256 over the purpose, the version, the resolved config without ``output``, and the contents
     of the input files (in the order of their paths).  Raises InputError for a file that cannot be
@@ -47,7 +47,7 @@ def fingerprint(
 
 
 def fingerprint_of(purpose: str, settings: str, input_files: Iterable[Path]) -> str:
-    """The same for a command whose settings are not a config: any text that tells them apart."""
+    """Make the digest of a command whose settings are not a config but any text."""
     digest = hashlib.sha256()
     for text in (purpose, __version__, settings):
         digest.update(hashlib.sha256(text.encode()).digest())
@@ -65,11 +65,11 @@ def _content_digest(path: Path) -> bytes:
 
 
 def prepare(output: Path, fingerprint: str, force: bool = False) -> FolderState:
-    """What is to be done about a result folder; touches nothing.
+    """Find the state of a result folder; changes nothing.
 
-    FINISHED means that the folder holds the result of an identical run: use it.  Raises InputError
-    if the folder holds another run's result and ``force`` is not given, or if it holds files that
-    are not ours, ``force`` or not.
+    FINISHED means that the folder holds the result of an identical run.  Raises InputError if it
+    holds the result of another run and ``force`` is not given.  Raises InputError if it holds files
+    that are not ours, with or without ``force``.
     """
     if not output.exists() and not output.is_symlink():
         return FolderState.FRESH
@@ -95,7 +95,7 @@ def prepare(output: Path, fingerprint: str, force: bool = False) -> FolderState:
 
 @contextmanager
 def result_folder(output: Path, fingerprint: str, force: bool = False) -> Iterator[Path]:
-    """A folder to write a result into; it becomes ``output`` when the block ends without an error.
+    """Make a folder to write into; it becomes ``output`` when the block ends without an error.
 
     If an identical run finished there in the meantime, its result stays.  Raises InputError as
     ``prepare`` does, and where the folder cannot be made.

@@ -1,9 +1,9 @@
 """Patches and facet BRDFs named on a command line.
 
 ``sawtooth:teeth=4,rising=45,falling=45`` and ``velvet:threads=600,length=0.3,lean=20`` have
-parameters as lobes do, angles in degrees.  Anything else is a file: a mesh, whose bounding
-rectangle is one period, or an image of heights, whose white is ``relief`` above its black, in units
-of the image's width.
+parameters as lobes do; angles are in degrees.  Anything else is a file: a mesh or an image of
+heights.  The bounding rectangle of a mesh is one period.  White is ``relief`` above black in an
+image, in units of its width.
 
 A facet BRDF is a lobe's specification (``lobes``), in which an amplitude may have a colour:
 ``lambertian:kd=0.2/0.02/0.02``.  ``lambertian`` alone is white, kd = 1 / pi.
@@ -15,6 +15,7 @@ import inspect
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,15 +32,23 @@ _COLOUR = re.compile(r"(\w+)\s*=\s*([^,=]*/[^,=]*)")
 _AMPLITUDES = ("kd", "ks")
 
 
-def patch_of(specification: str, relief: float = 0.1) -> tuple[Patch, list[Path]]:
-    """Make a patch, and list the files that it comes from.
+class NamedPatch(NamedTuple):
+    """A patch, and the files that it comes from."""
+
+    patch: Patch
+    files: list[Path]
+
+
+def patch_of(specification: str, relief: float = 0.1) -> NamedPatch:
+    """Make a patch from its name, a mesh or an image of heights.
 
     Raises ``InputError`` for an unknown name or parameter, and for a file that cannot be used.
     """
     kind, _, rest = specification.partition(":")
     try:
         if kind in KINDS:
-            return KINDS[kind](**_parameters(specification, KINDS[kind], rest)), []
+            made = KINDS[kind](**_parameters(specification, KINDS[kind], rest))
+            return NamedPatch(made, [])
         path = Path(specification)
         if not path.is_file():
             near = difflib.get_close_matches(kind, KINDS, n=1)
@@ -48,7 +57,9 @@ def patch_of(specification: str, relief: float = 0.1) -> tuple[Patch, list[Path]
                 f"{specification}: no such file or kind of patch{meant} give one of "
                 f"{', '.join(KINDS)}, a mesh or an image of heights"
             )
-        return (_of_mesh if path.suffix.lower() in MESH_SUFFIXES else _of_image)(path, relief)
+        if path.suffix.lower() in MESH_SUFFIXES:
+            return NamedPatch(Patch.of(read_mesh(path)), [path])
+        return NamedPatch(_of_image(path, relief), [path])
     except InputError:
         raise
     except ValueError as error:
@@ -56,9 +67,9 @@ def patch_of(specification: str, relief: float = 0.1) -> tuple[Patch, list[Path]
 
 
 def facets_of(specifications: Sequence[str], count: int) -> list[BRDF]:
-    """Make a BRDF for each of so many materials, all of as many channels; one serves them all.
+    """Make a BRDF for each of ``count`` materials, with one number of channels; one may serve all.
 
-    Raises ``InputError`` for a specification that is none, and for another number of them.
+    Raises ``InputError`` for a wrong specification, and for a wrong number of them.
     """
     facets = [_facet(specification) for specification in specifications]
     if len(facets) not in (1, count):
@@ -136,12 +147,8 @@ def _parameters(specification: str, kind: Callable[..., Patch], rest: str) -> di
     return found
 
 
-def _of_mesh(path: Path, relief: float) -> tuple[Patch, list[Path]]:
-    return Patch.of(read_mesh(path)), [path]
-
-
-def _of_image(path: Path, relief: float) -> tuple[Patch, list[Path]]:
+def _of_image(path: Path, relief: float) -> Patch:
     pixels = np.asarray(read_image(path).pixels, float)
     # Row 0 is at the top of a picture, and at y = 0 of a height field.
     heights = pixels.mean(axis=2)[::-1] * relief
-    return height_field(heights, (1.0, heights.shape[0] / heights.shape[1])), [path]
+    return height_field(heights, (1.0, heights.shape[0] / heights.shape[1]))

@@ -1,7 +1,11 @@
 """A probe prefiltered: nine coefficients for diffuse surfaces, a reflection map for each lobe.
 
-The map of a lobe shows it head-on; asked for, a spherical harmonic reflection map (T 5) goes with
-it, whose texels depend on the viewer.
+The map of a lobe shows it head-on.  On request a spherical harmonic reflection map (T 5) goes with
+it, whose texels depend on the viewer.  Python makes one from any light and any isotropic BRDF::
+
+    spectrum = central_spectrum_of(brdf, (24, 4), weighted=True)  # jaxrender.spectra
+    shrm = global_shrm(local_shrm(light, spectrum, LatLongGrid(240, 480)))  # jaxrender.reflection
+    picture = shrm.at(samples.reflected, samples.outgoing)  # or shrm.dynamic_map(viewer)
 """
 
 import json
@@ -33,12 +37,11 @@ from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, res
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.reflection_maps import (
     LightSpectrum,
-    ReflectionMap,
     check_lobes,
     reflection_map,
 )
 from jaxrender.pipelines.shrm_files import read_about, write_shrm
-from jaxrender.pipelines.shrm_layout import ShrmAbout
+from jaxrender.pipelines.shrm_layout import ReflectionMap, ShrmAbout
 from jaxrender.reflection import irradiance_matrix, reflection_maps
 from jaxrender.shapes import Float
 
@@ -55,12 +58,12 @@ _POINTS_AT_ONCE = 1 << 14
 
 
 class Prefiltered(NamedTuple):
-    """What was written: the folder, and the coefficients in it."""
+    """The written folder, and the coefficients in it."""
 
     folder: Path
     coefficients: Float[np.ndarray, "9 channel"]
     reflection: tuple[str, ...] = ()
-    """For each spherical harmonic reflection map what it keeps and what it loses."""
+    """A sentence for each spherical harmonic reflection map: what it keeps and what it loses."""
 
 
 def prefilter(
@@ -76,10 +79,9 @@ def prefilter(
 ) -> Prefiltered:
     """Write ``irradiance.json``, a map for each lobe (lat-long and cube) and a contact sheet.
 
-    ``shrm`` asks for a spherical harmonic reflection map of each lobe and says of which degrees;
-    ``window`` is what takes the ringing off lobes that are cut.
-    Raises ``InputError`` for a probe that cannot be used, and for lobes and windows that nobody
-    knows.
+    ``shrm`` asks for a spherical harmonic reflection map of each lobe, and states its degrees.
+    ``window`` removes the ringing of truncated lobes.  Raises ``InputError`` for an unusable probe,
+    and for unknown lobes and windows.
     """
     progress = progress or SilentProgress()
     if window not in (NO_WINDOW, *WINDOWS):
@@ -160,10 +162,10 @@ def irradiance_document(
 def _transfer_of(
     light: Environment, lobe: Lobe, window: str, progress: Progress
 ) -> Float[np.ndarray, "degree"]:
-    """Cut a lobe where nothing more passes, or where the probe ends, through the window."""
+    """Truncate a lobe where it or the probe ends, and apply the window."""
     most = light.grid.band_limit
     transfer = lobe.transfer(most)
-    # Where more would pass the lobe is sharper than the probe: all that it carries comes through.
+    # A lobe sharper than the probe passes all degrees of the probe.
     transfer = transfer[: min(max(significant_degree(transfer), 1), most) + 1]
     if window == NO_WINDOW:
         return transfer
@@ -206,7 +208,7 @@ def _reflection(
 
 
 def _write_reflection(folder: Path, lobe: Lobe, found: ReflectionMap) -> None:
-    """Write a map, and what a sphere looks like with it."""
+    """Write a map, and pictures of a sphere that is shaded by it."""
     from jaxrender.pipelines.sphere_views import write_sphere_views
 
     shrm, about = found

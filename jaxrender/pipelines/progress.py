@@ -1,8 +1,8 @@
-"""What is being done, and how long each stage took.
+"""The progress of a run: its stages and their seconds.
 
-A ``Progress`` is told the stages of a run.  On a terminal it is a live display, elsewhere plain
-lines with the seconds since the start, for calls from Python silent.  All of them time the stages,
-whose seconds go into the result.
+A ``Progress`` gets the stages of a run.  On a terminal it is a live display; elsewhere it prints
+lines with the seconds since the start; in calls from Python it is silent.  Each kind times the
+stages, and the seconds go into the result.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 @runtime_checkable
 class Progress(Protocol):
-    """Where a run says what it does."""
+    """What a run reports its stages to."""
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -40,7 +40,7 @@ class Progress(Protocol):
         ...
 
     def advance(self, fraction: float) -> None:
-        """Say how much of the current stage is done, from 0 to 1."""
+        """Report how much of the current stage is done, from 0 to 1."""
         ...
 
 
@@ -91,7 +91,7 @@ class _Timed(ABC):
 
 
 class SilentProgress(_Timed):
-    """Times the stages and says nothing."""
+    """Times the stages and prints nothing."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter):
         super().__init__(clock)

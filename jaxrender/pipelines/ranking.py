@@ -1,4 +1,4 @@
-"""Models that were compared, the best first: as data for ``result.json``, and in a sentence."""
+"""The compared models, the best first: as data for ``result.json``, and as a sentence."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def ranking_of(comparison: Comparison, one_ks: bool = False) -> dict[str, Any]:
 
 
 def sentence_of(comparison: Comparison) -> str:
-    """Name the best model, and those that the held-out samples cannot tell from it."""
+    """Name the best model, and those that explain the held-out samples as well."""
     best, *others = comparison.scores
     as_good = [score.name for score in others if not score.told_apart]
     sentence = f"{best.name} explains {comparison.held_out} held-out samples best"

@@ -1,19 +1,39 @@
-"""What every task hands back to a run: a result as data, files, pictures, a report's contents."""
+"""The input of every task (``Evidence``), and its result (``Recovery``)."""
+
+from __future__ import annotations
 
 import abc
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from jaxrender.geometry import Shape
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Group
 from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
+if TYPE_CHECKING:
+    from jaxrender.pipelines.report.contents import Contents, FramePictures
+
+
+class Evidence(NamedTuple):
+    """What a recovery starts from: photographs of a known shape, and the light if it is known.
+
+    ``pool`` are all usable pixels.  ``observations`` are those of them that the fit uses.
+    """
+
+    photographs: list[Photograph]
+    shape: Shape
+    light: KnownLight | None
+    pool: Observations
+    observations: Observations
+
 
 class Recovery(abc.ABC):
-    """A finished recovery with all that its result folder is made from."""
+    """A finished recovery: it can write everything that a result folder holds."""
 
     photographs: list[Photograph]
 
@@ -31,8 +51,10 @@ class Recovery(abc.ABC):
 
     @abc.abstractmethod
     def write_images(self, folder: Path) -> None:
-        """Write the light as images, and whatever else is one."""
+        """Write the light and all other images except the photographs."""
 
     @abc.abstractmethod
-    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+    def contents(
+        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
+    ) -> Contents:
         """Gather what the report shows."""

@@ -15,7 +15,7 @@ from jaxrender.harmonics import LatLongGrid, analyse
 from jaxrender.lighting import Environment
 from jaxrender.pipelines.lobe_orders import LobeOrders, OrdersGoal, lobe_orders
 from jaxrender.pipelines.lobes import Lobe
-from jaxrender.pipelines.shrm_files import ShrmAbout
+from jaxrender.pipelines.shrm_layout import ReflectionMap, ShrmAbout
 from jaxrender.reflection.shrm import GlobalShrm, global_shrm, least_rows, local_shrm
 from jaxrender.shapes import Float
 from jaxrender.spectra import (
@@ -63,13 +63,6 @@ class LightSpectrum(NamedTuple):
         first = min(chosen.spectrum.band_limits[0], self.band_limit)
         bounds = residual_bound(self.to(first), self.energy, chosen.spectrum)
         return float(bounds[min(chosen.orders.light, first)])
-
-
-class ReflectionMap(NamedTuple):
-    """A lobe's map with what it was made from; ``about.comment`` says it in words."""
-
-    shrm: GlobalShrm
-    about: ShrmAbout
 
 
 def check_lobes(lobes: tuple[Lobe, ...] | list[Lobe]) -> None:

@@ -1,4 +1,4 @@
-"""A finished result's views rendered again, or new views, under its light or another."""
+"""The views of a finished run, or new views, rendered under its light or another."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -14,12 +14,12 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.photographs import camera_samples
 from jaxrender.io import Capture, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources
-from jaxrender.pipelines.config import RunConfig, load_run_config
+from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
 from jaxrender.pipelines.exact_light import exact_forward
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.result import ARRAYS, RESULT, read_result
+from jaxrender.pipelines.result import ARRAYS, RESULT, FinishedRun, read_run
 from jaxrender.pipelines.scene import (
     fault_of,
     known_light,
@@ -33,7 +33,7 @@ MODELS = ("integral", "dual")
 
 
 class Scene(NamedTuple):
-    """What takes the place of the result's own light and cameras; None: its own."""
+    """The light and the cameras of a rendering; None stands for those of the result."""
 
     environment: Path | None = None
     convention: str = "z-up"
@@ -54,26 +54,24 @@ def render_config(
 ) -> Path:
     """Render every view of a finished result into ``out`` as EXR, with alpha = coverage.
 
-    Beside an image of one material lies ``NAME_deviation.exr``: the standard deviation that the
-    covariance of the material (gain and scale included) makes of it, to first order.  Where the
-    light was recovered it is that light, in its gauge.  Raises ``InputError`` for a folder that
-    holds no result and for input that has gone since.
+    For one material each image has a ``NAME_deviation.exr``: its standard deviation to first order,
+    by the covariance of the material, gain and scale included.  A recovered light is used in its
+    gauge.  Raises ``InputError`` for a folder without a result and for missing input.
     """
     progress = progress or SilentProgress()
     if model not in MODELS:
         raise ValueError(f"model={model!r}: choose one of {', '.join(MODELS)}")
-    found, config = read_result(result), load_run_config(result / "config.yaml")
+    run = read_run(result)
     made_from = [result / RESULT, *(p for p in (scene.environment, scene.cameras) if p)]
     missing = [path for path in made_from if not path.is_file()]
     if missing:
         raise InputError(f"{missing[0]}: no such file")
-    digest = fingerprint(config, made_from, purpose=f"render {model} {scene.convention}")
+    digest = fingerprint(run.config, made_from, purpose=f"render {model} {scene.convention}")
     if prepare(out, digest, force) is FolderState.FINISHED:
         progress.note(f"{out}: rendered before; reused (--force: anew)")
         return out
     with progress.stage("render"), result_folder(out, digest, force) as folder:
-        light = _light_of(config, (result, found), scene)
-        _render_views(config, (result, found), (model, light, scene), (folder, progress))
+        _render_views(run, scene, model, folder, progress)
     return out
 
 
@@ -90,47 +88,44 @@ def _capture_of(config: RunConfig, cameras: Path | None) -> Capture:
     )
 
 
-def _light_of(config: RunConfig, result: tuple[Path, dict], scene: Scene) -> KnownLight:
-    """Find the light: another one, what was recovered, or what was given."""
-    folder, found = result
+def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
+    """Find the light: that of the scene, the recovered one, or the given one."""
+    config = run.config
     if scene.environment is not None:
         with fault_of(f"{scene.environment}"):
             other = read_environment(scene.environment, scene.convention)
             return KnownLight(other, DirectionalSources.none())
     if not config.knows_light:
-        lamps = found["lighting"]["directional"]
+        found = run.summary["lighting"]["directional"]
         sources = DirectionalSources.none()
-        if lamps:
-            energies = np.array([lamp["irradiance"] for lamp in lamps]).clip(0)
-            sources = DirectionalSources(np.array([lamp["direction"] for lamp in lamps]), energies)
-        return KnownLight(read_environment(folder / "lighting_slow.exr"), sources)
+        if found:
+            energies = np.array([source["irradiance"] for source in found]).clip(0)
+            directions = np.array([source["direction"] for source in found])
+            sources = DirectionalSources(directions, energies)
+        return KnownLight(read_environment(run.folder / "lighting_slow.exr"), sources)
     return known_light(config.lighting, [f.name for f in _capture_of(config, None).frames])
 
 
 def _render_views(
-    config: RunConfig,
-    result: tuple[Path, dict],
-    how: tuple[str, KnownLight, Scene],
-    into: tuple[Path, Progress],
+    run: FinishedRun, scene: Scene, model: str, folder: Path, progress: Progress
 ) -> None:
-    (model, light, scene), (folder, progress) = how, into
-    cameras, found = scene.cameras, result[1]
+    config, light = run.config, _light_of(run, scene)
     assert config.capture.geometry is not None
-    capture = _capture_of(config, cameras)
+    capture = _capture_of(config, scene.cameras)
     shape = shape_of(config.capture.geometry)
-    subject = subject_of(config, result, shape)
+    subject = subject_of(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(
-            f"{result[0]}: --model dual is for a lobe about the reflected direction, which this "
-            "material has not; use --model integral"
+            f"{run.folder}: --model dual needs a lobe about the reflected direction, which this "
+            "material lacks; use --model integral"
         )
-    covariance = _covariance(config, result[0], scene, progress)
+    covariance = _covariance(config, run.folder, scene, progress)
     if light.per_frame is not None and len(light.per_frame) != len(capture.frames):
         raise InputError(
-            f"{cameras}: the light of the result moved with its photographs; new cameras need an "
-            "--environment"
+            f"{scene.cameras}: the light of the result moved with its photographs; new cameras "
+            "need an --environment"
         )
-    scale, gains = float(found.get("scale", 1.0)), found.get("gains", {})
+    scale, gains = float(run.summary.get("scale", 1.0)), run.summary.get("gains", {})
     shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
         view = observe(frame.camera, shape)
@@ -141,7 +136,7 @@ def _render_views(
         if lit and view.hit.any():
             if light.per_frame is not None or shared is None:
                 own = KnownLight(light.environment, sources)
-                shared = _forward(own, subject, model, (shape, view))
+                shared = _forward(own, subject, model, shape, view)
             gain = float(gains.get(frame.name, 1.0))
             radiance = subject.image(view, shared)
             image[..., :3] = scale * gain * radiance
@@ -153,7 +148,8 @@ def _render_views(
                     covariance.of_frame(which, subject.amplitudes, subject.numbers),
                     slopes,
                     radiance[view.hit],
-                    (gain, scale),
+                    gain,
+                    scale,
                 )
                 write_image(folder / f"{frame.name}_deviation.exr", deviation)
         write_image(folder / f"{frame.name}.exr", image)
@@ -163,13 +159,13 @@ def _render_views(
 def _covariance(
     config: RunConfig, folder: Path, scene: Scene, progress: Progress
 ) -> MaterialCovariance | None:
-    """Read the material's covariance; where there is none to speak of, say why."""
+    """Read the material's covariance; where there is none, say why."""
     if config.task not in ("brdf", "factorize"):
         return None
     if config.task == "factorize" and scene.environment is None:
         progress.note(
-            "no standard deviations: the errors of a light that was recovered with the material go "
-            "together with those of the material; give --environment to see the material's"
+            "no standard deviations: light and material were recovered together, and so are their "
+            "errors; give --environment to see those of the material"
         )
         return None
     found = read_covariance(folder / ARRAYS)
@@ -179,10 +175,9 @@ def _covariance(
 
 
 def _forward(
-    light: KnownLight, subject: Subject, model: str, seen: tuple[Shape, SurfaceView]
+    light: KnownLight, subject: Subject, model: str, shape: Shape, view: SurfaceView
 ) -> ForwardModel | ShadowedModel:
     """Prepare one photograph's light for either model."""
-    shape, view = seen
     if model == "integral":
         return exact_forward(light, subject.width, shape)
     samples = camera_samples(view)

@@ -1,6 +1,12 @@
 """A fit's result as files: ``result.json`` for the summary, ``result.nc`` for the arrays.
 
-Every task says the same of what it found (``Result``), and adds keys and arrays of its own.
+Every task states the same facts (``Result``), and adds keys and arrays of its own.  ``result.json``
+holds values, 90 % intervals, what is identifiable and what depends on the model, residuals, the
+light, a forecast, and the seconds.  ``result.nc`` holds samples, how many ``pixels`` each stands
+for, and coefficients; its dimensions have names, and its arrays have units and a meaning.
+
+Beside them a result folder holds the light and its slow part, the predicted and residual
+photographs (all EXR), the resolved ``config.yaml``, and ``report.html``, which works offline.
 """
 
 import hashlib
@@ -20,6 +26,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Format
+from jaxrender.pipelines.config import RunConfig, load_run_config
 
 RESULT, ARRAYS = "result.json", "result.nc"
 ARRAYS_FORMAT = Format("jaxrender result", 1, "jaxrender fit --force")
@@ -102,6 +109,20 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"{path}: cannot be read ({error}); make the result anew with fit --force"
         ) from None
+
+
+class FinishedRun(NamedTuple):
+    """A finished run: its folder, its config, and its summary as ``result.json`` holds it."""
+
+    folder: Path
+    config: RunConfig
+    summary: dict[str, Any]
+
+
+def read_run(folder: Path) -> FinishedRun:
+    """Read a finished run; ``InputError`` where there is none or it is damaged."""
+    summary = read_result(folder)
+    return FinishedRun(folder, load_run_config(folder / "config.yaml"), summary)
 
 
 def _pixels_of(photographs: list[Photograph]) -> dict[str, Any]:

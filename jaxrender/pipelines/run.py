@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
@@ -19,7 +18,7 @@ from jaxrender.inverse.photographs import (
     read_photographs,
     trace_photographs,
 )
-from jaxrender.io import write_image
+from jaxrender.io import Capture, write_image
 from jaxrender.io.netcdf import Group, write
 from jaxrender.pipelines.brdf_spectrum import recover_spectrum
 from jaxrender.pipelines.caches import capture_folder, is_whole
@@ -36,7 +35,7 @@ from jaxrender.pipelines.light import recover_light
 from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import (
     ARRAYS,
     ARRAYS_FORMAT,
@@ -64,22 +63,11 @@ _SHOWN = 6
 
 
 class FitReport(NamedTuple):
-    """How a run ended: the outcome, where its result is, and a table for the terminal."""
+    """The end of a run: its outcome, its folder, and a table for the terminal."""
 
     outcome: str
     folder: Path
     summary: str
-
-
-class Loaded(NamedTuple):
-    """What a fit is made from."""
-
-    photographs: list[Photograph]
-    observations: Observations
-    light: KnownLight | None
-    inputs: list[Path]
-    shape: Shape
-    pool: Observations | None = None
 
 
 def fit(
@@ -91,7 +79,7 @@ def fit(
     """Fit what a config asks for and write the result folder.
 
     An identical run that has finished is reused; ``dry_run`` checks the input and writes nothing.
-    Raises ``InputError`` for everything that is wrong with the input.
+    Raises ``InputError`` for any wrong input.
     """
     progress = progress or SilentProgress()
     folder = config.output or Path.cwd() / "runs" / _name_of(config)
@@ -106,13 +94,13 @@ def fit(
             progress.note(f"{folder}: an identical run has finished here; reused (--force: anew)")
             found = read_result(folder)
             return FitReport(found["outcome"], folder, summary_of(found))
-        loaded = _load(config, capture, inputs, clock, progress)
-        _check_samples(config, loaded)
+        evidence = _load(config, capture, clock, progress)
+        _check_samples(config, evidence)
         if dry_run:
-            return FitReport("dry run", folder, _would_fit(config, loaded))
-        finding = _find(config, loaded, clock, progress)
+            return FitReport("dry run", folder, _would_fit(config, evidence))
+        recovery = _recover(config, evidence, clock, progress)
         with result_folder(folder, digest, force) as into:
-            result = _write(into, (folder.name, config, inputs), finding, clock)
+            result = _write(into, folder.name, config, inputs, recovery, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
 
 
@@ -147,7 +135,7 @@ def _with_photographs(
     return config
 
 
-def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress) -> Loaded:
+def _load(config: RunConfig, capture: Capture, clock: Clock, progress: Progress) -> Evidence:
     with clock.stage("load"):
         assert config.capture.geometry is not None
         shape = shape_of(config.capture.geometry)
@@ -160,25 +148,23 @@ def _load(config: RunConfig, capture, inputs: list[Path], clock: Clock, progress
         with fault_of(str(config.capture.transforms)):
             photographs = trace_photographs(capture, images, shape, reading, listener)
         light = _light_of_kept(light, capture, photographs)
-        observations = observations_of(photographs)
+        pool = observations_of(photographs)
         # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
-        pool = observations
-        if config.task != "texture":
-            observations = _drawn(config, observations, light)
-    return Loaded(photographs, observations, light, inputs, shape, pool)
+        observations = pool if config.task == "texture" else _drawn(config, pool, light)
+    return Evidence(photographs, shape, light, pool, observations)
 
 
 def _drawn(config: RunConfig, observations: Observations, light: KnownLight | None) -> Observations:
-    """Draw the samples of a fit: where they tell most of the material, or show most gloss."""
+    """Draw the samples of a fit: where the leverage is high, or the specular part is sharp."""
     count, seed = config.samples.count, config.samples.seed
     if config.task == "brdf-spectrum":
         return random_subset(observations, count, seed)
-    tells = sharpness(observations) if light is None else leverage(observations, light)
-    return draw(observations, tells, count, seed).observations
+    weight = sharpness(observations) if light is None else leverage(observations, light)
+    return draw(observations, weight, count, seed).observations
 
 
 def _light_of_kept(
-    light: KnownLight | None, capture, photographs: list[Photograph]
+    light: KnownLight | None, capture: Capture, photographs: list[Photograph]
 ) -> KnownLight | None:
     """Drop the sources of photographs that were skipped."""
     if light is None:
@@ -187,17 +173,17 @@ def _light_of_kept(
         return light.of_frames(capture.numbers_of(p.frame.name for p in photographs))
 
 
-def _check_samples(config: RunConfig, loaded: Loaded) -> None:
+def _check_samples(config: RunConfig, evidence: Evidence) -> None:
     """Refuse samples that no fit can be made from."""
-    observations = loaded.observations
-    photographs, drawn = loaded.photographs, config.samples.count
+    observations = evidence.observations
+    photographs, drawn = evidence.photographs, config.samples.count
     if not np.any(observations.radiance > 0):
         raise InputError(
             f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
             "the position of capture.geometry"
         )
     if config.task in ("texture", "brdf-spectrum"):
-        # What these need is for the sites, or for the light's degrees, to say.
+        # These tasks check the sites, or the degrees of the light, themselves.
         return
     usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
     problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
@@ -212,39 +198,42 @@ def _check_samples(config: RunConfig, loaded: Loaded) -> None:
         name = photographs[min(unseen)].frame.image_path
         raise InputError(
             f"{name}: none of its pixels is among the {observations.count} samples drawn, so "
-            "solve.free_exposure cannot tell its exposure; raise samples.count"
+            "its exposure is not identifiable; raise samples.count"
         )
 
 
-def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -> Recovery:
-    """Do what the task asks for."""
-    seen = (loaded.photographs, loaded.shape)
+def _recover(config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress) -> Recovery:
+    """Do the task of the config."""
+    seen = (evidence.photographs, evidence.shape)
     if config.task == "brdf":
-        assert loaded.light is not None
-        known = (loaded.observations, loaded.light)
-        return recover_material(config, known, seen, clock, progress, loaded.pool)
+        return recover_material(config, evidence, clock, progress)
     if config.task == "brdf-spectrum":
-        assert loaded.light is not None
-        known = (loaded.observations, loaded.light)
+        assert evidence.light is not None
+        known = (evidence.observations, evidence.light)
         return recover_spectrum(config, known, seen, clock, progress)
     if config.task == "texture":
-        return recover_surface(config, (loaded.observations, loaded.light), seen, clock, progress)
-    return recover_light(config, loaded.observations, seen, clock, progress)
+        known = (evidence.observations, evidence.light)
+        return recover_surface(config, known, seen, clock, progress)
+    return recover_light(config, evidence, clock, progress)
 
 
 def _write(
-    folder: Path, run: tuple[str, RunConfig, list[Path]], finding: Recovery, clock: Clock
+    folder: Path,
+    title: str,
+    config: RunConfig,
+    inputs: list[Path],
+    recovery: Recovery,
+    clock: Clock,
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
-    title, config, inputs = run
-    result, provenance = finding.result(), provenance_of(inputs, config.samples.seed)
+    result, provenance = recovery.result(), provenance_of(inputs, config.samples.seed)
     with clock.stage("predict"):
-        predictions = finding.predict()
-    photographs = finding.photographs
+        predictions = recovery.predict()
+    photographs = recovery.photographs
     with clock.stage("write"):
         (folder / "config.yaml").write_text(resolved_yaml(config), encoding="utf-8")
-        write(folder / ARRAYS, ARRAYS_FORMAT, Group(groups=finding.arrays()))
-        finding.write_images(folder)
+        write(folder / ARRAYS, ARRAYS_FORMAT, Group(groups=recovery.arrays()))
+        recovery.write_images(folder)
         (folder / "images").mkdir()
         for photograph, predicted in zip(photographs, predictions):
             residual = np.where(photograph.covered[..., None], photograph.radiance - predicted, 0)
@@ -259,13 +248,13 @@ def _write(
             for p, q in ((photographs[k], predictions[k]) for k in shown)
         )
         so_far = result.document(provenance, clock.taken())
-        write_report(folder, finding.contents(title, so_far, frames))
+        write_report(folder, recovery.contents(title, so_far, frames))
     document = result.document(provenance, clock.taken())
     write_json(folder / RESULT, document)
     return document
 
 
-def _inputs(config: RunConfig, capture) -> list[Path]:
+def _inputs(config: RunConfig, capture: Capture) -> list[Path]:
     photographs = [frame.image_path for frame in capture.frames]
     masks = [frame.mask_path for frame in capture.frames if frame.mask_path is not None]
     return sorted({*input_files(config), *photographs, *masks})
@@ -288,25 +277,25 @@ def _would_render(config: RunConfig) -> str:
     )
 
 
-def _would_fit(config: RunConfig, loaded: Loaded) -> str:
+def _would_fit(config: RunConfig, evidence: Evidence) -> str:
     if config.task == "brdf-spectrum":
         order = (config.spectrum or SpectrumConfig()).order
         return (
             f"dry run: would recover coefficients to order {order} from "
-            f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
+            f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
         )
     if config.task == "texture":
         texture = config.texture or TextureConfig()
-        sites = sites_of(loaded.shape, loaded.photographs, texture)
+        sites = sites_of(evidence.shape, evidence.photographs, texture)
         regions_of(texture.regions, sites)  # refuses a picture that the fit would refuse
         return (
             f"dry run: would recover the material of {sites.sentence}, from "
-            f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"
+            f"{evidence.observations.count} pixels of {len(evidence.photographs)} photographs"
         )
-    unknowns = unknowns_of(config, len(loaded.photographs))
+    unknowns = unknowns_of(config, len(evidence.photographs))
     free = [*unknowns.free_amplitudes]
     free += unknowns.free_numbers
     return (
         f"dry run: would fit {', '.join(filter(None, free)) or 'nothing'} to "
-        f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
+        f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
     )

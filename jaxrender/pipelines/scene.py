@@ -1,7 +1,7 @@
-"""Configuration into objects: shape, material, light and unknowns.
+"""Objects made from configs: shape, material, light and unknowns.
 
-Configs are data that know no run-time class; here is where they meet.  What a class refuses by
-``ValueError`` is, at this boundary, the config's fault, and said so as ``InputError``.
+Configs are plain data.  Where a class refuses their values by ``ValueError``, this module raises
+``InputError`` with the place in the config.
 """
 
 from collections.abc import Iterator
@@ -73,7 +73,7 @@ def capture_of(config: CaptureConfig) -> Capture:
 
 
 def reading_of(config: RunConfig) -> Reading:
-    """Translate how pixels become radiance, and which are left out."""
+    """Make the reading of pixels from the config."""
     capture, response = config.capture, None
     if isinstance(capture.response, CurveConfig):
         response = read_curve(capture.response.curve)
@@ -98,14 +98,14 @@ def true_material(brdf: RecipeBrdfConfig) -> Parametric:
 
 
 def lobe_of(brdf: BrdfConfig) -> Parametric:
-    """Build the lobe of any model that is to be fitted; its numbers do not matter."""
+    """Build the lobe of the model to be fitted; its numbers do not matter."""
     kind = PARAMETRIC.get(brdf.model)
     metal = kind is not None and kind.has_index() and brdf.known(kind.index.name) is None
     return lobe_named(brdf.model, metal=metal, **brdf.chosen())
 
 
 def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
-    """Translate which parameters are free into the solver's unknowns."""
+    """Make the unknowns of the solver from the free parameters."""
     brdf, model = config.brdf, MODELS[config.brdf.model]
     known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}
     told = {
@@ -131,7 +131,7 @@ def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
 
 
 def settings_of(config: RunConfig) -> FitSettings:
-    """Translate how the fit is to be done."""
+    """Make the settings of the fit."""
     solve = config.solve
     noise = None
     if solve.noise != "estimate":

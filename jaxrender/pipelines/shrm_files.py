@@ -20,6 +20,7 @@ from jaxrender.pipelines.shrm_layout import (
     FRAMES,
     GRIDS,
     WEIGHTED_MEANING,
+    ReflectionMap,
     ShrmAbout,
     attributes,
     coordinates,
@@ -43,8 +44,8 @@ def write_shrm(path: str | Path, shrm: Shrm, about: ShrmAbout) -> None:
     write(path, FORMAT, Group({"maps": variable, **labels}, described))
 
 
-def read_shrm(path: str | Path) -> tuple[Shrm, ShrmAbout]:
-    """Read a map and what it was made from, as ``write_shrm`` wrote them.
+def read_shrm(path: str | Path) -> ReflectionMap:
+    """Read a map with its description.
 
     Raises ``InputError`` for a file that is missing, damaged, or something else.
     """
@@ -67,7 +68,7 @@ def read_shrm(path: str | Path) -> tuple[Shrm, ShrmAbout]:
             if found.shape != expected.shape or not np.allclose(found, expected, atol=1e-6):
                 words = f"`{name}` is not that of this program's maps"
                 file.refuse(words, "arrange them in its order")
-    return frame(maps, grid, band_limit, weighted), about
+    return ReflectionMap(frame(maps, grid, band_limit, weighted), about)
 
 
 def read_about(path: str | Path) -> ShrmAbout:

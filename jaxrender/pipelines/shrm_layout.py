@@ -1,7 +1,6 @@
 """How a spherical harmonic reflection map is laid out in a file: names, conventions, coordinates.
 
-Every convention is an attribute with a word for programs and a sentence for those who have the
-file alone.
+Every convention is an attribute: a word for programs, and a sentence for people.
 """
 
 from typing import Any, NamedTuple
@@ -19,7 +18,7 @@ GRIDS: dict[str, type[Grid]] = {"latitude-longitude": LatLongGrid, "cube": CubeG
 DIMENSIONS = ("row", "column", "outgoing", "channel")
 AXES = ("world", "probe")
 
-# What each convention means, for those who have the file alone.
+# What each convention means, for people who have the file alone.
 _FORMULA = "B(C, o) = sum over k of maps[C, k] Y_k(o), k = p (p + 1) + q of `degree` and `order`"
 _HARMONICS = (
     "real, orthonormal, without Condon-Shortley sign: Y_11 = +0.488603 x, q < 0 has sin(|q| phi)"
@@ -43,7 +42,7 @@ _GRID_MEANING = {
 
 
 class ShrmAbout(NamedTuple):
-    """What a map was made from; parts of energies are NaN where nobody asked."""
+    """What a map was made from; parts of energies are NaN where they were not computed."""
 
     source: str
     brdf: str
@@ -54,12 +53,19 @@ class ShrmAbout(NamedTuple):
     light_missing: float = float("nan")
     """Part of the light's energy that lies beyond the band limit (T 5.16)."""
     brdf_missing: float = float("nan")
-    """Part of the BRDF's energy that the degrees kept leave out (T 5.18)."""
+    """Part of the BRDF's energy beyond the kept degrees (T 5.18)."""
     comment: str = ""
 
 
+class ReflectionMap(NamedTuple):
+    """A map with its description; ``about.comment`` is a sentence for people."""
+
+    shrm: Shrm
+    about: ShrmAbout
+
+
 def coordinates(grid: Grid, order: int) -> dict[str, Variable]:
-    """Make the arrays that tell a map's places apart."""
+    """Make the arrays of a map's coordinates."""
     found = {}
     for name, numbers in (("degree", degrees(order)), ("order", orders(order))):
         words = f"{name} of an outgoing harmonic"
@@ -81,7 +87,7 @@ def attributes(shrm: Shrm, about: ShrmAbout) -> dict[str, Any]:
     is_named = about.central_direction in CENTRE_MEANING and about.axes in AXES
     # The weight is known from the reflected direction alone.
     if shrm.weighted and about.central_direction == "normal":
-        raise ValueError("a weighted map about the normal does not tell its weight; divide it out")
+        raise ValueError("a weighted map about the normal does not hold its weight; divide it out")
     if frame is None or grid is None or not is_named:
         raise ValueError(
             f"{type(shrm).__name__} on {type(shrm.grid).__name__} about "

@@ -1,6 +1,7 @@
 """A sphere seen by several distant viewers, shaded by a spherical harmonic reflection map."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,10 +18,17 @@ _COLUMNS = 3
 _PAPER = 255
 
 
+class SpherePixels(NamedTuple):
+    """The pixels that show a sphere, and the normals of those, row by row."""
+
+    hit: Bool[np.ndarray, "row column"]
+    normals: Float[np.ndarray, "point 3"]
+
+
 def sphere_pixels(
     towards: Float[np.ndarray, "3"], up: Float[np.ndarray, "3"], size: int
-) -> tuple[Bool[np.ndarray, "row column"], Float[np.ndarray, "point 3"]]:
-    """Look at a unit sphere along parallel rays: which pixels hit it, and the normals there."""
+) -> SpherePixels:
+    """Look at a unit sphere along parallel rays."""
     right = np.cross(up, towards)
     right = right / np.linalg.norm(right)
     above = np.cross(towards, right)
@@ -29,7 +37,8 @@ def sphere_pixels(
     hit = x**2 + y**2 < 1
     x, y = x[hit], y[hit]
     z = np.sqrt(1 - x**2 - y**2)
-    return hit, np.stack([x, y, z], axis=-1) @ np.stack([right, above, towards])
+    normals = np.stack([x, y, z], axis=-1) @ np.stack([right, above, towards])
+    return SpherePixels(hit, normals)
 
 
 def sphere_radiance(
@@ -52,7 +61,7 @@ def write_sphere_views(
     hits, values = [], []
     for sign, axis in _VIEWERS.values():
         towards = np.eye(3)[axis] * (1 if sign == "+" else -1)
-        # Right above or below there is no way up: another axis takes its place.
+        # Directly above or below, up is undefined: another axis takes its place.
         steep = abs(towards @ up) > 0.9
         hit, normals = sphere_pixels(towards, np.roll(up, 1) if steep else up, _PIXELS)
         hits.append(hit)

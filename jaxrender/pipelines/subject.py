@@ -2,7 +2,6 @@
 
 import abc
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from jaxrender.geometry.texels import surface_sites
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
-from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT
+from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun
 from jaxrender.pipelines.texture.surface import facets_of, lobes_of
 from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
 from jaxrender.shapes import Float
@@ -24,10 +22,10 @@ _WIDTH_PER_WAVE = 0.5
 
 
 class Subject(abc.ABC):
-    """Something with a shape that sends light to a camera.
+    """A surface that can be rendered.
 
-    ``lobe`` is the material that a light is made ready for, None where there is no such lobe;
-    ``width`` the width of its finest detail, radians.
+    ``lobe`` is the material for which a light is prepared; None where there is no lobe.  ``width``
+    is the width of the finest detail, in radians.
     """
 
     lobe: Parametric | None
@@ -78,7 +76,7 @@ class UniformSubject(Subject):
 
 
 class SpectrumSubject(Subject):
-    """A BRDF known by coefficients; it may ring, and is shown black where it is negative."""
+    """A BRDF known by coefficients.  The series may ring; negative radiance is shown black."""
 
     def __init__(self, folder: Path):
         spectrum = read_spectrum(folder / ARRAYS)
@@ -98,8 +96,8 @@ class TexturedSubject(Subject):
     Raises ``InputError`` where the result's arrays have gone or are damaged.
     """
 
-    def __init__(self, config: RunConfig, folder: Path, shape: Shape):
-        with opened(folder / ARRAYS, ARRAYS_FORMAT) as file:
+    def __init__(self, run: FinishedRun, shape: Shape):
+        with opened(run.folder / ARRAYS, ARRAYS_FORMAT) as file:
             group, lobe = file.group("texture"), file.group("lobe")
             kd, ks, region = (group.array(name) for name in ("kd", "ks", "region"))
             sigmas, mus = (lobe.array(name, ("region",)) for name in ("sigma", "mu"))
@@ -108,7 +106,7 @@ class TexturedSubject(Subject):
         self.shape, self.size = shape, (int(size[0]), int(size[1]))
         self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))
         self.ks, self.region = np.nan_to_num(ks.ravel()), region.ravel()
-        variant = facets_of(config.brdf)
+        variant = facets_of(run.config.brdf)
         self.lobes = [
             variant.with_roughness(float(s), None if variant.mu is None else float(m))
             for s, m in zip(sigmas, mus)
@@ -117,7 +115,7 @@ class TexturedSubject(Subject):
         self.regions = np.unique(self.region[seen])
         self.width = float(sigmas.min() if own is None else np.nanmin(own))
         self.lobe = self.lobes[int(np.argmin(sigmas))]
-        # Where sigma varies; a site that nobody saw is black at any.
+        # Only where sigma varies.  An unseen site is black at any sigma.
         self.sigma = None if own is None else np.nan_to_num(own, nan=float(np.nanmean(own)))
         self.lobe = self.lobe.with_roughness(self.width, self.lobe.mu)
 
@@ -149,11 +147,11 @@ class TexturedSubject(Subject):
         return image
 
 
-def subject_of(config: RunConfig, result: tuple[Path, dict[str, Any]], shape: Shape) -> Subject:
-    """Make what a result folder holds."""
-    folder, found = result
-    if config.task == "texture":
-        return TexturedSubject(config, folder, shape)
-    if config.task == "brdf-spectrum":
-        return SpectrumSubject(folder)
-    return UniformSubject(material_named(found["brdf"]["model"], found["brdf"]))
+def subject_of(run: FinishedRun, shape: Shape) -> Subject:
+    """Make what a finished run has recovered."""
+    if run.config.task == "texture":
+        return TexturedSubject(run, shape)
+    if run.config.task == "brdf-spectrum":
+        return SpectrumSubject(run.folder)
+    brdf = run.summary["brdf"]
+    return UniformSubject(material_named(brdf["model"], brdf))

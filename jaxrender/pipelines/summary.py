@@ -2,7 +2,7 @@
 
 from typing import Any
 
-_LAMPS_SHOWN = 3
+_SOURCES_SHOWN = 3
 
 
 def summary_of(result: dict[str, Any]) -> str:
@@ -32,7 +32,7 @@ def summary_of(result: dict[str, Any]) -> str:
         f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
     )
     if "scale" in result:
-        lines.append(f"scale of the light {result['scale']:.4g}, so that the mean of kd + ks is 1")
+        lines.append(f"scale of the light {result['scale']:.4g}; it makes the mean of kd + ks 1")
     if "frequency" in result:
         bias = result["frequency"]["bias"]
         moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())
@@ -48,23 +48,23 @@ def summary_of(result: dict[str, Any]) -> str:
 
 
 def _summary_of_light(light: dict[str, Any]) -> list[str]:
-    """Say what light was found."""
-    lamps = light["directional"]
-    noun = "source" if len(lamps) == 1 else "sources"
-    lines = [f"light: degrees to {light['band_limit']}, and {len(lamps)} {noun}"]
+    """Describe the recovered light."""
+    sources = light["directional"]
+    noun = "source" if len(sources) == 1 else "sources"
+    lines = [f"light: degrees to {light['band_limit']}, and {len(sources)} {noun}"]
     lines += [
-        f"  from {_shown(lamp['direction'])}, irradiance {_shown(lamp['irradiance'])}"
-        for lamp in lamps[:_LAMPS_SHOWN]
+        f"  from {_shown(one['direction'])}, irradiance {_shown(one['irradiance'])}"
+        for one in sources[:_SOURCES_SHOWN]
     ]
-    if len(lamps) > _LAMPS_SHOWN:
-        lines.append(f"  and {len(lamps) - _LAMPS_SHOWN} weaker ones")
+    if len(sources) > _SOURCES_SHOWN:
+        lines.append(f"  and {len(sources) - _SOURCES_SHOWN} weaker ones")
     if "sentence" in light:
         lines.append(light["sentence"])
     return [*lines, f"gauge: {light['gauge']}"]
 
 
 def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
-    """Say how many coefficients there are, and how well the lobe is known at each order."""
+    """Give the number of coefficients, and the error of the lobe at each order."""
     lines = [
         f"{spectrum['unknowns']} coefficients to order {spectrum['order']}, of which the "
         f"photographs determine {spectrum['determined']:.0f}"
@@ -78,15 +78,15 @@ def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
 
 
 def _summary_of_texture(result: dict[str, Any]) -> list[str]:
-    """Say what became of the sites, and up to what their values are known."""
+    """Give the number of sites that were seen and marked, and the median error."""
     texture = result["texture"]
     lines = [
         f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
         f"{texture['kd_marked']}, ks {texture['ks_marked']}",
-        f"kd of a site is known to {100 * texture['median_relative_error_kd']:.2g} % (median)",
+        f"median error of kd: {100 * texture['median_relative_error_kd']:.2g} %",
     ]
     if "ambiguity" in result:
-        lines.append(f"not told: {result['ambiguity']}")
+        lines.append(f"not identifiable: {result['ambiguity']}")
     return lines
 
 

@@ -1,10 +1,10 @@
-"""Synthetic photographs from a recipe: the exact integral, noise, and all that a fit needs.
+"""Synthetic photographs from a recipe: the exact integral, noise, and a config that fits them.
 
-Smooth lobes are integrated as the functions that they are, by a polar quadrature about each normal;
-environment images and sources by their point masses.  On a concave shape every light is a sum of
-point masses, each seen or not: lobes are sampled at directions evenly spread over the sphere, those
-of no image.  Light that bounces is left out.  No part of the model that fits are made with
-is used, and the environment image that a fit is given is coarser than what the photographs saw.
+A polar quadrature about each normal integrates smooth lobes as functions.  Environment images and
+sources count by their point masses.  On a concave shape every light is a sum of point masses, each
+visible or not; lobes are sampled at directions evenly spread over the sphere.  Bounced light is
+left out.  The frequency model of the fits is not used, and a fit gets an environment image that is
+coarser than the light of the photographs.
 """
 
 import json
@@ -60,9 +60,9 @@ def synthesise(
 ) -> Path:
     """Render a recipe's photographs into ``folder`` and return it.
 
-    Writes ``images/*.exr`` (alpha = coverage), ``transforms.json``, ``environment.exr`` where the
-    light has a part that is no source, ``truth.json`` and a ``config.yaml`` that fits them.  An
-    identical capture that is there already is left alone.  Raises ``InputError``.
+    Writes ``images/*.exr`` (alpha = coverage), ``transforms.json``, ``truth.json`` and a
+    ``config.yaml`` that fits them; ``environment.exr`` if the light is more than sources.  An
+    identical capture is reused.  Raises ``InputError``.
     """
     progress = progress or SilentProgress()
     digest = fingerprint(recipe, input_files(recipe), purpose=purpose_of(recipe))
@@ -75,7 +75,7 @@ def synthesise(
 
 
 def purpose_of(recipe: RecipeConfig) -> str:
-    """Tell photographs of meshes apart from those made before concave ones had shadows."""
+    """Name the purpose; that of meshes changed when concave ones got shadows."""
     return "synth" if recipe.geometry.mesh is None else "synth with shadows"
 
 
@@ -115,7 +115,7 @@ def _write_capture(
     if not any(np.any(np.asarray(energy) > 0) for energy in _energies(light)):
         raise InputError(f"{recipe_path}: lighting: the light is zero; give a radiance above 0")
     centre = np.asarray(shape.bounds()).mean(axis=0)
-    # The one thing that placing cameras can refuse: straight above the circle nothing is upright.
+    # A camera straight above the circle has no upright direction; nothing else is refused here.
     with fault_of(f"{recipe_path}: views.elevation_degrees {recipe.views.elevation_degrees:g}"):
         cameras = cameras_of(recipe.views, centre)
     if not any(observe(camera, shape).hit.any() for camera in cameras):
@@ -142,7 +142,7 @@ def _write_capture(
     _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
     _write_json(folder / "truth.json", recipe.written_out())
     lighting = _write_light(recipe, folder)
-    _write_config(recipe, recipe_path, folder, (shape, lighting))
+    _write_config(recipe, recipe_path, folder, shape, lighting)
 
 
 def _image_name(number: int) -> str:
@@ -226,10 +226,9 @@ def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
 
 
 def _write_config(
-    recipe: RecipeConfig, recipe_path: Path, folder: Path, made: tuple[Shape, dict]
+    recipe: RecipeConfig, recipe_path: Path, folder: Path, shape: Shape, lighting: dict
 ) -> None:
     """Write a config that fits the photographs, with everything free that the recipe states."""
-    shape, lighting = made
     geometry = recipe.geometry.model_dump(mode="json", exclude_none=True, exclude={"scale"})
     if isinstance(shape, Mesh):
         write_mesh(folder / "shape.ply", shape)

@@ -34,9 +34,9 @@ def uniform(config, more=""):
 def test_no_photograph_is_needed(planned, capsys):
     assert jaxrender("analyze", planned, "brdf.sigma.start=0.25", "--suppose", "mu=1.6") == 0
     text = capsys.readouterr().out
-    assert "4 photographs, not looked at; 600 samples, of which 300 for the last step" in text
+    assert "4 photographs, not read; 600 samples, of which 300 for the last step" in text
     assert "sigma 0.25, mu 1.6; noise 1 %" in text
-    assert "kd, ks, noise typical; sigma from the config; mu as told" in text
+    assert "kd, ks, noise typical; sigma from the config; mu as supposed" in text
     assert re.search(r"sigma +0.25 .* yes\n", text)
     assert "Light, material known\n  the light differs from photograph to photograph" in text
     assert not (planned.parent / "images").exists()
@@ -52,7 +52,7 @@ def test_uniform_light_seen_head_on(planned, capsys):
     assert "no energy above degree 0" in text
     assert "every sample's exit cosine is above 0.7" in text
     assert "what would help: a lamp" in text
-    table = text[text.index("lamp towards") :].splitlines()
+    table = text[text.index("source towards") :].splitlines()
     now, best = (row.rstrip().split("%") for row in table[1:3])
     # Columns kd, ks, sigma, mu: sigma is told with the lamp, whatever it was before.
     assert float(best[2]) < 5

@@ -86,7 +86,7 @@ def test_the_result_renders_again(found, ball, tmp_path):
     inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
     assert np.median(np.abs(again[inside] / photograph[inside] - 1)) < 0.15
     assert not list(out.glob("*_deviation.exr"))
-    with pytest.raises(InputError, match="--model dual is for a lobe about the reflected"):
+    with pytest.raises(InputError, match="--model dual needs a lobe about the reflected"):
         render_config(found[0], tmp_path / "dual", model="dual")
 
 

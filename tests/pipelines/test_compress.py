@@ -230,7 +230,7 @@ def test_wrong_files(tmp_path):
     (tmp_path / "paint.nc").write_text("1 2 3\n")
     (tmp_path / "empty").mkdir()
     for name, message in (
-        ("paint.xyz", "no kind of file known by '.xyz'; give one of .binary"),
+        ("paint.xyz", "unknown kind of file '.xyz'; give one of .binary"),
         (
             "paint.nc",
             "not a NetCDF-4 file; give one that `jaxrender compress` or `jaxrender measure`",

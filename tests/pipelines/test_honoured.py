@@ -1,4 +1,4 @@
-"""What the table of honoured keys says is what a user is told, and what the README says.
+"""What the table of honoured keys says is what a user is told, and what the schema says.
 
 - Every task and key of the table: stated, it is refused with file, place, value, task and remedy.
 - Every other case is reached by some run, and refuses what is stated; what was not stated, what
@@ -13,11 +13,10 @@ import pytest
 from stated_runs import OTHER, RUNS, others, text_of
 
 from jaxrender.errors import InputError
-from jaxrender.pipelines.config import load_run_config, resolved_yaml
+from jaxrender.pipelines.config import json_schema, load_run_config, resolved_yaml
 from jaxrender.pipelines.config.honoured import CASES, TASKS, honouring
 from jaxrender.pipelines.config.sweep import load_sweep
 
-README = Path(__file__).parents[2] / "README.md"
 OF_TASK = {
     "texture under known light": "texture",
     "texture under unknown light": "texture in the dark",
@@ -126,10 +125,12 @@ def test_a_sweep_states_what_it_varies():
         load_sweep("sweep.yaml")
 
 
-def test_the_readme_says_which_tasks_honour_a_key():
-    groups = {}
-    for key in dict.fromkeys(key for keys in TASKS.values() for key in keys):
-        groups.setdefault(honouring(key), []).append(f"`{key}`")
-    rows = [f"| {', '.join(keys)} | {', '.join(tasks)} |" for tasks, keys in groups.items()]
-    table = "\n".join(["| keys | tasks that honour them |", "|---|---|", *rows, ""])
-    assert f"\n{table}\n" in README.read_text(encoding="utf-8")
+@pytest.mark.parametrize("key", dict.fromkeys(key for keys in TASKS.values() for key in keys))
+def test_the_schema_says_which_tasks_use_a_key(key):
+    schema = json_schema()
+    section, *names = key.split(".")
+    entry = schema["properties"][section]
+    if names:
+        entry = schema["$defs"][f"{section.capitalize()}Config"]["properties"][names[0]]
+    what = f"Tasks that use {names[1]}" if names[1:] else "Tasks"
+    assert f"\n{what}: {', '.join(honouring(key))}." in entry["description"]

@@ -135,13 +135,13 @@ def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
     np.testing.assert_allclose(
         energies, [energy * np.array(scale) for _, energy in LAMPS], rtol=0.03
     )
-    told = "the photographs tell degrees 0 to 2 of the slow light; smoothness fills in the rest"
+    told = "of the slow light degrees 0 to 2 are identifiable; smoothness fills in the rest"
     assert result["lighting"]["sentence"] == told
     assert result["lighting"]["told"][3] < 0.05
     assert told in summary_of(result)
     page = (output / "report.html").read_text()
-    assert "matt: what it reflects goes everywhere" in page
-    assert "gloss and roughness make up for" not in page
+    assert "The material is diffuse: it reflects light in all directions" in page
+    assert "the material compensates for" not in page
 
 
 def test_lighting_finds_irradiance_in_its_own_units(relit):

@@ -131,15 +131,15 @@ def test_a_comparison_takes_what_each_model_has():
         ),
         (
             {"task": "factorize", "brdf": {"model": "oren-nayar", "kd": 0.2}},
-            "of a matt body under unknown light the product of light and kd shows, not kd",
+            "a diffuse object shows only the product of light and kd",
         ),
         (
             {"solve": {"interreflection": True}, "brdf": {"compare": ["kajiya-kay"]}},
-            "model kajiya-kay is no lobe over a Lambertian base",
+            "model kajiya-kay is not a lobe over a Lambertian base",
         ),
         (
             {"solve": {"model": "azimuthal"}, "brdf": {"model": "anisotropic-ward"}},
-            "model anisotropic-ward is no lobe about the reflected direction",
+            "model anisotropic-ward has no lobe about the reflected direction",
         ),
         (
             {"task": "texture", "texture": {"size": 8}, "brdf": {"compare": ["ggx"]}},
@@ -152,7 +152,7 @@ def test_a_comparison_takes_what_each_model_has():
         ({"task": "factorize", "solve": {"interreflection": True}}, "or choose task: brdf "),
         (
             {"solve": {"interreflection": True}, "lighting": {"free_scale": True}},
-            "lighting.free_scale leaves the albedo open, by which bounced light tells",
+            "lighting.free_scale leaves open the albedo that bounced light needs",
         ),
         ({"task": "factorize", "solve": {"model": "shrm"}}, "found 'shrm', but task factorize"),
     ],

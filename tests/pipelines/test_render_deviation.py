@@ -113,7 +113,7 @@ def test_gain_and_scale_are_factors():
     parts = np.stack([diffuse, specular, ks * by_sigma, ks * by_mu], axis=1)
     radiance = values[:3] * diffuse + ks * specular
     found = image_deviation(
-        covariance.of_frame(1, ("sigma", "mu")), parts, radiance, (values[9], values[10])
+        covariance.of_frame(1, ("sigma", "mu")), parts, radiance, values[9], values[10]
     )
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     elsewhere = covariance.of_frame(None, ("sigma", "mu"))

@@ -208,7 +208,7 @@ def test_matte_paint_under_unknown_light(matte):
     within = np.abs(np.log(ratio / np.median(ratio, axis=0)))
     assert np.median(within) < 0.1
     assert (folder / "lighting.exr").is_file()
-    assert "What cannot be told" in (folder / "report.html").read_text()
+    assert "What is not identifiable" in (folder / "report.html").read_text()
 
 
 @pytest.mark.slow

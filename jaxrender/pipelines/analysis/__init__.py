@@ -1,13 +1,13 @@
-"""What a run's photographs will tell, from its config alone: before any is taken.
+"""The errors that a run's photographs will allow, predicted from its config alone.
 
 ``prospect``
     cameras, shape and light of a config, without its photographs
 ``supposed``
-    the material and the noise that the forecast is made for
+    the supposed material and noise
 ``forecast``
-    the forecasts of all that could be recovered, and suggestions of a further view or lamp
+    the forecasts of each recovery, and suggestions of a further view or source
 ``tables`` ``figure``
-    the same for a terminal, and as a picture
+    the forecasts as text, and as a picture
 """
 
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options, analyze_config

@@ -14,7 +14,7 @@ _TITLES = {"kd": "$k_d$", "ks": "$k_s$", "sigma": "$\\sigma$", "mu": "$\\mu - 1$
 
 
 def draw(path: Path, found: ConfigAnalysis) -> None:
-    """Write the picture; the suffix tells its format."""
+    """Write the picture in the format of its suffix."""
     from matplotlib.figure import Figure
 
     drawing = Figure(figsize=(9.5, 3.8), layout="constrained")
@@ -34,7 +34,7 @@ def _draw_spectrum(axes, found: ConfigAnalysis) -> None:
     shown = np.where(size > 1e-9 * size.max(), size, np.nan)
     axes.semilogy(degrees, shown, "o-", markersize=4, label="light supposed")
     axes.semilogy(degrees, noise, "s-", markersize=3, label="its predicted error")
-    axes.semilogy(degrees, noise / RECOVERABLE, "k--", linewidth=0.8, label="needed to be told")
+    axes.semilogy(degrees, noise / RECOVERABLE, "k--", linewidth=0.8, label="identifiable below")
     axes.xaxis.get_major_locator().set_params(integer=True)
     # Degrees that nothing is known of would leave no room for the others.
     axes.set_ylim(0.3 * np.min(noise), 30 * np.max(size))

@@ -1,4 +1,4 @@
-"""``jaxrender analyze CONFIG``: forecasts of every recovery, and what to photograph next."""
+"""``jaxrender analyze CONFIG``: forecasts of every recovery, and the best next photograph."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -67,7 +67,7 @@ ALL = Options()
 def analyze_config(
     config: RunConfig, options: Options = ALL, progress: Progress | None = None
 ) -> ConfigAnalysis:
-    """Say what the photographs of a config will tell, before they are taken.
+    """Predict the errors that the photographs of a config will allow.
 
     Raises ``InputError`` for what a fit would refuse, photographs apart, for a supposed material
     outside the bounds of the search, and for options that make no sense.

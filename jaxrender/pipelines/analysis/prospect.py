@@ -1,7 +1,7 @@
 """A config's cameras, shape and light, whether or not its photographs exist.
 
-Blank pictures stand for photographs, so that everything else, silhouettes, masks that are there,
-grazing pixels, warnings and refusals, is as a fit has it.
+Blank pictures stand for the photographs.  Silhouettes, existing masks, grazing pixels, warnings and
+refusals are then those of a fit.
 """
 
 from pathlib import Path
@@ -31,7 +31,7 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.synth import cameras_of
 
-# Where a config has no light, since it is what will be recovered: a window, the sky and a lamp.
+# Supposed where a config has no light: a window, the sky and a source.
 _WINDOW_AND_SKY = SmoothLobes(
     np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
     np.radians([30.0, 60.0]),

@@ -1,8 +1,8 @@
-"""What a forecast supposes of material and noise, and where each number is from."""
+"""The material and noise that a forecast supposes, and the origin of each number."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from jaxrender.pipelines.scene import fault_of
 
 
 class Supposition(NamedTuple):
-    """Material and noise, and in words where they are from."""
+    """Material and noise, and their origins in words."""
 
     supposed: Supposed
     source: str
@@ -27,8 +27,8 @@ def supposition_of(
 ) -> Supposition:
     """Take each number from the command line, the config, the recipe, or what is typical.
 
-    ``given`` are ``name=value`` or, of kd and ks, ``name=red,green,blue``.  Raises ``InputError``
-    for what is no such pair, and for values that no material has.
+    ``given`` are ``name=value``, or ``name=red,green,blue`` for kd and ks.  Raises ``InputError``
+    for other texts, and for values that no material has.
     """
     model = MODELS[config.brdf.model]
     told = dict(_pair(model, text) for text in given)
@@ -40,7 +40,7 @@ def supposition_of(
     with fault_of("--suppose" if told else "brdf"):
         brdf = material_named(model.name, {**config.brdf.chosen(), **values})
     if sources.get("ks") == "typical":
-        # An albedo, whatever the model's ks means.
+        # The typical value is an albedo, whatever ks means in the model.
         own = zip(brdf.amplitude_names, np.asarray(brdf.amplitudes))
         energies = {"ks": float(brdf.energy)}
         brdf = brdf.with_amplitudes(*(value / energies.get(name, 1.0) for name, value in own))
@@ -52,11 +52,13 @@ def supposition_of(
     return Supposition(Supposed(brdf, noise_model), source)
 
 
-def _one(name: str, config: RunConfig, recipe: RecipeConfig | None, told: dict):
-    """Find one number, and in words where it is from."""
+def _one(
+    name: str, config: RunConfig, recipe: RecipeConfig | None, told: Mapping[str, Any]
+) -> tuple[Any, str]:
+    """Find one number, and its origin in words."""
     model, known = MODELS[config.brdf.model], config.brdf.known(name)
     if name in told:
-        return told[name], "as told"
+        return told[name], "as supposed"
     if known is None:
         return "none", "from the config"
     value, source = known.fixed if known.fixed is not None else known.start, "from the config"
@@ -76,7 +78,7 @@ def _noise(
     if noise is not None:
         if not (noise > 0 and math.isfinite(noise)):
             raise InputError(f"--noise {noise:g}: give a relative noise above 0, such as 0.01")
-        return NoiseModel(float(noise), 0.0), "as told"
+        return NoiseModel(float(noise), 0.0), "as given"
     if config.solve.noise != "estimate":
         own = config.solve.noise
         return NoiseModel(float(own.relative), float(own.floor)), "from the config"

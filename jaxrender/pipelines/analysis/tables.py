@@ -17,7 +17,7 @@ _DEGREES_SHOWN = (*range(9), 10, 12, 14, 16, 18, 20)
 
 
 def text_of(found: ConfigAnalysis, options: Options) -> str:
-    """Put an analysis into words and tables."""
+    """Write an analysis as text and tables."""
     parts = [_heading(found)]
     impossible = found.impossible
     brdf = found.supposition.supposed.brdf
@@ -55,7 +55,7 @@ def _heading(found: ConfigAnalysis) -> str:
         if brdf.has_index() and brdf.mu is None:
             material.append(f"{brdf.index.name} none (metal)")
     lines = [
-        f"{len(found.prospect.cameras)} photographs, not looked at; {len(cosines):,} samples, "
+        f"{len(found.prospect.cameras)} photographs, not read; {len(cosines):,} samples, "
         f"of which {len(situation.frame):,} for the last step; exit cosines from "
         f"{cosines.min():.2f} to {cosines.max():.2f}",
         f"light: {' and '.join(lit)}{guess}",
@@ -63,7 +63,7 @@ def _heading(found: ConfigAnalysis) -> str:
         f"          ({found.supposition.source})",
     ]
     if not found.prospect.shape.is_convex():
-        lines.append("the shape is not convex: its shadows on itself are left out of the forecast")
+        lines.append("the shape is not convex; the forecast leaves out its shadows on itself")
     return "\n".join(lines)
 
 
@@ -86,7 +86,7 @@ def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
     return [
         *lines,
         f"  singular values (noise per relative change): {_listed(values)}",
-        f"  what shows least: {', '.join(told)}",
+        f"  least visible change: {', '.join(told)}",
     ]
 
 
@@ -94,9 +94,9 @@ def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
     lines = _parameters(forecast.parameters, forecast.identifiable, brdf)
     return [
         *lines,
-        f"  singular values, light and {forecast.lamps} lamps taken off: "
+        f"  singular values without light and {forecast.lamps} sources: "
         f"{_listed(forecast.singular_values)}",
-        *(f"  cannot be told, {line}" for line in forecast.gauge),
+        *(f"  not identifiable, {line}" for line in forecast.gauge),
     ]
 
 
@@ -144,7 +144,7 @@ def _suggestions(found: ConfigAnalysis, options: Options) -> str:
     names = list(found.suggestions[0].errors)
     lines = [
         f"One more photograph, best first (to know {aim} better)",
-        f"  {'':4s}{'camera towards' if views else 'lamp towards':24s} "
+        f"  {'':4s}{'camera towards' if views else 'source towards':24s} "
         + " ".join(f"{name:>8s}" for name in names),
     ]
     if found.material is not None:

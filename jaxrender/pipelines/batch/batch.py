@@ -1,8 +1,8 @@
-"""A sweep from its file to its folder: plan, do what is missing, keep the index.
+"""A sweep from its file to its folder: plan, do the missing runs, keep the index.
 
-``OUT/`` holds a folder for each run, named by its hash, ``index.nc`` and ``index.csv``, the marker
-``batch.json`` and a lock.  A run's folder appears when the run is done, so whatever stops a batch,
-the same command goes on where it was.
+``OUT/`` holds a folder for each run, named by its hash.  Beside them lie ``index.nc``,
+``index.csv``, the marker ``batch.json`` and a lock.  The folder of a run appears when the run is
+done.  After any interrupt the same command continues the batch.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jaxrender.errors import InputError
 from jaxrender.pipelines.batch.folder import check_ours, our_folder, sweep_away
 from jaxrender.pipelines.batch.index import INDEX, Row, write_index
-from jaxrender.pipelines.batch.plan import Planned, State, plan_of
+from jaxrender.pipelines.batch.plan import Look, Planned, State, plan_of
 from jaxrender.pipelines.batch.task import Failure
 from jaxrender.pipelines.batch.workers import Opener
 from jaxrender.pipelines.caches import capture_folder, is_whole
@@ -34,7 +34,7 @@ _NAMED = 5
 
 
 class BatchReport(NamedTuple):
-    """How a batch ended: how many runs had each outcome, its folder, a summary for the terminal."""
+    """The end of a batch: the number of runs by outcome, its folder, and a summary in words."""
 
     outcomes: dict[str, int]
     folder: Path
@@ -47,10 +47,10 @@ class BatchReport(NamedTuple):
 
 
 def list_runs(sweep: Sweep) -> str:
-    """Say what a batch would do; touches nothing."""
+    """List the runs of a batch with their states; changes nothing."""
     plan = plan_of(sweep)
     check_ours(sweep.output)
-    states = [run.look()[0] for run in plan]
+    states = [run.look().state for run in plan]
     again = {State.PENDING: "to do", State.FAILED: "failed, to do again"}
     lines = [
         f"{run.name}  {again.get(state, state.value):<19}  {shown(run.parameters)}"
@@ -65,10 +65,10 @@ def list_runs(sweep: Sweep) -> str:
 
 
 def run_batch(sweep: Sweep, opener: Opener, progress: Progress | None = None) -> BatchReport:
-    """Do the runs of a sweep that are not finished, and index them all.
+    """Do the unfinished runs of a sweep, and index all runs.
 
-    A failed run keeps its error and the others go on.  Raises InputError for input that no run
-    can be named from, and for an output folder that is not ours or in use.
+    A failed run keeps its error, and the others continue.  Raises InputError for unreadable input,
+    and for an output folder that is not ours or in use.
     """
     progress = progress or SilentProgress()
     plan = plan_of(sweep)
@@ -83,7 +83,7 @@ def run_batch(sweep: Sweep, opener: Opener, progress: Progress | None = None) ->
                 with progress.stage(f"batch of {_runs(len(todo))}"):
                     _do(todo, opener, ledger, progress)
         except BaseException:
-            # Some may have ended while the workers were told to stop.
+            # Some may have ended while the workers stopped.
             for run in todo:
                 if (run.folder / RESULT).is_file():
                     ledger.look(run)
@@ -97,34 +97,34 @@ def run_batch(sweep: Sweep, opener: Opener, progress: Progress | None = None) ->
 
 
 class _Ledger:
-    """What is known of each run, on disk and here, and the index made of it."""
+    """The state of each run, on disk and in memory, and the index made from it."""
 
     def __init__(self, sweep: Sweep, plan: tuple[Planned, ...]):
         self._keys, self._folder, self._plan = sweep.keys, sweep.output, plan
-        self._found: dict[str, tuple[State, dict[str, Any]]] = {}
+        self._found: dict[str, Look] = {}
         for run in plan:
             self.look(run)
         self._written = time.monotonic()
 
     def state(self, run: Planned) -> State:
-        """How far a run is."""
-        return self._found[run.name][0]
+        """Return the state of a run."""
+        return self._found[run.name].state
 
     def look(self, run: Planned, failure: Failure | None = None) -> str:
         """Look into a run's folder again, and return its outcome."""
         found = run.look()
-        if failure is not None and found[0] is not State.FAILED:
-            # Its folder could not take the error; the index shall.
-            found = (State.FAILED, failure._asdict())
+        if failure is not None and found.state is not State.FAILED:
+            # The folder could not store the error; the index does.
+            found = Look(State.FAILED, failure._asdict())
         self._found[run.name] = found
         return self._outcome(run)
 
     def outcomes(self) -> Counter[str]:
-        """How many runs ended how."""
+        """Count the runs by outcome."""
         return Counter(self._outcome(run) for run in self._plan)
 
     def write_now_and_then(self) -> None:
-        """Write the index, unless that was a moment ago."""
+        """Write the index, unless it was written a moment ago."""
         if time.monotonic() - self._written < _SECONDS_BETWEEN_INDICES:
             return
         # A disk that is full for a while does not stop the runs; at the end it is an error.
@@ -137,7 +137,7 @@ class _Ledger:
         self._written = time.monotonic()
 
     def summary(self) -> str:
-        """How the batch ended, with the first of the runs that failed."""
+        """Sum up the batch, with the first of the failed runs."""
         counts = ", ".join(f"{count} {name}" for name, count in self.outcomes().most_common())
         failed = [run for run in self._plan if self.state(run) is State.FAILED]
         lines = [f"{_runs(len(self._plan))}: {counts}"]
@@ -164,7 +164,7 @@ class _Ledger:
 
 
 def _do(todo: list[Planned], opener: Opener, ledger: _Ledger, progress: Progress) -> None:
-    """Have the runs done, and tell of each as it ends."""
+    """Give the runs to the workers, and report each as it ends."""
     by_name = {run.name: run for run in todo}
     failed = 0
     with opener(len(todo)) as workers:
@@ -186,7 +186,7 @@ def _do(todo: list[Planned], opener: Opener, ledger: _Ledger, progress: Progress
 
 
 def _keep(run: Planned, failure: Failure) -> None:
-    """Keep an error on disk where that can be done; the index has it in any case."""
+    """Keep an error on disk if possible; the index has it in any case."""
     with suppress(InputError, OSError):
         run.keep_error(failure)
 

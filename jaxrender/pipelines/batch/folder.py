@@ -1,4 +1,4 @@
-"""The folder of a batch: marked as ours, held by one batch at a time, free of debris."""
+"""The folder of a batch: marked as ours, and used by one batch at a time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MAKER = "jaxrender"
 
 @contextmanager
 def our_folder(sweep: Sweep) -> Iterator[None]:
-    """The batch's folder, marked as ours and held against other batches."""
+    """Hold the folder of a batch: mark it as ours, and lock out other batches."""
     folder = sweep.output
     check_ours(folder)
     try:
@@ -64,7 +64,7 @@ def check_ours(folder: Path) -> None:
 
 
 def sweep_away(plan: Iterable[Planned]) -> None:
-    """Remove what killed workers left of runs; the batch's lock is held, so nobody is at it."""
+    """Remove the remains of killed workers; needs the lock of the batch."""
     names = {run.name for run in plan}
     for folder in {run.folder.parent for run in plan}:
         for left in folder.glob(".*.*-*"):

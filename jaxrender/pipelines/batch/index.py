@@ -1,10 +1,9 @@
 """The index of a batch: ``index.nc`` for xarray, ``index.csv`` for people, a row for each run.
 
-Dimension ``run``, labelled by the runs' names, which are their folders; what the sweep varies is
-coordinates (``brdf.mu``).  Found values (``kd``, ``sigma``, ...) have a dimension ``channel`` where
-any run has one value for each; ``kd_interval90`` has a last dimension ``bound``; a parameter that a
-run does not have, or that failed, is NaN.  Each file is written aside and renamed: whole, or as it
-was.
+The names of the runs, which are their folders, label the dimension ``run``.  The varied keys are
+coordinates (``brdf.mu``).  Found values (``kd``, ``sigma``, ...) have a dimension ``channel`` if any
+run has one value for each channel.  ``kd_interval90`` has a last dimension ``bound``.  Missing
+values are NaN.  Each file is written aside and then renamed, so that it is always whole.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _RUN = ("run",)
 
 
 class Row(NamedTuple):
-    """One run: what it differs by, how it ended, and its result where it has one."""
+    """One run: its changes, its outcome, and its result where it has one."""
 
     name: str
     parameters: dict[str, Any]
@@ -38,7 +37,7 @@ class Row(NamedTuple):
 
 
 def write_index(folder: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write both files of the index; ``keys`` are what the sweep varies."""
+    """Write both files of the index; ``keys`` are the keys that the sweep varies."""
     coordinates = {key: _coordinate(key, [row.parameters.get(key) for row in rows]) for key in keys}
     found = _found(rows)
     columns = {**coordinates, **found}
@@ -53,7 +52,7 @@ def write_index(folder: Path, keys: Sequence[str], rows: Sequence[Row]) -> None:
 
 
 def _coordinate(key: str, values: list[Any]) -> Variable:
-    """Numbers as numbers, anything else as text; absent means the base's own value."""
+    """Lay out numbers as numbers, anything else as text; absent is the value of the base."""
     words = f"{key} as the sweep sets it"
     given = [value for value in values if value is not None]
     if all(isinstance(value, bool) for value in given) and len(given) == len(values):
@@ -69,7 +68,7 @@ def _coordinate(key: str, values: list[Any]) -> Variable:
 
 
 def _found(rows: Sequence[Row]) -> dict[str, Variable]:
-    """What the runs found, by name."""
+    """Lay out the found values by name."""
     results = [row.result for row in rows]
     seconds = [r.get("seconds", {}).get("total") for r in results]
     rms = [r.get("residual", {}).get("relative_rms") for r in results]

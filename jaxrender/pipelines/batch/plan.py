@@ -1,8 +1,8 @@
-"""Which runs a sweep means, under which names, and what of them is there already.
+"""The runs of a sweep, their names, and their states on disk.
 
-A run's name is the start of a hash of its whole config, the contents of all its input files and the
-version.  A folder with a readable ``result.json`` is finished; one with ``error.json`` failed, and
-is tried again.
+The name of a run is the start of a hash of its whole config, the contents of its input files and
+the version.  A folder with a readable ``result.json`` is finished.  A folder with ``error.json``
+has failed, and is tried again.
 """
 
 from __future__ import annotations
@@ -27,11 +27,18 @@ _ERROR = "error.json"
 
 
 class State(enum.Enum):
-    """What is known of a run; the value is what the index calls it until there is an outcome."""
+    """The state of a run; the index shows its value until the run has an outcome."""
 
     PENDING = "pending"
     FINISHED = "finished"
     FAILED = "failed"
+
+
+class Look(NamedTuple):
+    """The state of a run, and its result or its error."""
+
+    state: State
+    document: dict[str, Any]
 
 
 class Planned(NamedTuple):
@@ -42,17 +49,17 @@ class Planned(NamedTuple):
     parameters: dict[str, Any]
     config: RunConfig
 
-    def look(self) -> tuple[State, dict[str, Any]]:
-        """What is in the run's folder: its state, with the result or the error."""
+    def look(self) -> Look:
+        """Read the run's folder."""
         if (self.folder / _ERROR).is_file():
-            return State.FAILED, _read_error(self.folder)
+            return Look(State.FAILED, _read_error(self.folder))
         try:
-            return State.FINISHED, read_result(self.folder)
+            return Look(State.FINISHED, read_result(self.folder))
         except InputError:
-            return State.PENDING, {}
+            return Look(State.PENDING, {})
 
     def job(self) -> Job:
-        """The run as a worker is told of it."""
+        """Make the job for a worker."""
         return Job(self.name, self.folder, self.config, replaces=self.folder.exists())
 
     def keep_error(self, failure: Failure) -> None:
@@ -80,7 +87,7 @@ def plan_of(sweep: Sweep) -> tuple[Planned, ...]:
 
 
 class _Data:
-    """Digests of what runs read, each file read once however many runs share it."""
+    """Digests of the files that runs read; each file is read once."""
 
     def __init__(self) -> None:
         self._captures: dict[str, list[Path]] = {}
@@ -88,7 +95,7 @@ class _Data:
         self._digests: dict[Path, str] = {}
 
     def digest(self, config: RunConfig) -> str:
-        """A digest of the contents of everything that a run reads."""
+        """Digest the contents of all files that a run reads."""
         recipe = config.capture.recipe
         files = [path for path in input_files(config) if path != recipe]
         if recipe is not None:

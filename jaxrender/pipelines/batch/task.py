@@ -1,8 +1,7 @@
-"""What a worker does: a recipe's photographs, and one run; an error is an answer, not a crash.
+"""The work of a worker: the photographs of a recipe, or one run.  An error is a return value.
 
-All functions stand at the top level and take paths and small data, so that they travel to processes
-that were spawned and to other machines.  ``set_up`` is the caller's (the command line's) choice of
-precision and compilation cache, made once in each process.
+All functions stand at the top level and take paths and small data, so that other processes and
+machines can call them.  ``set_up`` sets precision and compilation cache, once in each process.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ SetUp = Callable[[], None]
 
 
 class Job(NamedTuple):
-    """A run that is to be done; ``replaces`` says that its folder holds an earlier failure."""
+    """A run to do; ``replaces`` says that its folder holds an earlier failure."""
 
     name: str
     folder: Path
@@ -47,7 +46,7 @@ class Failure(NamedTuple):
 
     @classmethod
     def of(cls, error: BaseException) -> Failure:
-        """An exception as data; bad input explains itself, anything else keeps its traceback."""
+        """Make data of an exception: the message of bad input, the traceback of anything else."""
         kind, message = type(error).__name__, str(error) or type(error).__name__
         if isinstance(error, InputError):
             return cls(kind, message)
@@ -60,7 +59,7 @@ def render_photographs(recipe: Path, set_up: SetUp) -> Failure | None:
 
 
 def run_job(job: Job, rendered: Failure | None, set_up: SetUp) -> Failure | None:
-    """Do one run; ``rendered`` is what became of its photographs."""
+    """Do one run; ``rendered`` is the outcome of rendering its photographs."""
     return rendered or _attempted(set_up, _fitted, job)
 
 

@@ -1,7 +1,7 @@
-"""Who does the runs: processes of this machine or of a cluster, by dask; or this process itself.
+"""The workers of a batch: processes of this machine or a cluster, by dask, or this process itself.
 
-Every kind of ``Workers`` is given recipes to render and jobs to do, and hands back the jobs with
-what became of them as they end, in any order.  Each recipe is rendered once, before its jobs.
+Every kind of ``Workers`` gets recipes to render and jobs to do.  It yields each job with its
+outcome as it ends, in any order.  Each recipe is rendered once, before its jobs.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ _SETTINGS = {
 
 
 class Workers(Protocol):
-    """Whoever does the runs."""
+    """Processes that do runs."""
 
     @property
     def count(self) -> int:
-        """How many runs go on at the same time."""
+        """The number of runs that go on at the same time."""
         ...
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
@@ -56,7 +56,7 @@ Opener = Callable[[int], AbstractContextManager[Workers]]
 
 
 class InProcess:
-    """One run after the other in this process: the readable twin, and for a debugger."""
+    """One run after the other in this process, for reading and debugging."""
 
     count = 1
 
@@ -129,7 +129,7 @@ def _local(jobs: int, workers: int | None, set_up: SetUp) -> Iterator[Workers]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the cluster's diary to itself; what becomes of a run is told by the run."""
+    """Silence the log of the cluster; each run reports its own outcome."""
     log = logging.getLogger("distributed")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -156,7 +156,7 @@ def _remote(scheduler: str, set_up: SetUp) -> Iterator[Workers]:
 
 
 class _Dask:
-    """The workers behind a dask client; a run whose worker dies is given to another."""
+    """The workers of a dask client; the run of a dead worker goes to another one."""
 
     def __init__(self, client, set_up: SetUp):
         self._client = client

@@ -1,11 +1,12 @@
-"""Configs as data: what a run is told, with no class of the run time in it.
+"""Configs as plain data, without run-time classes.
 
 One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :mod:`.lighting`,
 :mod:`.brdf` (its unknowns are :mod:`.parameter`), :mod:`.samples`, :mod:`.solve`, :mod:`.texture`;
 :mod:`.run` is the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values`
 holds the kinds of value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document`
-(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  What is stated
-has an effect or is refused (:mod:`.stated`); :mod:`.honoured` lists what a task has no use for.
+(places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  Every stated
+key has an effect or is refused (:mod:`.stated`).  :mod:`.honoured` lists the keys that a task
+cannot use.  :mod:`.schema` describes every key for editors.
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig
@@ -22,7 +23,6 @@ from jaxrender.pipelines.config.lighting import (
     LightingConfig,
 )
 from jaxrender.pipelines.config.loader import (
-    json_schema,
     load_recipe,
     load_run_config,
     resolved_yaml,
@@ -38,6 +38,7 @@ from jaxrender.pipelines.config.recipe import (
 )
 from jaxrender.pipelines.config.run import RunConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
+from jaxrender.pipelines.config.schema import json_schema
 from jaxrender.pipelines.config.solve import NoiseConfig, SolveConfig
 from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 

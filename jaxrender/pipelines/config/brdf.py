@@ -1,7 +1,6 @@
-"""Which material model is fitted, and what is known of its numbers.
+"""The material model of a fit, and what is known of its numbers.
 
-Its keys are the numbers of all models of the catalogue: a model that is added there can be named
-here at once.
+The keys are the numbers of all models in the catalogue.  A new model there needs no change here.
 """
 
 from __future__ import annotations
@@ -89,21 +88,20 @@ def _known(number: Number, domain: Interval) -> Any:
 
 
 class _Brdf(Section):
-    """The material: K_d + K_s times a lobe, with what is known of its numbers."""
+    """The material: K_d plus K_s times a lobe, and what is known of its numbers."""
 
     model: Model = "microfacet"
-    """The family: microfacet is the thesis's Gaussian (T 6.2), ggx and beckmann are what renderers
-    use."""
+    """The model: microfacet is the thesis's Gaussian (T 6.2); renderers use ggx and beckmann."""
     compare: tuple[Model, ...] = ()
-    """Other models to fit as well; the one that best explains held-out pixels is the result."""
+    """Other models to fit as well.  The model that best explains held-out pixels is the result."""
     ks_per_channel: Switch = False
     """Whether each channel has its own specular weight."""
     fresnel: Fresnel = "exit"
-    """Fresnel at the exit angle (default of microfacet) or to the half vector (ggx, beckmann)."""
+    """Angle of the Fresnel term: exit (default of microfacet) or half (of ggx and beckmann)."""
     masking: Masking = "none"
-    """Masking and shadowing between facets: none (default of microfacet) or smith (the others')."""
+    """Masking of facets by each other: none (default of microfacet) or smith (of the others)."""
     gauge: Gauge = "per-channel"
-    """Under unknown light: how light and reflectance of the channels are told apart."""
+    """Under unknown light: the convention that separates light from reflectance in each channel."""
 
     @property
     def models(self) -> tuple[str, ...]:
@@ -111,20 +109,20 @@ class _Brdf(Section):
         return tuple(dict.fromkeys((self.model, *self.compare)))
 
     def known(self, name: str) -> Parameter | None:
-        """Say what is known of a number; None: it is said not to be there, as a metal's index."""
+        """Return what is known of a number; None where it is absent, as a metal's index."""
         value = getattr(self, name)
         return None if value == "none" else value
 
     def chosen(self) -> dict[str, Any]:
-        """Name what the model has and no fit looks for."""
+        """Return the stated numbers and options of the model, which no fit changes."""
         entry = MODELS[self.model]
         return {name: getattr(self, name) for name in (*entry.names("stated"), *entry.options)}
 
     def as_model(self, model: str) -> BrdfConfig:
-        """Take another model, with what is said of the numbers that it has.
+        """Take another model, and keep what is known of the numbers that both have.
 
-        Choices go along where both models choose the same unless told otherwise, and an amplitude
-        where it is the weight of the same thing.
+        Options are kept if both models have the same defaults.  An amplitude is kept if it weighs
+        the same thing.
         """
         mine, other = MODELS[self.model], MODELS[model]
         kept = set(_keys(model))
@@ -186,7 +184,7 @@ def foreign_keys(models_of: Callable[[Any], Iterable[str]]) -> tuple[Case, ...]:
 
 
 def with_defaults_of_model(given: Any, make: Callable[[Any], Any]) -> Any:
-    """Make a section in which a model's own choices hold, unless told otherwise."""
+    """Make a section with the default options of its model."""
     model = MODELS.get(str(given.get("model"))) if isinstance(given, dict) else None
     if model is None:
         return make(given)

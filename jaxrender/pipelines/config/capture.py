@@ -1,4 +1,4 @@
-"""Which photographs are fitted, of which shape, and how their pixels become radiance."""
+"""The photographs of a fit, their shape, and how pixels become radiance."""
 
 from __future__ import annotations
 
@@ -43,25 +43,25 @@ class CaptureConfig(Section):
     recipe: ConfigPath | None = None
     """A recipe whose photographs are rendered first and then fitted."""
     images: ConfigPath | None = None
-    """The folder in which the photographs that transforms.json names are looked up."""
+    """The folder of the photographs that transforms.json names."""
     geometry: GeometryConfig | None = None
-    """The known shape; with a recipe, the recipe's own unless given here."""
+    """The known shape.  With a recipe the default is that of the recipe."""
     response: Response = "linear"
     """How pixel values become radiance: linear, srgb or {curve: path}."""
     invalid: Literal["refuse", "mask"] = "refuse"
-    """What to do with NaN, infinite and negative pixels."""
+    """What happens to NaN, infinite and negative pixels: refuse the photograph or mask them."""
     saturation: Positive | None = None
-    """Pixel value at and above which a pixel is left out; if absent, none for formats of float
-    values and 0.998 for those of integers, whose largest value is 1."""
+    """Pixel value from which a pixel is left out.  Default: no limit for float formats, 0.998 for
+    integer formats, whose largest value is 1."""
     saturation_grow: WholeNumber = 0
-    """Pixels left out around saturated ones: 1 where demosaicing or resizing mixed them, which
+    """Pixels left out around saturated ones.  Use 1 where demosaicing or resizing mixed pixels; it
     costs the rim of a narrow highlight."""
     black_level: NonNegative = 0.0
     """Pixel value below which a pixel is left out."""
     erode: WholeNumber = 2
-    """Pixels removed at silhouettes."""
+    """Pixels removed along silhouettes."""
     exposure: Literal["given", "metadata"] = "given"
-    """Where exposures come from: transforms.json, or the metadata of the photographs."""
+    """The source of exposures: given (transforms.json) or metadata (of the photographs)."""
     allow_outside: Switch = False
     """Whether transforms.json may name files outside its own folder."""
 

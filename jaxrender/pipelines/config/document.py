@@ -1,8 +1,8 @@
 """YAML text as plain data, with the place in the file of every key and value.
 
 YAML 1.2: ``1e-6`` is a number, ``no`` and ``off`` are words.  Keys are words; a key given twice,
-a tag, and a merge key are problems.  Problems are collected, not raised, so that a file's errors
-can be shown all at once; only text that is no YAML at all is raised, as ``NotYaml``.
+a tag, and a merge key are problems.  Problems are collected, so that all errors of a file show at
+once.  Only text that is not YAML raises, as ``NotYaml``.
 """
 
 from __future__ import annotations

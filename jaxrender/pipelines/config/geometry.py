@@ -24,7 +24,7 @@ class SphereConfig(Section):
 
 
 class EllipsoidConfig(Section):
-    """An ellipsoid about the origin, its axes along x, y, z, as a subdivided icosahedron."""
+    """An ellipsoid about the origin with axes along x, y and z: a subdivided icosahedron."""
 
     radii: PositiveVector
     """Half axes along x, y and z."""
@@ -64,7 +64,7 @@ class GeometryConfig(Section):
 
 
 class RecipeGeometryConfig(GeometryConfig):
-    """The shape to be rendered: one of ``sphere``, ``mesh``, ``ellipsoid`` and ``sculpture``."""
+    """The shape of a recipe: one of ``sphere``, ``mesh``, ``ellipsoid`` and ``sculpture``."""
 
     ellipsoid: EllipsoidConfig | None = None
     """An ellipsoid: {radii, subdivisions}."""

@@ -1,7 +1,7 @@
-"""Which keys of a run have an effect: for each task those that have none, and why.
+"""The keys that have no effect in a task, and why.
 
-What is not listed here is honoured; a test changes every key of every task to see that it is.  What
-a run needs, and what contradicts itself, is said where it belongs: in :mod:`.run` and the sections.
+All other keys have an effect; a test changes every key of every task to prove it.  Missing and
+contradictory keys are refused in :mod:`.run` and in the sections.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ _NO_SECTION = {
     "texture": "finds no texture",
     "spectrum": "finds no coefficients of a BRDF",
 }
-_NO_GAUGE = "knows the light, which leaves no gauge open"
-_RECOVERS_LIGHT = "recovers the light, so that none is given"
+_NO_GAUGE = "knows the light, so no gauge is open"
+_RECOVERS_LIGHT = "recovers the light itself"
 _OF_KNOWN_LIGHT = {
     "solve.model": "has one frequency model",
     "solve.view_degree": "has one frequency model",
-    "solve.transfer": "filters by exit cosine",
+    "solve.transfer": "always filters by exit cosine",
     "solve.free_exposure": "needs known exposures",
     "solve.variants": "compares no variants of a model",
-    "solve.interreflection": "leaves out light that bounces",
+    "solve.interreflection": "leaves out bounced light",
 }
 _UNKNOWN_LIGHT = (
     _NO_SECTION
@@ -56,7 +56,7 @@ _TEXTURE = _OF_KNOWN_LIGHT | {
     "brdf.ks": "finds ks of every site",
     "brdf.ks_per_channel": "has one ks for all channels",
 }
-# For each task, by its own name or a longer one, what it has no use for.
+# For each task the keys that it cannot use.
 TASKS: Mapping[str, Mapping[str, str]] = {
     "brdf": _NO_SECTION
     | {
@@ -71,18 +71,18 @@ TASKS: Mapping[str, Mapping[str, str]] = {
     "factorize": _UNKNOWN_LIGHT,
     _LIT: _TEXTURE
     | {
-        "solve.band_limit": "follows the light as far as the lobe passes it",
+        "solve.band_limit": "uses all degrees that the lobe passes",
         "lighting.split": "splits the light as finely as its model needs",
-        "lighting.free_scale": "takes the light as given",
-        "texture.prior": "knows the light, which leaves nothing to a prior",
+        "lighting.free_scale": "uses the light as given",
+        "texture.prior": "knows the light, so it needs no prior",
         "brdf.gauge": _NO_GAUGE,
     },
     _DARK: _TEXTURE
     | {
         "lighting": _RECOVERS_LIGHT,
         "brdf.gauge": "has a gauge of its own",
-        "samples.count": "takes all pixels",
-        "samples.seed": "takes all pixels",
+        "samples.count": "uses all pixels",
+        "samples.seed": "uses all pixels",
         "solve.method": "has one search",
         "solve.starts": "has one start",
         "solve.refine_samples": "refines on all samples",
@@ -92,9 +92,9 @@ TASKS: Mapping[str, Mapping[str, str]] = {
     "brdf-spectrum": {
         "texture": _NO_SECTION["texture"],
         "brdf": "fits no model",
-        "lighting.per_frame": "takes light that all photographs share, of an environment or "
+        "lighting.per_frame": "needs one light for all photographs: an environment or "
         "directional sources",
-        "lighting.split": "takes the coefficients of the whole light",
+        "lighting.split": "uses the coefficients of the whole light",
         "lighting.free_scale": "needs absolute radiance",
         **{
             f"solve.{name}": "solves one linear system of the order in spectrum"
@@ -103,7 +103,7 @@ TASKS: Mapping[str, Mapping[str, str]] = {
         },
     },
 }
-# What a task does anyway is not refused.
+# Values that ask for what the task does anyway are not refused.
 _AS_IT_IS: Mapping[str, tuple[Any, ...]] = {
     "solve.model": ("dual",),
     "solve.transfer": ("exit-cosine",),
@@ -150,7 +150,7 @@ def _of_tasks() -> tuple[Case, ...]:
 
 
 def _has_mirror_lobe(config: RunConfig) -> bool:
-    """Tell whether any model has gloss about the reflected direction."""
+    """Tell whether any model has a specular lobe about the reflected direction."""
     return any(MODELS[m].about_mirror and MODELS[m].has_gloss for m in config.brdf.models)
 
 
@@ -171,14 +171,14 @@ def _is_matt_texture(config: RunConfig) -> bool:
     return config.task == "texture" and config.brdf.model == "lambertian"
 
 
-_NO_VIEW = "has no frequency view of its gloss"
+_NO_VIEW = "has no frequency view of its lobe"
 _NO_DEGREES = "has no degrees of light"
 _OF_SETTINGS = (
     Case(
         "a fit",
         lambda config: True,
         {
-            f"brdf.{name}.start": f"solves for {name} outright, from no start"
+            f"brdf.{name}.start": f"solves for {name} directly, without a start"
             for name in ("kd", "ks")
         },
     ),
@@ -186,9 +186,9 @@ _OF_SETTINGS = (
         "solve.refine: off",
         lambda config: config.solve.refine == "off",
         {
-            "solve.refine_samples": "leaves out what they are for",
-            "solve.variants": "leaves out what variants are judged by",
-            "solve.interreflection": "leaves out where bounced light is added",
+            "solve.refine_samples": "leaves out the refinement",
+            "solve.variants": "leaves out the refinement that compares variants",
+            "solve.interreflection": "leaves out the refinement that adds bounced light",
         },
         instead="choose solve.refine: exact",
     ),
@@ -213,7 +213,7 @@ _OF_SETTINGS = (
     Case(
         "lighting.free_scale",
         lambda config: config.lighting.free_scale,
-        {"solve.interreflection": "leaves the albedo open, by which bounced light tells"},
+        {"solve.interreflection": "leaves open the albedo that bounced light needs"},
         instead="remove lighting.free_scale",
     ),
     Case(
@@ -233,8 +233,8 @@ _OF_SETTINGS = (
         lambda config: f"model {_by_integral(config)[0]}",
         lambda config: bool(_by_integral(config)),
         {
-            "solve.interreflection": "is no lobe over a Lambertian base",
-            "solve.model": "is no lobe about the reflected direction",
+            "solve.interreflection": "is not a lobe over a Lambertian base",
+            "solve.model": "has no lobe about the reflected direction",
         },
         {"solve.model": ("dual",)},
         instead="choose another model",
@@ -248,7 +248,7 @@ _OF_SETTINGS = (
     Case(
         "a material that the integral alone fits",
         lambda config: len(_by_integral(config)) == len(config.brdf.models),
-        {"lighting.split": "takes the light whole"},
+        {"lighting.split": "uses the whole light"},
         instead="choose another model",
     ),
     Case(
@@ -258,12 +258,12 @@ _OF_SETTINGS = (
         instead="choose another model",
     ),
     Case(
-        "light of a body without a lobe about the reflected direction",
+        "the light of an object without a lobe about the reflected direction",
         lambda config: config.task in ("lighting", "factorize") and not _has_mirror_lobe(config),
-        {"solve.refine": "is found by the integral from the first"},
+        {"solve.refine": "is always found by the integral"},
     ),
     Case(
-        "a texture of matt paint",
+        "a diffuse texture",
         _is_matt_texture,
         {
             "solve.refine": "is found without refinement",
@@ -273,11 +273,11 @@ _OF_SETTINGS = (
         },
     ),
     Case(
-        "such a search for a texture",
+        "a texture with varying sigma or the simplex",
         lambda config: (
             config.task == "texture" and (_varies(config) or config.solve.method == "simplex")
         ),
-        {"solve.refine_samples": "is refined on no samples of its own"},
+        {"solve.refine_samples": "has no refinement with its own samples"},
     ),
     Case(
         "texture.sigma: even",
@@ -290,8 +290,8 @@ _OF_SETTINGS = (
         _varies,
         {
             "solve.refine": "is found on the integral",
-            "solve.method": "is more than the simplex finds",
-            "brdf.model": "needs gloss",
+            "solve.method": "is too much for the simplex",
+            "brdf.model": "needs a specular lobe",
             "brdf.sigma.fixed": "finds sigma",
         },
         {
@@ -302,21 +302,21 @@ _OF_SETTINGS = (
         instead="choose texture.sigma: even",
     ),
     Case(
-        "a glossy texture",
+        "a specular texture",
         lambda config: not _is_matt_texture(config),
-        {"texture.prior": "shows in what moves with the view, not by a prior"},
+        {"texture.prior": "is fixed by how it changes with the view, not by a prior"},
         instead="choose model: lambertian",
     ),
     Case(
-        "a model without gloss",
+        "a diffuse model",
         lambda config: not all(MODELS[m].has_gloss for m in config.brdf.models),
-        {"brdf.gauge": "has no ks that all channels could share"},
+        {"brdf.gauge": "has no ks for all channels to share"},
         {"brdf.gauge": ("per-channel", "metal")},
     ),
     Case(
         "task factorize",
         lambda config: config.task == "factorize" and _ks(config) is None,
-        {"brdf.ks_per_channel": "tells the channels of ks apart by the gauge"},
+        {"brdf.ks_per_channel": "takes the channels of ks from the gauge"},
         instead="state brdf.gauge",
     ),
     Case(

@@ -26,24 +26,24 @@ class EnvironmentConfig(Section):
     path: ConfigPath
     """The panorama."""
     convention: Convention = "z-up"
-    """How the panorama is laid out."""
+    """Layout of the panorama."""
     scale: Positive = 1.0
     """Factor from pixel values to radiance."""
     height: Count | None = None
-    """Rows to resample to; the panorama's own number if absent."""
+    """Rows after resampling.  Default: those of the panorama."""
 
 
 class DirectionalConfig(Section):
     """A directional source."""
 
     direction: Direction
-    """Towards the source; any length."""
+    """Vector towards the source, of any length."""
     irradiance: Rgb
     """Irradiance on a plane facing the source: one number or three."""
 
 
 class LightingConfig(Section):
-    """The light in which the photographs were taken; several kinds add up."""
+    """The light of the photographs; several kinds add up."""
 
     environment: EnvironmentConfig | None = None
     """An environment image."""
@@ -52,9 +52,9 @@ class LightingConfig(Section):
     per_frame: ConfigPath | None = None
     """A file with a list of directional sources for each photograph."""
     per_frame_irradiance: ConfigPath | None = None
-    """The irradiance of each photograph's source, where per_frame is a text of directions."""
+    """The irradiance of each photograph's source, if per_frame is a text of directions."""
     split: Literal["off", "auto"] | Fraction = "auto"
-    """How compact bright parts become sources: off, auto, or the energy left in the slow part."""
+    """How compact bright parts become sources: off, auto, or the part of energy that stays slow."""
     free_scale: Switch = False
     """Whether the scale between light and photographs is unknown."""
 

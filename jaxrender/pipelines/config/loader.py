@@ -68,12 +68,6 @@ def resolved_yaml(config: RunConfig | RecipeConfig) -> str:
     return stream.getvalue()
 
 
-def json_schema(root: type[BaseModel] = RunConfig) -> dict[str, Any]:
-    """The JSON Schema of a config, for editors."""
-    schema = root.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
 def _load(path: Path, overrides: Sequence[str], root: type[Root]) -> Root:
     document = read_document(path, root)
     for index, argument in enumerate(overrides):

@@ -1,7 +1,7 @@
 """``key=value`` arguments of the command line, written over the data of a config file.
 
-Keys are dotted (``brdf.mu=1.5``, ``lighting.directional.0.irradiance=2``); the value is YAML; a
-section that the file lacks is made.
+Keys are dotted (``brdf.mu=1.5``, ``lighting.directional.0.irradiance=2``), and values are YAML.
+Missing sections are made.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _KEY = re.compile(r"[^\s.=]+(\.[^\s.=]+)*")
 
 
 def apply_override(document: Document, argument: str, index: int) -> None:
-    """Write one argument over a document; what is wrong with it joins the document's problems."""
+    """Write one argument over a document; its problems join those of the document."""
     place = Place.on_command_line(argument, index)
 
     def refuse(message: str) -> None:
@@ -52,7 +52,7 @@ def apply_override(document: Document, argument: str, index: int) -> None:
 
 
 def open_section(document: Document, parts: tuple[str, ...], place: Place) -> tuple[Any, Location]:
-    """Walk down to the section that a key lies in, making what is not there."""
+    """Walk down to the section of a key, and make missing sections."""
     section: Any = document.data
     location: Location = ()
     for part in parts:

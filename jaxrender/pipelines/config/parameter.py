@@ -1,4 +1,4 @@
-"""What a fit may do with one unknown of the material: find it, find it in bounds, or keep it."""
+"""One number of the material in a fit: free, free within bounds, or fixed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Interval = Annotated[tuple[Number, Number], Accepts("two numbers [lowest, highes
 
 
 def _numbers(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
-    """All the numbers of one entry; none if it is absent."""
+    """Return all numbers of one entry; none if it is absent."""
     if value is None:
         return ()
     return value if isinstance(value, tuple) else (value,)
@@ -35,18 +35,18 @@ class Parameter(Section):
     fixed: Values | None = None
     """The known value: a number, or three for the channels."""
     bounds: Interval | None = None
-    """The interval [lowest, highest] in which the value is looked for."""
+    """The interval [lowest, highest] of the search."""
     start: Values | None = None
     """Where the search starts."""
 
     @property
     def free(self) -> bool:
-        """Whether the fit looks for the value."""
+        """Whether the fit searches for the value."""
         return self.fixed is None
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Every number that the config names for this parameter."""
+        """All numbers that the config states for this parameter."""
         return _numbers(self.fixed) + (self.bounds or ()) + _numbers(self.start)
 
     @model_validator(mode="before")
@@ -85,7 +85,7 @@ class Parameter(Section):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """The section and its shorthands, so that editors accept what the loader accepts."""
+        """Give editors the section and its shorthands."""
         number = {"type": "number"}
         triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
         values = {"anyOf": [number, triple]}

@@ -1,4 +1,4 @@
-"""A recipe: how photographs with a known answer are rendered, for trials and tests."""
+"""A recipe: synthetic photographs with a known answer."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from jaxrender.pipelines.config.values import (
 
 
 class _RecipeBrdf(Section):
-    """The true material; one with gloss needs every number that its model has."""
+    """The true material.  A model with a specular lobe needs all its numbers."""
 
     model: Model = "microfacet"
-    """The family: microfacet is the thesis's Gaussian, ggx and beckmann are what renderers use."""
+    """The model: microfacet is the thesis's Gaussian (T 6.2); renderers use ggx and beckmann."""
     fresnel: Fresnel = "exit"
-    """Fresnel at the exit angle (default of microfacet) or to the half vector (ggx, beckmann)."""
+    """Angle of the Fresnel term: exit (default of microfacet) or half (of ggx and beckmann)."""
     masking: Masking = "none"
-    """Masking and shadowing between facets: none (default of microfacet) or smith (the others')."""
+    """Masking of facets by each other: none (default of microfacet) or smith (of the others)."""
 
     def number(self, name: str) -> Any:
         """Look a number up: of an amplitude one for each channel, or the word none."""
@@ -92,18 +92,18 @@ else:
 
 
 class RecipePaintConfig(Section):
-    """Paint by direction from the middle of the object: from brdf's kd and ks to those here."""
+    """Paint that depends on the direction from the centre: it mixes brdf's kd and ks with these."""
 
     pattern: Literal["checker", "noise"] = "checker"
-    """Sharp cells of latitude and longitude, or soft blotches."""
+    """checker: sharp cells of latitude and longitude.  noise: soft blotches."""
     cells: Count = 8
-    """Cells from pole to pole, twice as many around; of blotches the highest degree."""
+    """Cells from pole to pole, with twice as many around; for noise its highest degree."""
     kd: Rgb
     """Diffuse BRDF value of the other paint, 1/sr."""
     ks: NonNegative
     """Specular weight of the other paint, one for all channels."""
     sigma_above: Positive | None = None
-    """Roughness at the very top, where it varies with height: below it is brdf's."""
+    """Roughness at the top, if it varies with height; at the bottom it is that of brdf."""
     seed: WholeNumber = 0
     """Seed of the blotches."""
 
@@ -112,7 +112,7 @@ class AreaConfig(Section):
     """A smooth lobe of light."""
 
     direction: Direction
-    """Towards the middle of the lobe; any length."""
+    """Vector towards the middle of the lobe, of any length."""
     width_degrees: LobeWidth
     """Width of the lobe."""
     radiance: Rgb
@@ -196,7 +196,7 @@ class RecipeConfig(Root):
     brdf: RecipeBrdfConfig
     """The true material."""
     texture: RecipePaintConfig | None = None
-    """Paint that varies over the surface; without it the material is the same everywhere."""
+    """Paint that varies over the surface.  Default: one material everywhere."""
     lighting: RecipeLightingConfig
     """The true light."""
     views: ViewsConfig = ViewsConfig()
@@ -204,7 +204,7 @@ class RecipeConfig(Root):
     noise: RecipeNoiseConfig = RecipeNoiseConfig()
     """The noise."""
     environment_height: Count = 128
-    """Rows of the environment image that is handed to the fit."""
+    """Rows of the environment image that the fit gets."""
     seed: WholeNumber = 0
     """Seed of the noise."""
 

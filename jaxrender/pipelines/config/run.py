@@ -21,27 +21,28 @@ _UNDER_KNOWN_LIGHT = ("brdf", "texture", "brdf-spectrum")
 
 
 class RunConfig(Root):
-    """A fit: what is known, what is asked, and how it is found."""
+    """A run: what is known, what is to be recovered, and how."""
 
     cases = CASES
 
     task: Literal["brdf", "lighting", "factorize", "texture", "brdf-spectrum"]
-    """What is recovered: the material, the light, both, a material for every texel (with the light
-    known or, where none is given, unknown), or the BRDF as coefficients."""
+    """What the run recovers.  brdf: the material.  lighting: the light.  factorize: both.
+    texture: a material for every texel, under known or unknown light.  brdf-spectrum: the BRDF as
+    coefficients."""
     capture: CaptureConfig
     """The photographs and the shape."""
     lighting: LightingConfig = LightingConfig()
-    """The known light; left out where it is recovered, or with a recipe, whose own is then used."""
+    """The known light.  Leave it out to recover the light, or to use that of a recipe."""
     brdf: BrdfConfig = BrdfConfig()
     """The material model."""
     samples: SamplesConfig = SamplesConfig()
-    """Which pixels take part."""
+    """The pixels that take part."""
     solve: SolveConfig = SolveConfig()
-    """How the unknowns are found."""
+    """The settings of the solver."""
     texture: TextureConfig | None = None
-    """The texture of task texture."""
+    """The settings of task texture."""
     spectrum: SpectrumConfig | None = None
-    """The coefficients of task brdf-spectrum."""
+    """The settings of task brdf-spectrum."""
     output: ConfigPath | None = None
     """Result folder; taken relative to the working directory."""
 
@@ -69,11 +70,11 @@ class RunConfig(Root):
             )
         if self.task == "factorize" and given["kd"] and not model.has_gloss:
             raise ValueError(
-                "of a matt body under unknown light the product of light and kd shows, not kd; "
+                "under unknown light a diffuse object shows only the product of light and kd; "
                 "leave kd free, or choose task: lighting"
             )
         if self.task == "factorize" and given["kd"] != given.get("ks", given["kd"]):
             raise ValueError(
-                "under unknown light only the ratio of kd and ks means anything; fix both or none"
+                "under unknown light only the ratio of kd and ks is identifiable; fix both or none"
             )
         return self

@@ -1,4 +1,4 @@
-"""Which pixels of the photographs take part in a fit."""
+"""The pixels that take part in a fit."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from jaxrender.pipelines.config.values import Count, OpenFraction, Section, Whol
 
 
 class SamplesConfig(Section):
-    """How many pixels are used, and how grazing they may be."""
+    """The number of pixels, and the most grazing view among them."""
 
     min_cosine: OpenFraction = 0.15
     """Smallest cosine between normal and view direction."""
     count: Count = 12000
-    """Pixels drawn from all photographs together."""
+    """Number of pixels drawn from all photographs together."""
     seed: WholeNumber = 0
     """Seed of the draw."""

@@ -1,4 +1,4 @@
-"""How the unknowns are found: light's band limit, transfer, solver, loss, noise."""
+"""How the unknowns are found: band limit of the light, transfer, solver, loss, noise."""
 
 from __future__ import annotations
 
@@ -53,35 +53,36 @@ class SolveConfig(Section):
     band_limit: Literal["auto"] | WholeNumber = "auto"
     """Highest degree of the light that is kept."""
     model: Literal["dual", "azimuthal", "shrm"] = "dual"
-    """The frequency model of slow light: the lobe's mean about R, its azimuth too, or a reflection
-    map's."""
+    """The frequency model of slow light.  dual takes the lobe's mean about R.  azimuthal keeps the
+    azimuth about R, for grazing pixels.  shrm does as a reflection map does."""
     view_degree: ViewDegree = _VIEW_DEGREE
-    """P, the highest order about R, and degree of the viewer, of models azimuthal and shrm."""
+    """P: the highest order about R of model azimuthal, or the viewer's degree of model shrm."""
     transfer: Literal["exit-cosine", "normal-exitance", "gaussian"] = "exit-cosine"
-    """How the specular lobe filters each degree, of model dual."""
+    """How the specular lobe filters each degree in model dual."""
     refine: Literal["exact", "off"] = "exact"
     """Whether the answer is refined with the exact reflection integral."""
     refine_samples: Count = 2000
-    """Pixels that the refinement begins with: it takes more where the light is a few sources, and
-    where two halves of them disagree."""
+    """Pixels that the refinement begins with.  It takes more where the light is a few sources, and
+    where two halves of the pixels disagree."""
     method: Literal["variable-projection", "simplex"] = "variable-projection"
-    """The search: linear part eliminated, or the thesis's simplex."""
+    """The search: variable-projection eliminates the linear part; simplex is the thesis's."""
     loss: Literal["auto", "squares", "huber", "cauchy"] = "auto"
-    """How residuals count: auto is squares, but huber where the light is found along."""
+    """How residuals count.  huber and cauchy are for photographs with outliers.  auto is squares
+    under known light, and huber under unknown light."""
     noise: Noise = "estimate"
     """The noise of the photographs: estimate, or {relative, floor}."""
     starts: Count = 8
     """Starting points of the search."""
     free_exposure: Switch = False
-    """Whether each photograph has an unknown exposure."""
+    """Whether each photograph has an unknown exposure, which the fit finds."""
     most_sources: Count = 48
-    """Directional sources that unknown light may have, beside its slow part."""
+    """Largest number of directional sources in unknown light, beside its slow part."""
     variants: Switch = True
-    """Whether the answer is compared with those of other choices of the same model."""
+    """Whether the fit is repeated with other choices of the same model, for comparison."""
     held_out: OpenFraction = 0.2
-    """Part of the samples that brdf.compare keeps from the fits, to judge them by."""
+    """Part of the samples that brdf.compare keeps out of the fits, to compare the models."""
     interreflection: Switch = False
-    """Whether light that bounces between parts of a concave diffuse object is modelled."""
+    """Whether the fit models light that bounces inside a concave diffuse object (T 6.6)."""
 
     @property
     def transfer_name(self) -> str:

@@ -1,7 +1,7 @@
-"""What a user states has an effect, or is refused: the rule, for the root of any config.
+"""The rule that every stated key has an effect or is refused, for the root of any config.
 
-A ``Case`` is a situation of a config with the keys that have no effect in it, and why.  A root
-lists its cases; a key that was stated in vain is an error of that key.
+A ``Case`` is a situation of a config, the keys that have no effect in it, and why.  A root lists
+its cases.  A stated key without effect is an error at that key.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from jaxrender.pipelines.config.wording import stated_in_vain
 
 
 class Case(NamedTuple):
-    """A situation, and what is of no use in it.
+    """A situation, and the keys that have no effect in it.
 
-    ``name`` may depend on the config.  ``keys`` maps a dotted key, or a section, to a reason that
-    goes on from it.  ``agrees`` are values that ask for what is done anyway; a switch that is off
-    asks for nothing.  ``instead`` is what would help, other than to remove the key.
+    ``name`` is the subject of the message, and may depend on the config.  ``keys`` maps a dotted
+    key or a section to the predicate of the message.  ``agrees`` are values that ask for what is
+    done anyway; a switch that is off asks for nothing.  ``instead`` is another remedy than to
+    remove the key.
     """
 
     name: str | Callable[[Any], str]
@@ -37,7 +38,7 @@ class Root(Section):
     cases: ClassVar[tuple[Case, ...]] = ()
 
     def in_vain(self) -> dict[str, str]:
-        """Say of each key that has no effect, stated or not, why that is and what would help."""
+        """Give reason and remedy for each key without effect, stated or not."""
         found: dict[str, str] = {}
         for case in (one for one in self.cases if one.applies(self)):
             name = case.name if isinstance(case.name, str) else case.name(self)
@@ -58,7 +59,7 @@ class Root(Section):
             raise StatedInVain("\n".join(lines), reasons)
 
     def written_out(self) -> dict[str, Any]:
-        """Put all that has an effect, defaults included, in plain data."""
+        """Return all keys that have an effect, defaults included, as plain data."""
         plain = self.model_dump(mode="json", exclude_none=True)
         for key in self.in_vain():
             *parts, name = key.split(".")
@@ -76,7 +77,7 @@ class Root(Section):
 
 
 def is_stated(config: Section, key: str) -> bool:
-    """Tell whether a user has given a dotted key; a section, whether any key in it."""
+    """Tell whether a user has given a dotted key, or any key of a section."""
     value: Any = config
     for part in key.split("."):
         if not isinstance(value, BaseModel) or part not in value.model_fields_set:
@@ -88,7 +89,7 @@ def is_stated(config: Section, key: str) -> bool:
 
 
 def at(config: Section, key: str) -> Any:
-    """Look a dotted key up; None where its section is left out."""
+    """Look up a dotted key; None where its section is absent."""
     value: Any = config
     for part in key.split("."):
         value = getattr(value, part, None)
@@ -96,7 +97,7 @@ def at(config: Section, key: str) -> Any:
 
 
 def _written(config: Section, key: str) -> Any:
-    """Turn what a key holds into what a file would say."""
+    """Return the value of a key as a file would state it."""
     value = at(config, key)
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", exclude_unset=True)

@@ -1,4 +1,4 @@
-"""A sweep: one base config, and the values that are written over it, one run for each.
+"""A sweep: one base config, and values that replace its own; one run for each set of values.
 
 Keys are dotted as on the command line (``brdf.mu``), and what they are given is checked as a config
 is: every run's config is built and validated before anything is started.  All errors of the sweep,
@@ -53,24 +53,24 @@ class SweepConfig(Section):
     """Many fits: a base config, and exactly one of ``grid`` and ``list``."""
 
     base: ConfigPath
-    """Config that every run starts from; its output is ignored."""
+    """Config that every run starts from.  Its output is ignored."""
     grid: _Grid | None = None
-    """Values for each key; the runs are all their combinations."""
+    """Values for each key.  The runs are all combinations."""
     list: _List | None = None
-    """The runs one by one, each the keys and values that it differs by."""
+    """The runs one by one, each as the keys and values that it changes."""
     output: ConfigPath | None = None
     """Folder of the batch; taken relative to the working directory."""
 
 
 class SweepRun(NamedTuple):
-    """One run: what it differs by, as written in the sweep, and its whole config."""
+    """One run: its changes, as written in the sweep, and its whole config."""
 
     parameters: dict[str, Any]
     config: RunConfig
 
 
 class Sweep(NamedTuple):
-    """A sweep whose runs are all valid and all different; ``keys`` are what they differ by."""
+    """A sweep whose runs are all valid and all different; ``keys`` are the changed keys."""
 
     path: Path
     output: Path
@@ -113,7 +113,7 @@ def load_sweep(path: str | Path) -> Sweep:
 
 
 def shown(parameters: Mapping[str, Any]) -> str:
-    """What a run differs by, as ``key=value`` words."""
+    """Write the changes of a run as ``key=value`` words."""
     words = (f"{key}={as_text(value)}" for key, value in parameters.items())
     return " ".join(words) or "the base itself"
 

@@ -1,4 +1,4 @@
-"""What a material that varies over the surface is sought as, and a BRDF as coefficients."""
+"""The settings of a recovered texture, and of a BRDF as coefficients."""
 
 from __future__ import annotations
 
@@ -10,30 +10,29 @@ from jaxrender.pipelines.config.values import ConfigPath, Count, Section, Switch
 
 
 class TextureConfig(Section):
-    """K_d and K_s of every texel or vertex (T 6.13), and what is told of the light."""
+    """The settings of a texture: K_d and K_s of every texel or vertex (T 6.13)."""
 
     size: Literal["auto"] | Count = "auto"
-    """Rows of the texture, a mesh's being square and a sphere's twice as wide; auto: as many as
-    leave every texel a dozen pixels on average.  A mesh without texture coordinates has its
-    vertices instead."""
+    """Rows of the texture.  It is square for a mesh, and twice as wide for a sphere.  auto gives
+    every texel a dozen pixels on average.  A mesh without texture coordinates uses its vertices."""
     regions: ConfigPath | None = None
-    """A picture over the texture coordinates whose colours tell materials apart: each colour gets a
-    sigma and a mu of its own."""
+    """A picture over the texture coordinates.  Each colour is a material with its own sigma and
+    mu."""
     sigma: Literal["even", "varying"] = "even"
-    """Whether every material has one sigma, or it varies slowly over the surface."""
+    """even: one sigma for each material.  varying: sigma varies slowly over the surface."""
     control_points: Count = 24
-    """Places at which a varying sigma is sought; between them it is smooth."""
+    """Number of places where a varying sigma is fitted; it is smooth between them."""
     unknown_light: Switch = False
-    """Whether the light is unknown although a recipe could tell it."""
+    """Whether the light is unknown although the recipe states it."""
     prior: Literal["total-variation", "variance"] = "total-variation"
-    """What picks a matte object's texture under unknown light: paint of few colours, or even."""
+    """The prior of a diffuse texture under unknown light: paint of few colours, or even paint."""
     dilate: WholeNumber = 2
-    """Texels by which the maps are continued beyond what was seen, so that seams do not show."""
+    """Texels by which the maps continue beyond seen texels, so that seams do not show."""
 
     @model_validator(mode="after")
     def _can_vary(self) -> TextureConfig:
         if self.sigma == "varying" and self.control_points < 2:
-            raise ValueError("control_points is 1, with which sigma cannot vary; give more")
+            raise ValueError("control_points is 1, so sigma cannot vary; give more")
         return self
 
 
@@ -43,4 +42,4 @@ class SpectrumConfig(Section):
     order: WholeNumber = 6
     """Highest degrees l and p."""
     reciprocal: Switch = True
-    """Whether rho~_lpq = rho~_plq is imposed, which halves the unknowns."""
+    """Whether the fit imposes rho~_lpq = rho~_plq, which halves the unknowns."""

@@ -1,7 +1,7 @@
-"""What the validator found wrong, in words: the value found, what is accepted, the nearest word.
+"""Error messages of the validator: the value found, what is accepted, the nearest word.
 
-pydantic reports one entry for each branch of a union, under paths that name its own machinery.
-Here each entry is led back to the key of the config that it belongs to, and said once.
+pydantic reports one entry for each branch of a union, with its own names in the path.  This module
+maps each entry to its key in the config, and reports it once.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Tasks whose light is unknown: ``factorize`` (with the material) and ``lighting`` (alone).
 
 ``asked``
-    what a config says of light and material, in the words of the recovery
+    the settings of the recovery, from a config
 ``recovery``
     the task itself, and its predicted photographs
 ``result`` ``images``
-    what was found as data; the light as images
+    the result as data; the light as images
 """
 
 from jaxrender.pipelines.light.images import light_images

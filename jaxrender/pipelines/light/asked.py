@@ -1,4 +1,4 @@
-"""What a config says of light and material, in the words of a recovery under unknown light."""
+"""The settings of a recovery under unknown light, from a config."""
 
 from jaxrender.catalogue import MODELS
 from jaxrender.inverse import Factorization, FactorSettings, Known, factorization
@@ -6,7 +6,7 @@ from jaxrender.inverse.comparison import Asked
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.scene import lobe_of, settings_of, unknowns_of
 
-# Slow light of so high a degree tells lamps from each other; the lamps carry what is finer.
+# Slow light to this degree separates the sources; the sources carry finer detail.
 _BAND_LIMIT = 10
 
 
@@ -27,7 +27,7 @@ def band_limit(config: RunConfig) -> int:
 
 
 def asked_models(config: RunConfig) -> tuple[Asked, ...]:
-    """List every model that the config names, each with what is said of its own parameters."""
+    """List every model of the config, each with what is known of its parameters."""
     models = []
     for model in config.brdf.models:
         own = config.model_copy(update={"brdf": config.brdf.as_model(model)})

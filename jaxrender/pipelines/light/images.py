@@ -1,5 +1,7 @@
 """A recovered light as images."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid
@@ -11,13 +13,18 @@ from jaxrender.shapes import Float
 _ROWS = 128
 
 
-def light_images(
-    scene: RecoveredScene,
-) -> tuple[Float[np.ndarray, "row column channel"], Float[np.ndarray, "row column channel"]]:
-    """Draw the whole light, each lamp as one texel of its energy, and its slow part alone.
+class LightImages(NamedTuple):
+    """A light as latitude-longitude images of radiance: the whole of it, and its slow part."""
 
-    Where a sum of few degrees falls below zero the light is black; what that adds is taken off
-    elsewhere, so that the image has the coefficients that were found.
+    whole: Float[np.ndarray, "row column channel"]
+    slow: Float[np.ndarray, "row column channel"]
+
+
+def light_images(scene: RecoveredScene) -> LightImages:
+    """Draw the light; in the whole of it each source is one texel of the same energy.
+
+    The light is black where the sum of few degrees falls below zero.  The added energy is removed
+    elsewhere, so that the image keeps the recovered coefficients.
     """
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
     light = positive_environment(np.asarray(scene.slow), np.asarray(scene.slow_error), _ROWS)
@@ -26,7 +33,7 @@ def light_images(
     rows, columns = texels_of(scene.sources, grid)
     energy = np.maximum(np.asarray(scene.sources.irradiance), 0)
     np.add.at(whole, (rows, columns), energy / grid.weights()[rows, columns, None])
-    return whole, slow
+    return LightImages(whole, slow)
 
 
 def texels_of(sources: DirectionalSources, grid: LatLongGrid) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,10 @@
 """The recovery of a light, and of the material where that is not known."""
 
+from __future__ import annotations
+
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,9 +12,8 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import Factorization, Observations, factorize
-from jaxrender.inverse.comparison import Comparison, compare_factorizations, divided
+from jaxrender.inverse.comparison import compare_factorizations, divided
 from jaxrender.inverse.factorization import Round, predict
-from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
 from jaxrender.lighting import Environment
@@ -26,11 +27,11 @@ from jaxrender.pipelines.light.asked import (
     factor_settings,
     in_given_units,
 )
-from jaxrender.pipelines.light.images import light_images
+from jaxrender.pipelines.light.images import LightImages, light_images
 from jaxrender.pipelines.light.result import Recovered, result_of
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.ranking import sentence_of
-from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import TransferField
@@ -44,6 +45,9 @@ from jaxrender.reflection import (
 )
 from jaxrender.shapes import Float
 
+if TYPE_CHECKING:
+    from jaxrender.pipelines.report.contents import FramePictures, LightContents
+
 # Pixels whose radiance is integrated at once.
 _PIXELS_AT_ONCE = 2**14
 
@@ -53,17 +57,12 @@ class LightRecovery(Recovery):
 
     def __init__(
         self,
-        asked: tuple[str, str, str],
-        found: Factorization,
+        recovered: Recovered,
         observations: Observations,
-        seen: tuple[list[Photograph], Shape],
-        comparison: Comparison | None = None,
+        shape: Shape,
     ):
-        """``asked`` are the task, the model's name and the gauge; perhaps it was compared."""
-        self.task, self.model, self.gauge = asked
-        self.found, self.observations = found, observations
-        self.photographs, self.shape = seen
-        self.comparison = comparison
+        self.recovered, self.observations, self.shape = recovered, observations, shape
+        self.found, self.photographs = recovered.found, recovered.photographs
 
     @property
     def light(self) -> DualLight:
@@ -73,17 +72,7 @@ class LightRecovery(Recovery):
 
     def result(self) -> Result:
         """Sum up light and material."""
-        return result_of(
-            Recovered(
-                self.task,
-                self.model,
-                self.gauge,
-                self.found,
-                self.observations.count,
-                self.photographs,
-                self.comparison,
-            )
-        )
+        return result_of(self.recovered)
 
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph with the recovered light and material."""
@@ -112,21 +101,20 @@ class LightRecovery(Recovery):
         return {"light": light, "samples": samples, **covariance}
 
     def write_images(self, folder: Path) -> None:
-        """Write the light, whole and without its lamps."""
-        whole, slow = self._images
-        write_environment(folder / "lighting.exr", Environment(whole))
-        write_environment(folder / "lighting_slow.exr", Environment(slow))
+        """Write the whole light, and its slow part without the sources."""
+        write_environment(folder / "lighting.exr", Environment(self._images.whole))
+        write_environment(folder / "lighting_slow.exr", Environment(self._images.slow))
 
-    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+    def contents(
+        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
+    ) -> LightContents:
         """Gather what the report shows."""
         from jaxrender.pipelines.report import LightContents
 
         return LightContents(title, result, self.found, self._images, frames)
 
     @cached_property
-    def _images(
-        self,
-    ) -> tuple[Float[np.ndarray, "row column channel"], Float[np.ndarray, "row column channel"]]:
+    def _images(self) -> LightImages:
         return light_images(self.found.scene)
 
     def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
@@ -135,7 +123,7 @@ class LightRecovery(Recovery):
         samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
         unseen = Observations(samples, np.zeros((count, channels)), np.zeros(count, int), places)
         shown = np.zeros((count, channels))
-        # What a concave object hides from a pixel are thousands of nodes.
+        # On a concave object each pixel has its own visibility of thousands of nodes.
         for first in range(0, count, _PIXELS_AT_ONCE):
             part = np.arange(first, min(first + _PIXELS_AT_ONCE, count))
             shown[part] = predict(self.found, unseen.take(part), self.shape)
@@ -152,16 +140,12 @@ class LightRecovery(Recovery):
 
 
 def recover_light(
-    config: RunConfig,
-    observations: Observations,
-    seen: tuple[list[Photograph], Shape],
-    clock: Clock,
-    progress: Progress,
+    config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress
 ) -> LightRecovery:
     """Recover the light, and the material where that is not known."""
-    photographs, shape = seen
+    shape, observations = evidence.shape, evidence.observations
     models = asked_models(config)
-    # What is summed over directions needs no transfer vectors.
+    # A model summed over directions needs no transfer vectors.
     filtered = any(isinstance(asked.variant, Glossy) for asked in models)
     if filtered and observations.transfer is None and not shape.is_convex():
         with clock.stage("shadows"):
@@ -171,7 +155,7 @@ def recover_light(
             transfer = field.at(observations.places, normals)
             observations = observations._replace(transfer=transfer)
     known, model, comparison = config.task == "lighting", config.brdf.model, None
-    how = {
+    options = {
         "gauge": "per-channel" if known else config.brdf.gauge,
         "shape": shape,
         "stage": clock.stage,
@@ -182,22 +166,24 @@ def recover_light(
         with fault_of("brdf.compare"):
             held_out, seed = config.solve.held_out, config.samples.seed
             comparison = compare_factorizations(
-                observations, models, settings, held_out, seed, **how
+                observations, models, settings, held_out, seed, **options
             )
         found, model = comparison.best.fit, comparison.best.name
         assert isinstance(found, Factorization)
-        # What it was fitted to, and predicts.
+        # The samples that the best model was fitted to and predicts.
         observations, _ = divided(observations, held_out, seed)
         progress.note(sentence_of(comparison))
     else:
         with fault_of(str(config.capture.transforms)):
             (asked,) = models
-            found = factorize(observations, asked.variant, settings, asked.known, **how)
+            found = factorize(observations, asked.variant, settings, asked.known, **options)
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = in_given_units(config, found)
-    what = config.task, model, gauge
-    return LightRecovery(what, found, observations, (photographs, shape), comparison)
+    recovered = Recovered(
+        config.task, model, gauge, found, observations.count, evidence.photographs, comparison
+    )
+    return LightRecovery(recovered, observations, shape)
 
 
 def _sentence(round_: Round, width_is_known: bool) -> str:

@@ -1,4 +1,4 @@
-"""What was found of light and material, as data for ``result.json``."""
+"""The recovered light and material as data for ``result.json``."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
-# A degree is told if the photographs tell more than this share of it.
+# A degree is identifiable if the photographs determine more than this share of it.
 _MOSTLY = 0.5
 _GAUGES = {
     "per-channel": "kd + ks = 1 in each channel; light scaled to match",
@@ -24,7 +24,7 @@ _GAUGES = {
 
 
 class Recovered(NamedTuple):
-    """What a result speaks of: the task, the model's name, the gauge, and what was found."""
+    """A finished recovery: the task, the model's name, the gauge, the fit and what it used."""
 
     task: str
     model: str
@@ -36,7 +36,7 @@ class Recovered(NamedTuple):
 
 
 def result_of(recovered: Recovered) -> Result:
-    """Sum up light and material, and how the fit came to them."""
+    """Sum up light and material, and the steps of the fit."""
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
     parameters = found.parameters
@@ -76,7 +76,7 @@ def result_of(recovered: Recovered) -> Result:
 
 
 def _sentence_on(told: Float[np.ndarray, "degree"]) -> str:
-    """Say which degrees of the light are measured, and which are expectation."""
+    """Say which degrees of the light are identifiable; the prior fills in the rest."""
     spans: list[list[int]] = []
     for degree in np.flatnonzero(told > _MOSTLY).tolist():
         if spans and degree == spans[-1][1] + 1:
@@ -84,11 +84,11 @@ def _sentence_on(told: Float[np.ndarray, "degree"]) -> str:
         else:
             spans.append([degree, degree])
     if spans == [[0, len(told) - 1]]:
-        return f"the photographs tell all degrees of the slow light, 0 to {len(told) - 1}"
+        return f"all degrees of the slow light, 0 to {len(told) - 1}, are identifiable"
     *most, last = (f"{a}" if a == b else f"{a} to {b}" for a, b in spans)
     named = f"{', '.join(most)} and {last}" if most else last
-    degrees = "degree" if spans == [[0, 0]] else "degrees"
-    return f"the photographs tell {degrees} {named} of the slow light; smoothness fills in the rest"
+    subject = f"degree {named} is" if spans == [[0, 0]] else f"degrees {named} are"
+    return f"of the slow light {subject} identifiable; smoothness fills in the rest"
 
 
 def _lighting(recovered: Recovered) -> dict[str, Any]:

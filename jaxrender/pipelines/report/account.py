@@ -1,4 +1,4 @@
-"""The account of a run: how it ended, how well it fits, where the time went, what made it."""
+"""The account of a run: its outcome, the quality of the fit, the seconds, and the provenance."""
 
 from typing import Any, NamedTuple
 
@@ -14,23 +14,23 @@ _HEADLINES = {
 }
 _STAGES = {
     "synth": "rendering the photographs of the recipe",
-    "load": "reading photographs, masks, geometry, light",
-    "trace": "finding what each pixel sees",
-    "rough": "first rough fit from many starts",
-    "split": "taking slow and fast light apart",
+    "load": "reading photographs, masks, geometry and light",
+    "trace": "finding the surface point of each pixel",
+    "rough": "first rough fit, from many starts",
+    "split": "separating slow light and sources",
     "table": "tabulating the model over roughness",
     "compile": "compiling",
     "solve": "fit in the frequency view",
     "refine": "refinement by the exact integral",
     "light": "finding the light, source by source",
     "texture": "sigma and mu, then the material of every texel",
-    "spectrum": "summing up and solving for the coefficients",
+    "spectrum": "solving for the coefficients",
     "shadows": "tracing shadows",
     "account": "error bars",
-    "compare": "judging the models on held-out pixels",
-    "interreflection": "light from one part of the object to another",
-    "variants": "fits under other models",
-    "forecast": "error bars to be expected",
+    "compare": "comparing the models on held-out pixels",
+    "interreflection": "light that bounces between parts of the object",
+    "variants": "fits of other choices for the specular part",
+    "forecast": "predicted error bars",
     "predict": "rendering the predictions",
     "write": "writing files",
     "report": "this page",
@@ -38,7 +38,7 @@ _STAGES = {
 
 
 class Ending(NamedTuple):
-    """How the fit ended: a headline, what it means, and why; ``tone`` is good, warn or bad."""
+    """The outcome of the fit: headline, meaning and reasons; ``tone`` is good, warn or bad."""
 
     headline: str
     tone: str
@@ -83,14 +83,14 @@ def ending(contents: Contents) -> Ending:
 
 
 def figures(contents: Contents) -> tuple[Figure, ...]:
-    """Sum up how well the material explains the photographs."""
+    """Gather the numbers that say how well the material explains the photographs."""
     result = contents.result
     residual, noise = result.get("residual", {}), result.get("noise", {})
     error, samples = residual.get("relative_rms"), residual.get("samples")
     relative, floor = noise.get("relative"), noise.get("floor")
     found = [
-        Figure("Left unexplained", percent(error), f"rms, of {counted(samples)} samples"),
-        Figure("Noise", percent(relative), f"of the radiance, over a floor of {shown(floor, 2)}"),
+        Figure("Unexplained", percent(error), f"rms of {counted(samples)} samples"),
+        Figure("Noise", percent(relative), f"of the radiance, and a floor of {shown(floor, 2)}"),
     ]
     before = result.get("frequency", {}).get("residual", {}).get("relative_rms")
     if is_number(before):
@@ -109,7 +109,7 @@ def removed_pixels(contents: Contents) -> tuple[tuple[str, str], ...]:
 
 
 def timings(contents: Contents) -> Timings | None:
-    """List where the time went; None where nobody measured."""
+    """List the seconds of each stage; None where they were not measured."""
     spent = contents.result.get("seconds") or {}
     spent = {str(name): float(value) for name, value in spent.items() if is_number(value)}
     if not spent:
@@ -137,7 +137,7 @@ def _flat(value: Any, name: str) -> list[tuple[str, str]]:
 
 
 def split_of(contents: ReportContents) -> dict[str, Any] | None:
-    """Gather the numbers of the split from the result, or from the fit; None for no environment."""
+    """Gather the numbers of the split from the result or the fit; None without an environment."""
     result, prepared = contents.result, contents.fit.light
     given = result.get("split") or result.get("lighting", {}).get("split")
     if given or prepared.split is None:

@@ -9,7 +9,7 @@ _NOT_OF_THE_MATERIAL = ("fresnel", "masking")
 
 
 class ComparedModel(NamedTuple):
-    """One model: its material in words, what it leaves of the held-out pixels, and the verdict."""
+    """One model: its material in words, its error on the held-out pixels, and the verdict."""
 
     name: str
     material: str
@@ -20,7 +20,7 @@ class ComparedModel(NamedTuple):
 
 
 class ComparedModels(NamedTuple):
-    """All of them, the best first, and on how many samples they were judged."""
+    """All models, the best first, and the number of held-out samples."""
 
     rows: tuple[ComparedModel, ...]
     held_out: str
@@ -49,7 +49,7 @@ def _row(one: dict[str, Any], best: bool) -> ComparedModel:
 
 
 def _material(brdf: dict[str, Any]) -> str:
-    """Write a material in one line, numbers of channels apart by spaces."""
+    """Write a material in one line; spaces separate the channels."""
     parts = []
     for name, value in brdf.items():
         if name in _NOT_OF_THE_MATERIAL:

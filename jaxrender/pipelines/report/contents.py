@@ -1,4 +1,4 @@
-"""What a report is made of: a result as data, the fit itself, the light, and some pictures."""
+"""The contents of a report: a result as data, the fit itself, the light, and pictures."""
 
 from typing import Any, NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
+from jaxrender.pipelines.light.images import LightImages
 from jaxrender.shapes import Bool, Float
 
 
@@ -47,20 +48,17 @@ Panorama = Float[np.ndarray, "row column channel"]
 
 
 class LightContents(NamedTuple):
-    """All that the report of a recovered light shows.
-
-    ``images`` are the whole light and its slow part.
-    """
+    """All that the report of a recovered light shows."""
 
     title: str
     result: dict[str, Any]
     fit: Factorization
-    images: tuple[Panorama, Panorama]
+    images: LightImages
     frames: tuple[FramePictures, ...]
 
     @property
     def is_lambertian(self) -> bool:
-        """Whether the light was read off a body that reflects evenly."""
+        """Whether the object is Lambertian."""
         return self.result["brdf"]["model"] == "lambertian"
 
     @property
@@ -88,7 +86,7 @@ class TextureContents(NamedTuple):
 
     @property
     def is_lambertian(self) -> bool:
-        """Whether the paint was taken to have no gloss."""
+        """Whether the model has no specular lobe."""
         return self.result["brdf"]["model"] == "lambertian"
 
 

@@ -1,4 +1,4 @@
-"""What the photographs could tell: the error bars to be expected beside those achieved."""
+"""The predicted error bars beside those achieved."""
 
 from typing import Any, NamedTuple
 
@@ -64,7 +64,7 @@ def _verdict(ratios: list[float]) -> str:
         return ""
     if max(ratios) > _MUCH_LARGER:
         return (
-            "The errors achieved are larger than the noise alone would make them: the model, the "
-            "light or the geometry leaves something unexplained."
+            "The achieved errors are larger than noise alone explains: the model, the light or the "
+            "geometry is not exact."
         )
-    return "The fit achieved what the photographs could tell."
+    return "The fit is as accurate as the photographs allow."

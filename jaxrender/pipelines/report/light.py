@@ -1,8 +1,8 @@
-"""The light: the environment, its slow part, and sources as circles whose area tells their energy.
+"""The light: the environment, its slow part, and sources as circles (area: energy).
 
-The environment is drawn on its own latitude-longitude map, one unit a degree; sources without an
-environment on two discs, the upper and the lower half of the sphere of directions in the equal-area
-projection, both as seen from above.
+The environment is drawn as a latitude-longitude map of one unit a degree.  Sources without an
+environment are drawn on two discs: the upper and the lower half of the sphere of directions, both
+from above, in an equal-area projection.
 """
 
 from typing import NamedTuple

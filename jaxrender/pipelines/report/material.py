@@ -1,4 +1,4 @@
-"""The recovered material on a sphere: under the given light, and under a single lamp."""
+"""The recovered material on a sphere: under the given light, and under a single source."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ _PIXELS = 128
 # Cells of an environment no wider than sigma leave no ripple in a lobe whose radius is 2 sigma;
 # below the narrowest a picture of this size takes too long, and it shows no difference.
 _NARROWEST_CELL, _WIDEST_CELL = 0.055, 0.2
-# The lamp, in the camera's own axes (right, up, towards the camera).
+# The single source, in the camera's own axes (right, up, towards the camera).
 _LAMP = np.array([-0.45, 0.55, 0.70])
 # Beyond this cosine the model without masking exceeds 1, and a picture shows its rim anyway.
 _SMALLEST_COSINE = 0.05
@@ -73,7 +73,7 @@ def with_arrays(brdf: Parametric, dtype=np.float32) -> Parametric:
 def _columns(
     brdf: Parametric, view: _View, light: KnownLight
 ) -> Float[np.ndarray, "sample lobe channel"]:
-    """Evaluate both lights at once: the lamp is one channel more than the given light has."""
+    """Evaluate both lights at once: the single source is one more channel."""
     given = _nodes(light, float(brdf.width))
     count, channels = given.irradiance.shape
     size = max(_FEWEST_NODES, 2 ** int(np.ceil(np.log2(count + 1))))

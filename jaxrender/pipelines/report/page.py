@@ -1,4 +1,4 @@
-"""The page: every section's material put into one HTML file that asks for nothing from anywhere."""
+"""The page: all sections in one HTML file that works offline."""
 
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ def write_report(folder: Path, contents: Contents) -> Path:
 
 
 def page(contents: Contents) -> str:
-    """Fill the template; every string that comes from outside is escaped."""
+    """Fill the template; every string from outside is escaped."""
     templates = Environment(
         loader=PackageLoader(_PACKAGE, "."),
         autoescape=True,
@@ -97,7 +97,7 @@ def _light_sections(contents: LightContents) -> dict[str, Any]:
         "comparison": comparison(contents),
         "band_limit": contents.result["lighting"]["band_limit"],
         "matt": contents.is_matt,
-        "told": contents.result["lighting"]["sentence"],
+        "identifiable": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),
     }
 

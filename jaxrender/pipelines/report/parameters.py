@@ -1,4 +1,4 @@
-"""The table of parameters, what would be different under another model, and what sigma rests on."""
+"""The table of parameters, the fits of other models, and the evidence for sigma."""
 
 import math
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One parameter: its lines, and what is known about how well it is known."""
+    """One parameter: its lines, and whether it is identifiable."""
 
     letter: str
     index: str
@@ -40,7 +40,7 @@ class Parameter(NamedTuple):
 
 
 class VariantRow(NamedTuple):
-    """One other model that was fitted: its choices, its values, and what the data say of it."""
+    """One other model that was fitted: its choices, its values, and whether the data reject it."""
 
     fresnel: str
     masking: str
@@ -50,7 +50,7 @@ class VariantRow(NamedTuple):
 
 
 class Variants(NamedTuple):
-    """The other models, and whose values their columns hold."""
+    """The other models, and the parameters of their columns."""
 
     names: tuple[str, ...]
     rows: tuple[VariantRow, ...]
@@ -65,7 +65,7 @@ class EvidenceBar(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What sigma rests on."""
+    """The evidence for sigma, or for the number that sets the width."""
 
     sentence: str
     bars: tuple[EvidenceBar, ...]
@@ -80,7 +80,7 @@ def model_of(contents: Contents) -> Model:
 
 
 def parameters(contents: Contents) -> tuple[Parameter, ...]:
-    """List the numbers that the material has, in the order of its model; none of a BRDF as such."""
+    """List the numbers of the material in the order of its model; none for a spectrum."""
     if isinstance(contents, SpectrumContents):
         return ()
     given, own = contents.result.get("brdf", {}), model_of(contents)
@@ -97,7 +97,7 @@ def _parameter(contents: Contents, name: str) -> Parameter:
     lines = _lines(contents, name)
     verdict = {True: "yes", False: "no", None: "fixed"}[_flag(result, "identifiable", name)]
     if not lines:
-        meaning, verdict = "none: the gloss of a metal, the same at every angle", MISSING
+        meaning, verdict = "none: a metal reflects the same at all angles", MISSING
     reasons = [reason for reason in result.get("reasons", ()) if _is_about(str(reason), name)]
     sensitive = {True: "yes", False: "no", None: MISSING}[_flag(result, "model_sensitive", name)]
     albedo = np.pi * np.array(_values(contents, "value", name))
@@ -211,7 +211,7 @@ def evidence(contents: ReportContents) -> Evidence | None:
     names = {
         "all": "all samples",
         "without_grazing": f"without grazing views (exit cosine below {GRAZING_COSINE:g})",
-        "spectrum": "the light's detail alone (Gaussian transfer)",
+        "spectrum": "detail of the light alone (Gaussian transfer)",
     }
     errors = {name: given.get(key) for key, name in names.items()}
     largest = max([0.0, *(e for error in errors.values() for e in numbers(error))])

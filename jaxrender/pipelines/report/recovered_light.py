@@ -1,4 +1,4 @@
-"""The page of a recovered light: its pictures, and the path that the parameters took."""
+"""The page of a recovered light: its pictures, and the parameters round by round."""
 
 from typing import NamedTuple
 
@@ -15,11 +15,11 @@ from jaxrender.pipelines.report.light import Circle, circles_on_map
 from jaxrender.pipelines.report.plots import INK, SERIES, plot
 
 _LONGEST_SIDE = 400
-# Darkness is not found exactly: what is under this part of the mean is not to be lit up.
+# Recovered darkness is not exact: the tone curve does not brighten less than this part of the mean.
 _DARKEST = 0.3
 # The parameters' plot shows at least this much to either side, per cent.
 _LEAST_RANGE = 5.0
-# What moved by less, relative to its value, was known.
+# A parameter that moved by less, relative to its value, was known.
 _STILL = 1e-9
 
 
@@ -32,14 +32,14 @@ class LightPictures(NamedTuple):
 
 
 class Path(NamedTuple):
-    """The parameters, if any was sought, and the residual as sources were added."""
+    """The plot of the parameters, if any was unknown, and the plot of the residual."""
 
     parameters: Markup | None
     residual: Markup
 
 
 def light_pictures(contents: LightContents) -> LightPictures:
-    """Draw the light; the tone curve is that of its slow part, which lamps would drown."""
+    """Draw the light; the tone curve is that of its slow part, since sources are much brighter."""
     whole, slow = contents.images
     key = tone_key(slow, _DARKEST)
     return LightPictures(
@@ -50,24 +50,24 @@ def light_pictures(contents: LightContents) -> LightPictures:
 
 
 def path_plots(contents: LightContents) -> Path:
-    """Plot where each round ended, relative to where all ended."""
+    """Plot the end of each round, relative to the final values."""
     rounds = contents.fit.rounds
     steps = np.arange(len(rounds))
     moved = _moved(rounds, contents.fit.brdf)
 
     def label(axes: Axes) -> None:
         axes.set_xticks(steps, [str(one.sources) for one in rounds])
-        axes.set_xlabel("sources, round by round; last: refined")
+        axes.set_xlabel("number of sources, round by round; the last is refined")
         axes.yaxis.set_major_locator(MaxNLocator(5))
 
     def paint_parameters(axes: Axes) -> None:
         for (name, values), colour in zip(moved.items(), SERIES):
             axes.plot(steps, 100 * np.asarray(values), color=colour, marker="o", ms=3, label=name)
-        # The first round, without any lamp, may be far off: it is not to set the scale.
+        # The first round, without any source, may be far off: it does not set the scale.
         later = [abs(value) for values in moved.values() for value in values[1:]]
         limit = max(_LEAST_RANGE, 120 * max(later, default=0.0))
         axes.set_ylim(-limit, limit)
-        axes.set_ylabel("off the final value, %")
+        axes.set_ylabel("difference from the final value, %")
         axes.legend()
         label(axes)
 
@@ -89,7 +89,7 @@ def path_plots(contents: LightContents) -> Path:
 
 
 def _moved(rounds: tuple[Round, ...], brdf: Parametric) -> dict[str, list[float]]:
-    """Say how far each parameter was off its last value; what was known is left out."""
+    """Compare each parameter with its last value; known ones are left out."""
     last = rounds[-1]
     width = "sigma" if brdf.shape.name == "sigma" else "lobe width"
     # mu - 1 is what a model's own second number is, where that is no index.

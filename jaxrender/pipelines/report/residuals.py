@@ -1,4 +1,4 @@
-"""What the fit left over, against the exit angle: a wrong model shows where grazing begins."""
+"""Residuals against the exit angle: a wrong model shows at grazing angles."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ _NORMAL_90 = 1.645
 
 
 class Bins(NamedTuple):
-    """Bins of the exit angle in degrees, and three percentiles of what is in each."""
+    """Bins of the exit angle in degrees, with three percentiles of the values in each."""
 
     angles: Float[np.ndarray, "bin"]
     low: Float[np.ndarray, "bin"]
@@ -29,7 +29,7 @@ class Bins(NamedTuple):
 
 
 class ResidualPlots(NamedTuple):
-    """In noise standard deviations, and relative to the prediction; None for too few samples."""
+    """Residuals in noise standard deviations, and relative to the prediction."""
 
     in_noise: Markup
     relative: Markup
@@ -98,7 +98,7 @@ def _paint(axes: Axes, bins: Bins, least: float) -> None:
     axes.set_xlim(0, 90)
     axes.set_ylim(-reach, reach)
     axes.set_xticks([0, 15, 30, 45, 60, 75, 90])
-    axes.set_xlabel("exit angle [degrees]: 0 seen head-on, 90 edge-on")
+    axes.set_xlabel("exit angle [degrees]: 0 is head-on, 90 is edge-on")
     grazing = float(np.degrees(np.arccos(GRAZING_COSINE)))
     axes.axvline(grazing, color=MUTED, linewidth=0.9, linestyle=(0, (1.5, 2)))
     axes.text(grazing + 1, 0.95 * reach, "grazing →", color=MUTED, va="top")

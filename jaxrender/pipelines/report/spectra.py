@@ -1,4 +1,4 @@
-"""Light and material by degree: what there is to see, and how much of it gets through."""
+"""Light and material by degree: the energy of the light, and the part that the material passes."""
 
 import math
 from typing import NamedTuple
@@ -147,8 +147,8 @@ def _paint_energy(axes: Axes, energies: _Energies, passed: Float[np.ndarray, "de
     axes.plot(degree, _above(energies.total, floor), color=INK, label="all light", **style)
     if energies.slow is not None:
         slow = _above(energies.slow, floor)
-        axes.plot(np.arange(len(slow)), slow, color=SERIES[1], label="its slow part", **style)
-    label = "all light after the blur, seen head-on"
+        axes.plot(np.arange(len(slow)), slow, color=SERIES[1], label="slow part", **style)
+    label = "all light after the blur, head-on"
     axes.plot(degree, _above(passed, floor), color=SERIES[0], label=label, **style)
     axes.set_yscale("log")
     axes.set_ylim(floor, 4 * top)
@@ -165,15 +165,15 @@ def _paint_transfer(axes: Axes, transfer: _Transfer) -> None:
         axes.plot(np.arange(len(curve)), curve, color=colour, label=name)
     if transfer.gaussian is not None:
         twin = transfer.gaussian
-        label = "Gaussian twin exp(−(σl)²)"
+        label = "Gaussian exp(−(σl)²)"
         axes.plot(np.arange(len(twin)), twin, color=MUTED, label=label, linestyle=(0, (4, 3)))
     axes.set_ylim(bottom=min(0.0, *(1.05 * curve.min() for curve in transfer.curves.values())))
-    axes.set_ylabel("part that passes, h")
+    axes.set_ylabel("transfer h")
     _finish(axes)
 
 
 def _finish(axes: Axes) -> None:
-    axes.set_xlabel("degree l: coarse detail at the left, fine detail at the right")
+    axes.set_xlabel("degree l: coarse detail left, fine detail right")
     axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     axes.set_xlim(left=0)
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)

@@ -27,13 +27,13 @@ _COLOURS, _ROWS = "viridis", 64
 # The scale of a map of one number ends at this percentile of it.
 _WITHIN_PERCENTILE = 98
 _CAPTIONS = {
-    "kd": "K_d, sRGB, one exposure for all channels",
+    "kd": "K_d in sRGB, one exposure for all channels",
     "ks": "K_s",
-    "kd_error": "standard error of K_d, largest of the channels, beside K_d",
+    "kd_error": "relative standard error of K_d, largest of the channels",
     "ks_error": "standard error of K_s",
     "sigma": "sigma",
     "sigma_error": "standard error of sigma",
-    "marks": "marks: red K_d, green K_s not to be trusted; both and blue: nobody saw it",
+    "marks": "marks: red: K_d is unreliable; green: K_s is unreliable; blue or white: not seen",
 }
 
 
@@ -45,7 +45,7 @@ class Map(NamedTuple):
 
 
 def lobes_alone(contents: TextureContents) -> TextureContents:
-    """Leave the means of kd and ks out of the table, and sigma and mu where regions have theirs."""
+    """Drop kd and ks from the table; sigma and mu, too, where each region has its own."""
     brdf = contents.result["brdf"]
     kept = () if "regions" in contents.result else ("sigma", "mu")
     brdf = {name: value for name, value in brdf.items() if name in ("model", *kept)}

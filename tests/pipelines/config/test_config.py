@@ -133,11 +133,11 @@ LIGHT_TASKS = {
         "task lighting needs a known material; fix kd, or choose task: factorize"
     ),
     "task: factorize\nbrdf: {model: lambertian, kd: 0.2}\n": (
-        "of a matt body under unknown light the product of light and kd shows, not kd; leave kd "
-        "free, or choose task: lighting"
+        "under unknown light a diffuse object shows only the product of light and kd; "
+        "leave kd free, or choose task: lighting"
     ),
     "task: factorize\nbrdf: {ks: 0.1}\n": (
-        "under unknown light only the ratio of kd and ks means anything; fix both or none"
+        "under unknown light only the ratio of kd and ks is identifiable; fix both or none"
     ),
     "task: factorize\nbrdf: {sigma: {bounds: [0.3, 0.5], start: 0.4}}\n": None,
     "task: lighting\nbrdf: {kd: 0.1, sigma: 0.1}\n": (
