@@ -323,7 +323,7 @@ def _refine(
         return descend(before.problem, brighter, some, before.onward(at), settings)
 
     with stage("interreflection"):
-        return fit_with_bounces(stop, (shape, light), refit)
+        return fit_with_bounces(stop, shape, light, refit)
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:

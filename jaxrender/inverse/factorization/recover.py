@@ -26,7 +26,7 @@ from jaxrender.inverse.factorization.state import (
     Task,
     begin,
     free_unknowns,
-    weigh_by_noise,
+    in_deviations,
 )
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -107,7 +107,7 @@ def factorize(
         parameters, scene = account_of(task, state, gauge)
         outcome, identifiable, reasons = _judge(task, state, parameters)
     assert state.joint is not None
-    _, noise = weigh_by_noise(task, state)
+    noise = in_deviations(task, state, state.joint.solved).noise
     value = parameters.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
     brdf = lobe.with_amplitudes(value.kd, value.ks)

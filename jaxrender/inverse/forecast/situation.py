@@ -62,6 +62,20 @@ class Foreseen(NamedTuple):
     data: Data
 
 
+class SearchPoint(NamedTuple):
+    """A supposed material as a search has it: its variables, and the unknowns eliminated."""
+
+    point: Float[np.ndarray, "unknown"]
+    eliminated: Float[np.ndarray, "linear"]
+
+
+class Thinned(NamedTuple):
+    """A part of a situation's samples, and how many samples each of them stands for."""
+
+    situation: Situation
+    each: float
+
+
 def foresee(
     situation: Situation,
     supposed: Supposed = TYPICAL,
@@ -109,7 +123,7 @@ def weights_of(
     return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
 
 
-def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndarray]:
+def unknowns_at(problem: Problem, brdf: Parametric) -> SearchPoint:
     """Find the search point and the eliminated unknowns of a supposed material.
 
     Raises ``ValueError`` where it lies outside the bounds of the search.
@@ -125,7 +139,8 @@ def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndar
     point = unknowns.pack({name: float(value) for name, value in brdf.numbers.items()})
     both = np.concatenate([np.asarray(brdf.kd, float), np.asarray(brdf.ks, float)])
     mix = np.asarray(problem.mix)
-    return point, np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
+    eliminated = np.linalg.lstsq(mix, both - np.asarray(problem.offset), rcond=None)[0]
+    return SearchPoint(point, eliminated)
 
 
 def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
@@ -151,14 +166,15 @@ def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
     return Problem.of(known, len(np.asarray(brdf.kd)))
 
 
-def thinned(situation: Situation, most: int) -> tuple[Situation, float]:
-    """Keep at most so many samples, evenly; and how many each of them stands for."""
+def thinned(situation: Situation, most: int) -> Thinned:
+    """Keep at most ``most`` samples, evenly spread."""
     count = len(situation.frame)
     if count <= most:
-        return situation, 1.0
+        return Thinned(situation, 1.0)
     index = np.linspace(0, count - 1, most).round().astype(int)
     samples = SurfaceSamples(*(np.asarray(a)[index] for a in situation.samples))
-    return Situation(samples, situation.frame[index], situation.light), count / most
+    some = Situation(samples, situation.frame[index], situation.light)
+    return Thinned(some, count / most)
 
 
 def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "sample channel"]:

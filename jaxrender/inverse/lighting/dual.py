@@ -127,6 +127,14 @@ def recover_dual(
     )
 
 
+class _Solved(NamedTuple):
+    """The image and the coefficients of one channel, and whether the iteration ended."""
+
+    image: Float[np.ndarray, "seen"]
+    light: Float[np.ndarray, "coefficient"]
+    converged: bool
+
+
 class _Channel(NamedTuple):
     """The observed bins of one channel: U, W, the variance of U, E, f; solid angle, scatter."""
 
@@ -165,11 +173,11 @@ def _standard_errors(known: _Channel) -> Float[np.ndarray, "seen"]:
     return np.sqrt(np.maximum(known.variance - 2 * both + added, 0))
 
 
-def _as_it_is(known: _Channel, light: np.ndarray, strength: float):
-    return known.mirror(light), light, True
+def _as_it_is(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
+    return _Solved(known.mirror(light), light, True)
 
 
-def _clamped(known: _Channel, light: np.ndarray, strength: float):
+def _clamped(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     """Solve f L = E' max(U - W L, 0) by Newton's method from the solution of T 6.21."""
 
     def unbalance(light: np.ndarray) -> np.ndarray:
@@ -179,7 +187,7 @@ def _clamped(known: _Channel, light: np.ndarray, strength: float):
     for _ in range(_NEWTON_STEPS):
         size = float(np.linalg.norm(left))
         if size <= 1e-12 * np.linalg.norm(light):
-            return np.maximum(known.mirror(light), 0), light, True
+            return _Solved(np.maximum(known.mirror(light), 0), light, True)
         lit = known.mirror(light) > 0
         slope = np.diag(known.passed) + known.moments[lit].T @ known.diffuse[lit]
         step, share = np.linalg.lstsq(slope, left)[0], 1.0
@@ -187,17 +195,17 @@ def _clamped(known: _Channel, light: np.ndarray, strength: float):
             share /= 2
         light = light - share * step
         left = unbalance(light)
-    return np.maximum(known.mirror(light), 0), light, False
+    return _Solved(np.maximum(known.mirror(light), 0), light, False)
 
 
-def _penalised(known: _Channel, light: np.ndarray, strength: float):
+def _penalised(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     image, converged = soft_positive(_misfit(known), strength)
-    return image, known.coefficients(image), converged
+    return _Solved(image, known.coefficients(image), converged)
 
 
-def _bounded(known: _Channel, light: np.ndarray, strength: float):
+def _bounded(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     image, converged = hard_positive(_misfit(known))
-    return image, known.coefficients(image), converged
+    return _Solved(image, known.coefficients(image), converged)
 
 
 class MirrorMisfit(Misfit):
