@@ -148,24 +148,21 @@ class Microfacet(Glossy):
             facets = DISTRIBUTIONS[self.distribution](self.sigma)
             lobe, cos_half = facet_transfer(facets, "none", incoming, outgoing)
             cos_o = jnp.asarray(outgoing.z)
-        return self.attenuated(lobe, (incoming, outgoing), (cos_half, cos_o))
+        return self._attenuated(lobe, incoming, outgoing, cos_half, cos_o)
 
-    @checked
-    def attenuated(
+    def _attenuated(
         self,
         lobe: Float[Array, "*batch"],
-        directions: tuple[Components, Components],
-        cosines: tuple[Float[Array, "*batch"], Float[Array, "*#batch"]],
+        incoming: Components,
+        outgoing: Components,
+        cos_half: Float[Array, "*batch"],
+        cos_o: Float[Array, "*#batch"],
     ) -> Float[Array, "*batch"]:
-        """Multiply a lobe of incoming and outgoing directions by masking and Fresnel ratio.
-
-        ``cosines`` are those to the half vector and of exit.
-        """
+        """Multiply a lobe by masking and Fresnel ratio."""
         if self.masking != "none":
-            lobe = lobe * self.masked(self.masking, *directions)
+            lobe = lobe * self.masked(self.masking, incoming, outgoing)
         if self.mu is None:
             return lobe
-        cos_half, cos_o = cosines
         return lobe * normalised_fresnel(self.mu, cos_o if self.fresnel == "exit" else cos_half)
 
     def masked(
