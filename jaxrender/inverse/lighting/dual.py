@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid
+from jaxrender.inverse.descent import descend
 from jaxrender.inverse.lighting.operator import LightOperator
 from jaxrender.inverse.lighting.positivity import Misfit, hard_positive, soft_positive
 from jaxrender.inverse.lighting.reflected_bins import bin_by_reflection
@@ -36,7 +37,8 @@ from jaxrender.inverse.lighting.unseen_directions import UNSEEN
 from jaxrender.lighting import Environment
 from jaxrender.shapes import AnyArray, Bool, Float, checked
 
-_NEWTON_STEPS = 50
+# The equations of clamped light are solved to this part of the light.
+_BALANCED = 1e-12
 
 
 class DualSettings(NamedTuple):
@@ -183,19 +185,19 @@ def _clamped(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     def unbalance(light: np.ndarray) -> np.ndarray:
         return known.passed * light - known.moments.T @ np.maximum(known.mirror(light), 0)
 
-    left = unbalance(light)
-    for _ in range(_NEWTON_STEPS):
-        size = float(np.linalg.norm(left))
-        if size <= 1e-12 * np.linalg.norm(light):
-            return _Solved(np.maximum(known.mirror(light), 0), light, True)
+    def cost(light: np.ndarray) -> float:
+        return float(np.linalg.norm(unbalance(light)))
+
+    def step_at(light: np.ndarray) -> np.ndarray:
         lit = known.mirror(light) > 0
         slope = np.diag(known.passed) + known.moments[lit].T @ known.diffuse[lit]
-        step, share = np.linalg.lstsq(slope, left)[0], 1.0
-        while np.linalg.norm(unbalance(light - share * step)) >= size and share > 1e-6:
-            share /= 2
-        light = light - share * step
-        left = unbalance(light)
-    return _Solved(np.maximum(known.mirror(light), 0), light, False)
+        return -np.linalg.lstsq(slope, unbalance(light))[0]
+
+    def balanced(light: np.ndarray) -> bool:
+        return cost(light) <= _BALANCED * float(np.linalg.norm(light))
+
+    light = descend(light, cost, step_at, lambda before, after: balanced(after)).point
+    return _Solved(np.maximum(known.mirror(light), 0), light, balanced(light))
 
 
 def _penalised(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
