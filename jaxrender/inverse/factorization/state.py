@@ -28,7 +28,7 @@ from jaxrender.inverse.factorization.response import (
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown
-from jaxrender.inverse.weights import robust_weights
+from jaxrender.inverse.weights import deviations, robust_weights
 from jaxrender.shapes import Bool, Float, as_jax
 
 # Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
@@ -251,8 +251,7 @@ def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
     predicted = np.asarray(solved.predicted)
     left, even = state.target - predicted, as_pixels(task.observations)
     noise = task.settings.noise or estimate_noise(left[even], predicted[even])
-    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-    deviation = np.hypot(deviation, 1e-6 * _rms(task, task.radiance))
+    deviation = deviations(noise, predicted, _rms(task, task.radiance))
     return Deviations(left / deviation, deviation, noise)
 
 

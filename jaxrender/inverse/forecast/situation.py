@@ -19,6 +19,7 @@ from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.unknowns import Unknown, Unknowns
+from jaxrender.inverse.weights import deviations
 from jaxrender.shapes import Array, Float, Int
 
 # What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
@@ -26,8 +27,6 @@ TYPICAL_MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
 TYPICAL_NOISE = NoiseModel(0.01, 0.0)
 # Choosing samples by brightness needs no finer light than this.
 _COARSE = 0.5
-# Noise is never taken to be less than this part of the mean radiance, as in a fit.
-_LEAST_NOISE = 1e-6
 
 Kind = TypeVar("Kind", bound=Parametric)
 
@@ -118,9 +117,8 @@ def weights_of(
     noise: NoiseModel, radiance: Float[np.ndarray, "*any channel"]
 ) -> Float[np.ndarray, "*any channel"]:
     """Compute 1 / standard deviation of the noise, as a fit weighs its samples."""
-    least = _LEAST_NOISE * np.sqrt(np.mean(radiance**2))
-    deviation = np.asarray(noise.standard_deviation(np.maximum(radiance, 0)))
-    return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
+    scale = float(np.sqrt(np.mean(radiance**2)))
+    return 1 / np.maximum(deviations(noise, radiance, scale), np.finfo(float).tiny)
 
 
 def unknowns_at(problem: Problem, brdf: Parametric) -> SearchPoint:
