@@ -182,22 +182,25 @@ class _Judged(NamedTuple):
 
 
 def _ranked(judged: Sequence[_Judged], rest: Observations, loss: str) -> Comparison:
-    """Rank fits by their predictions, all weighed by the noise of the nearest."""
-    measured = np.asarray(rest.radiance)
-    squares = [float(np.sum((measured - one.predicted) ** 2)) for one in judged]
+    """Rank fits by their predictions, all weighed by the noise of the nearest.
+
+    Each sample counts as often as it stands for pixels.
+    """
+    measured, pixels = np.asarray(rest.radiance), rest.pixels
+    squares = [_energy(measured - one.predicted, pixels) for one in judged]
     nearest = judged[int(np.argmin(squares))]
     weights = weights_of(nearest.noise, nearest.predicted)
     deviations = [(measured - one.predicted) * weights for one in judged]
     left = [np.mean((robust_weights(r, loss) * r) ** 2, axis=1) for r in deviations]
-    order = sorted(range(len(judged)), key=lambda k: float(np.mean(left[k])))
-    size = float(np.sum(measured**2))
+    chi_squared = [float(np.average(one, weights=pixels)) for one in left]
+    order = sorted(range(len(judged)), key=chi_squared.__getitem__)
     scores = tuple(
         Score(
             judged[k].name,
             judged[k].fit,
-            float(np.mean(left[k])),
-            float(np.sqrt(squares[k] / size)),
-            *_mean_and_error(left[k] - left[order[0]]),
+            chi_squared[k],
+            float(np.sqrt(squares[k] / _energy(measured, pixels))),
+            *_mean_and_error(left[k] - left[order[0]], pixels),
         )
         for k in order
     )
@@ -239,5 +242,16 @@ def _predicted(
     return np.asarray(problem.predict(model, data, point, end.linear))
 
 
-def _mean_and_error(values: Float[np.ndarray, "sample"]) -> tuple[float, float]:
-    return float(np.mean(values)), float(np.std(values) / np.sqrt(len(values)))
+def _energy(
+    values: Float[np.ndarray, "sample channel"], pixels: Float[np.ndarray, "sample"]
+) -> float:
+    """Sum the squares over the pixels that the samples stand for."""
+    return float(np.sum(pixels[:, None] * values**2))
+
+
+def _mean_and_error(
+    values: Float[np.ndarray, "sample"], pixels: Float[np.ndarray, "sample"]
+) -> tuple[float, float]:
+    """Average over pixels; each sample was measured only once, however many it stands for."""
+    mean = float(np.average(values, weights=pixels))
+    return mean, float(np.linalg.norm(pixels * (values - mean)) / np.sum(pixels))
