@@ -75,7 +75,7 @@ def test_the_same_model_twice_is_no_better():
 
 
 def test_samples_count_by_their_pixels():
-    """One model is right about few samples, which stand for many pixels, the other about the rest."""
+    """One model is right where samples stand for many pixels, the other elsewhere."""
     rest = photograph(WARD, *ball_samples(40))
     pixels = np.where(np.arange(40) < 10, 9.0, 1.0)
     noise, truth = NoiseModel(0.01, 0.0), np.asarray(rest.radiance)

@@ -30,6 +30,7 @@ from jaxrender.inverse.factorization.state import (
 )
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
@@ -192,7 +193,8 @@ def _judge(
         if bound.get(name, False):
             reasons.append(f"{called} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, parameters, called, variant))
+            lost = not_identifiable(variant, name, parameters)
+            reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -213,16 +215,3 @@ def _judge(
 def _at_bound(logarithm: float, bounds: tuple[float, float], origin: float) -> bool:
     low, high = (abs(logarithm - np.log(bound - origin)) for bound in bounds)
     return bool(min(low, high) < _AT_BOUND)
-
-
-def _why(name: str, parameters: Uncertain, called: str, variant: Parametric) -> str:
-    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
-    shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
-    sentence = f"{called} is not identifiable: its 90 % interval is {shown}"
-    if name not in ("kd", "ks") and not isinstance(variant, Glossy):
-        return f"{sentence}; these views show too little of the lobe's shape"
-    if name == variant.shape.name:
-        return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
-    if name == variant.index.name:
-        return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
-    return f"{sentence}; too little tells gloss and matt apart"

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import expit, logit
 
-from jaxrender.brdf import Glossy, Parametric
+from jaxrender.brdf import Parametric
 from jaxrender.harmonics import degrees
 from jaxrender.inverse.factorization.account import own_numbers
 from jaxrender.inverse.factorization.blocks import Measured
@@ -22,6 +22,7 @@ from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.reasons import missing_under_unknown_light
 from jaxrender.inverse.uncertainty import (
     Parameters,
     Uncertain,
@@ -210,12 +211,6 @@ def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parame
     return intervals(value, error, {one.name: one.origin for one in brdf.searched})
 
 
-_TOO_LITTLE_OF_THE_LOBE = "these views show too little of the lobe's shape"
-_TOO_LITTLE_GLOSS = "too little tells gloss and matt apart"
-_BLURRED = "blurring the light and sharpening the gloss look the same under it"
-_NOT_GRAZING = "too few grazing samples show how the gloss grows towards the horizon"
-
-
 def _sentences(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> tuple[str, ...]:
@@ -223,12 +218,9 @@ def _sentences(
     for name, told in identifiable.items():
         if not told:
             worst = relative_error(parameters, name)
-            reasons = {brdf.shape.name: _BLURRED, brdf.index.name: _NOT_GRAZING}
-            why = reasons.get(name, _TOO_LITTLE_GLOSS)
-            why = why if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
             found.append(
                 f"{brdf.called(name)} cannot be told with the light unknown: standard error "
-                f"{100 * worst:.0f} % of its value; {why}"
+                f"{100 * worst:.0f} % of its value; {missing_under_unknown_light(brdf, name)}"
             )
     if all(identifiable.values()):
         found.append("light and material can both be told, up to the gauge")

@@ -1,0 +1,25 @@
+"""Why a parameter is not identifiable, in words: of a fit and of its forecast alike."""
+
+import numpy as np
+
+from jaxrender.brdf import Glossy, Parametric
+from jaxrender.inverse.uncertainty import Uncertain
+
+
+def not_identifiable(variant: Parametric, name: str, parameters: Uncertain) -> str:
+    """Say that a parameter is not identifiable, with its intervals; ``variant`` names it."""
+    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
+    intervals = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
+    own = variant.called(name) or name
+    return f"{own} is not identifiable: its 90 % interval is {intervals}"
+
+
+def missing_under_unknown_light(variant: Parametric, name: str) -> str:
+    """Say what the photographs show too little of, where the light is unknown as well."""
+    if name in ("kd", "ks"):
+        return "too little distinguishes the specular part from the diffuse part"
+    if not isinstance(variant, Glossy):
+        return "these views show too little of the lobe's shape"
+    if name == variant.index.name:
+        return "too few grazing samples show how the specular part grows towards the horizon"
+    return "a blurred light and a sharper lobe look the same as this light and this lobe"
