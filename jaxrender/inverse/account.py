@@ -11,6 +11,7 @@ from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
+from jaxrender.inverse.reasons import not_identifiable
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
@@ -101,10 +102,7 @@ def judge(
 
 def _why(name: str, account: Account, variant: Parametric) -> str:
     """Say why a parameter is not identifiable."""
-    parameters = account.parameters
-    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
-    intervals = dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high))
-    sentence = f"{name} is not identifiable: its 90 % interval is {', '.join(intervals)}"
+    sentence = not_identifiable(name, account.parameters)
     if name in variant.amplitude_names:
         return sentence
     if account.evidence is None:

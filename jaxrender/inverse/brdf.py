@@ -205,7 +205,7 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
         return descend(before.problem, brighter, some, before.onward(at), settings)
 
     with stage("interreflection"):
-        return _Refined(*fit_with_bounces(stop, (shape, light), refit))
+        return _Refined(*fit_with_bounces(stop, shape, light, refit))
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:

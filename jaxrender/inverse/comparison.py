@@ -119,9 +119,16 @@ def compare_models(
         for c in candidates
     ]
     with stage("compare"):
-        predicted = [_predicted(fit, rest, light, shape) for fit in fits]
-        noises = [settings.noise or fit.final.noise for fit in fits]
-        return _ranked([c.name for c in candidates], fits, (predicted, noises), rest, settings.loss)
+        judged = [
+            _Judged(
+                candidate.name,
+                fit,
+                _predicted(fit, rest, light, shape),
+                settings.noise or fit.final.noise,
+            )
+            for candidate, fit in zip(candidates, fits)
+        ]
+        return _ranked(judged, rest, settings.loss)
 
 
 def compare_factorizations(
@@ -153,9 +160,11 @@ def compare_factorizations(
         for c in candidates
     ]
     with stage("compare"):
-        predicted = [predict(fit, rest, shape) for fit in fits]
-        noises = [fit.noise for fit in fits]
-        return _ranked([c.name for c in candidates], fits, (predicted, noises), rest, settings.loss)
+        judged = [
+            _Judged(candidate.name, fit, predict(fit, rest, shape), fit.noise)
+            for candidate, fit in zip(candidates, fits)
+        ]
+        return _ranked(judged, rest, settings.loss)
 
 
 def _check_several(candidates: Sequence[Candidate] | Sequence[Asked]) -> None:
@@ -163,39 +172,49 @@ def _check_several(candidates: Sequence[Candidate] | Sequence[Asked]) -> None:
         raise ValueError("a comparison needs two models or more")
 
 
-def _ranked(
-    names: Sequence[str],
-    fits: Sequence[BRDFFit] | Sequence[Factorization],
-    judged_by: tuple[Sequence[Float[np.ndarray, "sample channel"]], Sequence[NoiseModel]],
-    rest: Observations,
-    loss: str,
-) -> Comparison:
-    """Rank fits by their predictions, all weighed by the noise of the nearest."""
-    predicted, noises = judged_by
-    measured = np.asarray(rest.radiance)
-    squares = [float(np.sum((measured - one) ** 2)) for one in predicted]
-    nearest = int(np.argmin(squares))
-    weights = weights_of(noises[nearest], predicted[nearest])
-    deviations = [(measured - one) * weights for one in predicted]
+class _Judged(NamedTuple):
+    """A fitted model, what it predicts of the samples held out, and the noise that it left."""
+
+    name: str
+    fit: BRDFFit | Factorization
+    predicted: Float[np.ndarray, "sample channel"]
+    noise: NoiseModel
+
+
+def _ranked(judged: Sequence[_Judged], rest: Observations, loss: str) -> Comparison:
+    """Rank fits by their predictions, all weighed by the noise of the nearest.
+
+    Each sample counts as often as it stands for pixels.
+    """
+    measured, pixels = np.asarray(rest.radiance), rest.pixels
+    squares = [_energy(measured - one.predicted, pixels) for one in judged]
+    nearest = judged[int(np.argmin(squares))]
+    weights = weights_of(nearest.noise, nearest.predicted)
+    deviations = [(measured - one.predicted) * weights for one in judged]
     left = [np.mean((robust_weights(r, loss) * r) ** 2, axis=1) for r in deviations]
-    order = sorted(range(len(fits)), key=lambda k: float(np.mean(left[k])))
-    size = float(np.sum(measured**2))
+    chi_squared = [float(np.average(one, weights=pixels)) for one in left]
+    order = sorted(range(len(judged)), key=chi_squared.__getitem__)
     scores = tuple(
         Score(
-            names[k],
-            fits[k],
-            float(np.mean(left[k])),
-            float(np.sqrt(squares[k] / size)),
-            *_mean_and_error(left[k] - left[order[0]]),
+            judged[k].name,
+            judged[k].fit,
+            chi_squared[k],
+            float(np.sqrt(squares[k] / _energy(measured, pixels))),
+            *_mean_and_error(left[k] - left[order[0]], pixels),
         )
         for k in order
     )
     return Comparison(scores, rest.count)
 
 
-def divided(
-    observations: Observations, held_out: float, seed: int
-) -> tuple[Observations, Observations]:
+class Divided(NamedTuple):
+    """Samples to fit models to, and samples to judge them by."""
+
+    training: Observations
+    held_out: Observations
+
+
+def divided(observations: Observations, held_out: float, seed: int) -> Divided:
     """Draw at random what is held out; ``ValueError`` for a part that leaves nothing on a side."""
     count = round(observations.count * held_out) if 0 < held_out < 1 else 0
     if not 0 < count < observations.count:
@@ -205,7 +224,7 @@ def divided(
         )
     order = np.random.default_rng(seed).permutation(observations.count)
     training, rest = (observations.take(np.sort(p)) for p in (order[count:], order[:count]))
-    return training, random_subset(rest, _MOST_HELD_OUT, seed)
+    return Divided(training, random_subset(rest, _MOST_HELD_OUT, seed))
 
 
 def _predicted(
@@ -223,5 +242,16 @@ def _predicted(
     return np.asarray(problem.predict(model, data, point, end.linear))
 
 
-def _mean_and_error(values: Float[np.ndarray, "sample"]) -> tuple[float, float]:
-    return float(np.mean(values)), float(np.std(values) / np.sqrt(len(values)))
+def _energy(
+    values: Float[np.ndarray, "sample channel"], pixels: Float[np.ndarray, "sample"]
+) -> float:
+    """Sum the squares over the pixels that the samples stand for."""
+    return float(np.sum(pixels[:, None] * values**2))
+
+
+def _mean_and_error(
+    values: Float[np.ndarray, "sample"], pixels: Float[np.ndarray, "sample"]
+) -> tuple[float, float]:
+    """Average over pixels; each sample was measured only once, however many it stands for."""
+    mean = float(np.average(values, weights=pixels))
+    return mean, float(np.linalg.norm(pixels * (values - mean)) / np.sum(pixels))

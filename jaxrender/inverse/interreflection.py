@@ -86,7 +86,8 @@ class _Round(NamedTuple):
 
 def fit_with_bounces(
     stop: Stop,
-    lit: tuple[Shape, KnownLight],
+    shape: Shape,
+    light: KnownLight,
     refit: Callable[[Stop, Float[np.ndarray, "sample channel"]], Stop],
 ) -> tuple[Stop, Bounced]:
     """Fit and bounce in turn until the albedo settles.
@@ -94,7 +95,6 @@ def fit_with_bounces(
     ``refit`` continues a fit with the bounced irradiance of its samples.  Raises ``ValueError`` for
     a concave shape that is no mesh, whose vertices are to hold the light.
     """
-    shape, light = lit
     if not isinstance(shape, Mesh):
         raise ValueError("interreflections are computed on a mesh's vertices: give a mesh")
     exchange = Interreflection.of(shape)

@@ -62,6 +62,13 @@ class Draw(NamedTuple):
     index: Int[np.ndarray, "kept"]
 
 
+class _Source(NamedTuple):
+    """A direction and its energy: of all photographs, or with one more axis of each."""
+
+    towards: Float[np.ndarray, "*frame 3"]
+    energy: Float[np.ndarray, "*frame"]
+
+
 def leverage(
     observations: Observations,
     light: KnownLight,
@@ -77,7 +84,7 @@ def leverage(
     for first in range(0, observations.count, _BLOCK):
         index = np.arange(first, min(first + _BLOCK, observations.count))
         frame = np.asarray(observations.frame)[index]
-        sources = [*shared, *((directions[frame], energy[frame]) for directions, energy in own)]
+        sources = [*shared, *(_Source(one.towards[frame], one.energy[frame]) for one in own)]
         blocks.append(_columns(observations.take(index), sources, tried))
     diffuse, lobes = (np.concatenate(parts, axis=-1) for parts in zip(*blocks))
     by_index = (1 - np.clip(np.asarray(observations.samples.exit_cosines, float), 0, 1)) ** _SCHLICK
@@ -154,7 +161,7 @@ def _to_one(found: Float[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:
     return found / found.sum() if found.any() else np.full(len(found), 1 / max(len(found), 1))
 
 
-def _sources(light: KnownLight, samples: int) -> tuple[list, list]:
+def _sources(light: KnownLight, samples: int) -> tuple[list[_Source], list[_Source]]:
     """List the brightest sources: those of all photographs, and those of each."""
     most = int(np.clip(_MOST_TERMS / (_WIDTHS * max(samples, 1)), 1, _MOST_SOURCES))
     parts = [light.directional.nodes()]
@@ -163,7 +170,7 @@ def _sources(light: KnownLight, samples: int) -> tuple[list, list]:
     directions = np.concatenate([np.asarray(part.directions, float) for part in parts])
     energy = np.concatenate([np.asarray(part.irradiance, float).mean(axis=1) for part in parts])
     kept = np.argsort(-energy)[:most]
-    shared = [(directions[k], energy[k]) for k in kept if energy[k] > 0]
+    shared = [_Source(directions[k], energy[k]) for k in kept if energy[k] > 0]
     if light.per_frame is None:
         return shared, []
     frames = light.frame_nodes(np.zeros(0, int))
@@ -172,11 +179,11 @@ def _sources(light: KnownLight, samples: int) -> tuple[list, list]:
     order = np.argsort(-energy, axis=1)[:, :most]
     rows = np.arange(len(order))
     towards = np.asarray(frames.directions, float)
-    return shared, [(towards[rows, k], energy[rows, k]) for k in order.T]
+    return shared, [_Source(towards[rows, k], energy[rows, k]) for k in order.T]
 
 
 def _columns(
-    some: Observations, sources: list, widths: Float[np.ndarray, "width"]
+    some: Observations, sources: list[_Source], widths: Float[np.ndarray, "width"]
 ) -> tuple[Float[np.ndarray, "sample"], Float[np.ndarray, "width sample"]]:
     """Add up the diffuse column and a lobe of every width, source by source."""
     normals, outgoing = (np.asarray(part, float) for part in some.samples)

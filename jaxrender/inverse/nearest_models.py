@@ -86,17 +86,20 @@ def best_models(
     values = np.asarray(_evaluate(brdf, incoming, outgoing), float)
     if not (np.isfinite(values).all() and values.any()):
         raise ValueError("a BRDF that is zero, or not finite, at some cells; mend its values")
-    found = [_fitted(name, values, (incoming, outgoing)) for name in candidates]
+    found = [_fitted(name, values, incoming, outgoing) for name in candidates]
     return sorted(found, key=lambda one: one.relative_rms)
 
 
 def _fitted(
-    name: str, values: Float[np.ndarray, "sample channel"], pairs: tuple[np.ndarray, np.ndarray]
+    name: str,
+    values: Float[np.ndarray, "sample channel"],
+    incoming: Float[np.ndarray, "sample 3"],
+    outgoing: Float[np.ndarray, "sample 3"],
 ) -> Candidate:
     channels = values.shape[1]
     variant = lobe_named(name, channels)
     unknowns = unknowns_of(variant, ks_per_channel=True)
-    model = _Pairs(variant, *pairs, channels)
+    model = _Pairs(variant, incoming, outgoing, channels)
     data = Data(values, np.ones_like(values), np.zeros(len(values), int))
     problem = Problem.of(unknowns, channels)
     fit = search(problem, model, data, unknowns.starts(_STARTS))

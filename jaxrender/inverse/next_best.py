@@ -81,14 +81,14 @@ def suggest_views(
     wanted = round(len(foreseen.situation.frame) / len(np.unique(foreseen.situation.frame)))
 
     def errors(chosen: Sequence[View], samples: int, cell: float | None) -> Errors:
-        grams = _view_grams(foreseen, chosen, (samples, wanted), cell)
+        grams = _view_grams(foreseen, chosen, samples, wanted, cell)
         return reading.errors(reading.information(_beside(own, grams)))
 
     first = _ranked(errors(views, min(_FEW, wanted), _COARSE), aim)[: _AGAIN * count]
     best = [views[index] for index in first]
     found = errors(best, wanted, None)
     return tuple(
-        _suggestion(best[index].direction, None, found, (int(index),), aim)
+        _suggestion(best[index].direction, None, found, int(index), aim)
         for index in _ranked(found, aim)[:count]
     )
 
@@ -123,7 +123,7 @@ def suggest_lamps(
         found.log_determinant[each, frames],
     )
     return tuple(
-        _suggestion(directions[lamp], int(frames[lamp]), best, (int(lamp),), aim)
+        _suggestion(directions[lamp], int(frames[lamp]), best, int(lamp), aim)
         for lamp in _ranked(best, aim)[:count]
     )
 
@@ -144,7 +144,7 @@ def _ranked(errors: Errors, aim: str) -> Float[np.ndarray, "candidate"] | np.nda
 
 
 def _suggestion(
-    direction: np.ndarray, frame: int | None, errors: Errors, index: tuple[int, ...], aim: str
+    direction: np.ndarray, frame: int | None, errors: Errors, index: int, aim: str
 ) -> Suggestion:
     own = {name: float(values[index]) for name, values in errors.relative.items()}
     return Suggestion(np.asarray(direction, float), frame, own, float(errors.criterion(aim)[index]))
@@ -157,10 +157,9 @@ def _beside(own: np.ndarray, grams: np.ndarray) -> np.ndarray:
 
 
 def _view_grams(
-    foreseen: Foreseen, views: Sequence[View], samples: tuple[int, int], cell: float | None
+    foreseen: Foreseen, views: Sequence[View], few: int, wanted: int, cell: float | None
 ) -> Float[np.ndarray, "view 1 channel column column"]:
-    """Foresee the photographs of all candidates in one go."""
-    few, wanted = samples
+    """Foresee the photographs of all candidates in one go: ``few`` samples stand for ``wanted``."""
     thinned = [_thinned(view.samples, few) for view in views]
     joined = SurfaceSamples(*(np.concatenate(arrays) for arrays in zip(*thinned)))
     number = np.repeat(np.arange(len(views)), few)

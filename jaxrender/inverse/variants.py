@@ -64,17 +64,19 @@ class _Switched(Microfacet):
         half_angle, smith = np.array(brdf.fresnel == "half"), np.array(brdf.masking == "smith")
         return cls(*numbers, "half", "smith", brdf.distribution, half_angle, smith)
 
-    def attenuated(
+    def _attenuated(
         self,
         lobe: Float[Array, "*batch"],
-        directions: tuple[Components, Components],
-        cosines: tuple[Float[Array, "*batch"], Float[Array, "*#batch"]],
+        incoming: Components,
+        outgoing: Components,
+        cos_half: Float[Array, "*batch"],
+        cos_o: Float[Array, "*#batch"],
     ) -> Float[Array, "*batch"]:
         """Multiply by those factors that are switched on."""
-        lobe = lobe * jnp.where(self.smith, self.masked("smith", *directions), 1)
+        lobe = lobe * jnp.where(self.smith, self.masked("smith", incoming, outgoing), 1)
         if self.mu is None:
             return lobe
-        return lobe * normalised_fresnel(self.mu, jnp.where(self.half_angle, *cosines))
+        return lobe * normalised_fresnel(self.mu, jnp.where(self.half_angle, cos_half, cos_o))
 
 
 def fit_variants(

@@ -1,16 +1,42 @@
-"""Robust losses as weights: least squares again, with outliers counted less each round.
+"""Noise and robust losses as weights: what a fit leaves says how the next one weighs its samples.
 
-A loss rho is minimised by iteratively reweighted least squares with weights psi(r) / r; the factors
-here are their square roots, which multiply the residuals.
+A loss rho is minimised by iteratively reweighted least squares with weights psi(r) / r.  The
+factors here are their square roots, which multiply the residuals.
 """
 
 import numpy as np
 
+from jaxrender.imaging import NoiseModel
 from jaxrender.shapes import Float
+
+# Noise is never taken to be less than this part of the mean radiance: exact data have none.
+_LEAST_NOISE = 1e-6
+# The noise has settled when its standard deviation changes by less than this part.
+_NOISE_SETTLED = 0.02
 
 # At these constants each loss keeps 95 % of the efficiency of least squares on Gaussian noise.
 _HUBER = 1.345
 _CAUCHY = 2.385
+
+
+def deviations(
+    noise: NoiseModel, predicted: Float[np.ndarray, "*any channel"], scale: float
+) -> Float[np.ndarray, "*any channel"]:
+    """Compute the standard deviations of the noise; ``scale`` is the mean radiance.
+
+    They are those at the predicted radiance: the measured radiance would favour dark noise.
+    """
+    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
+    return np.hypot(deviation, _LEAST_NOISE * scale)
+
+
+def noise_settled(
+    before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "sample channel"]
+) -> bool:
+    """Say whether two rounds of a fit have found the same noise, to two per cent."""
+    level = np.sqrt(np.mean(predicted**2, keepdims=True))
+    one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
+    return bool(abs(np.log(max(one, 1e-300) / max(other, 1e-300))) < _NOISE_SETTLED)
 
 
 def _squares(residuals: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:

@@ -4,6 +4,7 @@
   chi-squared of one and the others told apart; a matt material is far behind.
 - What is held out was not fitted, is the same for all, and is drawn by the seed.
 - Two equal candidates are behind by nothing, and are not told apart.
+- A sample that stands for several pixels counts as if each of them had been held out.
 """
 
 import numpy as np
@@ -11,8 +12,15 @@ import pytest
 from inverse_problems import ball_samples, known_light, microfacet_unknowns, photograph, with_noise
 
 from jaxrender.brdf import Microfacet, Ward, lobe_named
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, Unknown, unknowns_of
-from jaxrender.inverse.comparison import Candidate, compare_models, divided
+from jaxrender.inverse.comparison import (
+    Candidate,
+    _Judged,
+    _ranked,
+    compare_models,
+    divided,
+)
 
 KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
 GGX = Microfacet(KD, KS, 0.16, None, "half", "smith", "ggx")
@@ -64,6 +72,34 @@ def test_the_same_model_twice_is_no_better():
     found = compare_models(noisy, known_light(), twice, settings)
     assert found.scores[1].behind == 0
     assert not found.scores[1].told_apart
+
+
+def test_samples_count_by_their_pixels():
+    """One model is right where samples stand for many pixels, the other elsewhere."""
+    rest = photograph(WARD, *ball_samples(40))
+    pixels = np.where(np.arange(40) < 10, 9.0, 1.0)
+    noise, truth = NoiseModel(0.01, 0.0), np.asarray(rest.radiance)
+    wrong = truth * (1 + 0.02 * np.sin(np.arange(40)))[:, None]
+    few = (np.arange(40) < 10)[:, None]
+    judged = [
+        _Judged("few", None, np.where(few, truth, wrong), noise),
+        _Judged("rest", None, np.where(few, wrong, truth), noise),
+    ]
+    assert _ranked(judged, rest, "squares").best.name == "rest"
+    drawn = _ranked(judged, rest._replace(stands_for=pixels), "squares")
+    assert drawn.best.name == "few"
+    each = np.repeat(np.arange(40), pixels.astype(int))
+    repeated = [one._replace(predicted=one.predicted[each]) for one in judged]
+    for ours, theirs in zip(drawn.scores, _ranked(repeated, rest.take(each), "squares").scores):
+        assert ours.chi_squared == pytest.approx(theirs.chi_squared)
+        assert ours.relative_rms == pytest.approx(theirs.relative_rms)
+        assert ours.behind == pytest.approx(theirs.behind)
+    # Measured once: to stand for more pixels makes no sample surer.
+    plain, twice = (
+        _ranked(judged, rest._replace(stands_for=np.full(40, count)), "squares").scores[1]
+        for count in (1.0, 2.0)
+    )
+    assert twice.behind_error == pytest.approx(plain.behind_error)
 
 
 def test_bad_comparisons_are_refused():

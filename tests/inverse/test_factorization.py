@@ -26,11 +26,11 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import GAUGES, account_of
+from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
 from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.projection import (
-    Measured,
     lobe_slopes,
     mixed,
     prediction_slopes,
@@ -172,7 +172,8 @@ def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     task = _task(photographs)
     state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    solved, system = reduced_system(response, guess, data, at_once=220)
+    system = reduced_system(response, guess, data, at_once=220)
+    solved = system.solved
     slopes = _slopes(response, guess, solved.light)
     curvature, slope, cost = 0, 0, 0
     for k, columns in enumerate(np.asarray(mixed(response, guess))):
@@ -206,7 +207,7 @@ def test_scatter_is_that_of_whole_matrices(photographs):
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     found, shares = reduced_system(response, guess, data), task.observations.shares
     ours = scatter(response, guess, data, jnp.asarray(shares), found)
-    slopes, own = _slopes(response, guess, found[0].light), 0
+    slopes, own = _slopes(response, guess, found.solved.light), 0
     for k, columns in enumerate(np.asarray(mixed(response, guess))):
         whole = np.concatenate([columns, slopes[k]], axis=1)
         parts, weights = columns.shape[1], data.weights[:, k, None]
@@ -229,8 +230,8 @@ def test_scatter_of_single_pixels_is_the_curvature(photographs):
     task = _task(photographs)
     state = _with_lamps(task, [LAMP])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    solved, system = reduced_system(response, guess, data)
-    ours = scatter(response, guess, data, jnp.ones(photographs.count), (solved, system))
+    system = reduced_system(response, guess, data)
+    ours = scatter(response, guess, data, jnp.ones(photographs.count), system)
     scale = np.abs(system.curvature).max()
     np.testing.assert_allclose(ours.own, system.curvature, atol=1e-9 * scale)
     np.testing.assert_allclose(ours.both, 0, atol=1e-9 * np.abs(system.across).max())
@@ -273,7 +274,7 @@ def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
     task = _task(photographs)
     state = _with_lamps(task, [LAMP])
     response, data = response_of(task, state), measured(task, state)
-    _, system = reduced_system(response, state.guess, data)
+    system = reduced_system(response, state.guess, data)
 
     def cost(step: float) -> float:
         moved = state.guess._replace(gloss=state.guess.gloss + jnp.array([step, 0.0, 0.0]))

@@ -43,7 +43,7 @@ from jaxrender.inverse.forecast import (
     problem_of,
 )
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
-from jaxrender.inverse.forecast.joint import joint_system, measured_by
+from jaxrender.inverse.forecast.joint import supposed_answer
 from jaxrender.inverse.forecast.situation import foreseen_of, numbers_of, radiance_of, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.lighting.coefficients import LightSettings, recover_coefficients
@@ -232,8 +232,9 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     supposed = Supposed(material(), NOISE)
     situation = Situation(samples, frame, known_light(32))
     forecast = forecast_joint(situation, supposed, 4)
-    response, guess, light = joint_system(situation, material(), 4)
-    truth = measured_by(response, guess, light, (supposed, 1.0))
+    answer = supposed_answer(situation, material(), 4)
+    response, guess, light = answer
+    truth = answer.measured(supposed, 1.0)
     rng = np.random.default_rng(1)
     noisy = truth.radiance + rng.normal(size=truth.radiance.shape) / truth.weights
     level = np.abs(light[0]) / np.sqrt(4 * np.pi)

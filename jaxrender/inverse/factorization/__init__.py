@@ -3,8 +3,8 @@
 ``response`` ``integral_response``
     how samples respond to each part of an unknown light, as functions of the material: by the
     frequency view of a glossy one, by the integral of any other
-``projection`` ``joint``
-    the light eliminated from each step, samples in blocks; Gauss-Newton over material and lamps
+``blocks`` ``projection`` ``joint``
+    samples in blocks; the light eliminated from each step; Gauss-Newton over material and lamps
 ``pursuit``
     which lamps would explain most of what is left
 ``state`` ``lamps`` ``correction`` ``rounds``

@@ -28,7 +28,6 @@ from jaxrender.brdf import Parametric
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
 from jaxrender.inverse.factorization.projection import (
     Scatter,
-    Solved,
     System,
     reduced_system,
     scatter,
@@ -70,7 +69,14 @@ class RecoveredScene(NamedTuple):
     told: Float[np.ndarray, "degree"]
 
 
-def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, RecoveredScene]:
+class Account(NamedTuple):
+    """What a factorization says of material and light, in one gauge."""
+
+    parameters: Uncertain
+    scene: RecoveredScene
+
+
+def account_of(task: Task, state: State, gauge: str) -> Account:
     """Put material and light into a gauge, with their errors.
 
     Raises ``ValueError`` for a gauge that is not in ``GAUGES``.
@@ -78,28 +84,28 @@ def account_of(task: Task, state: State, gauge: str) -> tuple[Uncertain, Recover
     if gauge not in GAUGES:
         raise ValueError(f"gauge={gauge!r}: choose one of {', '.join(GAUGES)}")
     response, data = response_of(task, state), measured(task, state)
-    solved, system = reduced_system(response, state.guess, data)
+    system = reduced_system(response, state.guess, data)
+    solved = system.solved
     left = np.asarray(data.weights) * (state.target - np.asarray(solved.predicted))
     free = free_unknowns(task, state)
     used = int(np.count_nonzero(free)) + data.radiance.shape[1] * (
         response.slow_count + int(np.count_nonzero(state.active))
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
-    variance *= variance_factor(in_deviations(task, state, solved)[0], task.settings.loss)
+    variance *= variance_factor(in_deviations(task, state, solved).left, task.settings.loss)
     shares = task.observations.shares
-    spread = scatter(response, state.guess, data, shares, (solved, system))
-    found = solved, system, spread
-    whole = _joint_covariance(found, _inverse(system, free), variance)
+    spread = scatter(response, state.guess, data, shares, system)
+    whole = _joint_covariance(system, spread, _inverse(system, free), variance)
     covariance, light = whole[: len(free), : len(free)], np.asarray(solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
-    settings = task.response.variant, gauge, light.shape
-    parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], settings)
+    variant = task.response.variant
+    parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     told = _told(np.asarray(data.penalty)[: response.slow_count], alone, variance)
     factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
-    return parameters, _scene(state, light, covariance, (errors, told, factor))
+    return Account(parameters, _scene(state, light, covariance, errors, told, factor))
 
 
 def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unknown"]:
@@ -121,7 +127,8 @@ def gauge_factors(
 
 
 def _joint_covariance(
-    found: tuple[Solved, System, Scatter],
+    system: System,
+    spread: Scatter,
     inverse: Float[np.ndarray, "unknown unknown"],
     variance: float,
 ) -> Float[np.ndarray, "number number"]:
@@ -129,11 +136,10 @@ def _joint_covariance(
 
     The light is what its own equations say, less what it answers the other unknowns.
     """
-    solved, system, spread = found
     prior = np.eye(len(inverse)) / _PRIOR_VARIANCE
     blocks = [inverse @ (np.asarray(spread.own) + prior) @ inverse]
     mixed, answers = [], []
-    parts = (solved.normal, system.across, spread.light, spread.both)
+    parts = (system.solved.normal, system.across, spread.light, spread.both)
     for factor, across, own, both in zip(*map(np.asarray, parts)):
         root = np.linalg.inv(factor)
         normal = root.T @ root
@@ -152,15 +158,16 @@ def _joint_covariance(
 def _in_gauge(
     unknown: Float[np.ndarray, "number"],
     covariance: Float[np.ndarray, "number number"],
-    settings: tuple[Parametric, str, tuple[int, int]],
+    variant: Parametric,
+    gauge: str,
+    shape: tuple[int, int],
 ) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
     """Carry gloss, log sigma, log(mu - 1) and light over to a gauge, with their covariance.
 
-    ``settings`` are the model, in whose own numbers the lobe is put, the gauge, and the light's
-    shape.
+    The lobe is put in the numbers of ``variant``; ``shape`` is the light's.
     """
-    variant, _, (parts, channels) = settings
-    at, slopes = _carried(unknown, settings)
+    parts, channels = shape
+    at, slopes = _carried(unknown, variant, gauge, shape)
     spread = np.asarray(slopes) @ covariance @ np.asarray(slopes).T
     error = np.sqrt(np.maximum(np.diag(spread), 0))
     (value, _), (errors, of_light) = (
@@ -174,10 +181,10 @@ def _in_gauge(
 
 @stored()
 def _carried(
-    unknown: Float[AnyArray, "number"], settings: tuple[Parametric, str, tuple[int, int]]
+    unknown: Float[AnyArray, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]
 ) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:
     """Carry the unknowns over to a gauge; with the derivatives of all numbers in a row."""
-    variant, gauge, (parts, channels) = settings
+    parts, channels = shape
 
     def body_and_light(
         vector: Float[AnyArray, "number"],
@@ -213,8 +220,14 @@ def own_numbers(
     return {variant.shape.name: variant.shape.of_width(sigma), **index}
 
 
-def _scene(state: State, light: np.ndarray, covariance: np.ndarray, parts: tuple) -> RecoveredScene:
-    errors, told, gauge = parts
+def _scene(
+    state: State,
+    light: Float[np.ndarray, "part channel"],
+    covariance: Float[np.ndarray, "unknown unknown"],
+    errors: Float[np.ndarray, "part channel"],
+    told: Float[np.ndarray, "degree"],
+    gauge: Float[np.ndarray, "channel"],
+) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
     active = np.flatnonzero(state.active)
     order = active[np.argsort(-light[slow:][active].sum(axis=1))]

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.projection import (
-    Measured,
     Solved,
     System,
     reduced_system,
@@ -67,20 +67,19 @@ def descend_jointly(
 ) -> Joint:
     """Minimise the penalised cost over the free nonlinear unknowns, the light following along."""
     damping, step, converged = _DAMPING, 0, False
-    solved, system = reduced_system(response, guess, measured)
+    system = reduced_system(response, guess, measured)
     while step < descent.steps and damping < _GIVE_UP and not converged:
         trial = _moved(guess, _damped(system, free, damping), descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
-        there, onward = reduced_system(response, trial, measured)
-        gain = float(solved.cost - there.cost)
+        there = reduced_system(response, trial, measured)
+        gain = float(system.solved.cost - there.solved.cost)
         if not gain > 0:
             damping *= _TIGHTENING
             continue
         step += 1
-        converged = gain < descent.tolerance * float(there.cost)
-        guess, damping = trial, max(damping * _RELIEF, 1e-9)
-        solved, system = there, onward
-    return Joint(guess, solved, step, converged or damping >= _GIVE_UP)
+        converged = gain < descent.tolerance * float(there.solved.cost)
+        guess, system, damping = trial, there, max(damping * _RELIEF, 1e-9)
+    return Joint(guess, system.solved, step, converged or damping >= _GIVE_UP)
 
 
 def unknown_count(guess: Guess) -> int:

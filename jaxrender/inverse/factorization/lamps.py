@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import fibonacci_sphere
-from jaxrender.inverse.factorization.projection import Measured
+from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.state import State, Task, descend, measured, response_of
 from jaxrender.shapes import Bool, Float

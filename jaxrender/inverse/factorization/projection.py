@@ -7,32 +7,27 @@ weights squared and Lambda the penalty on the light, what is left for the rest i
 H = sum_c V_c' W V_c - (M_c' W V_c)' (M_c' W M_c + Lambda)^-1 (M_c' W V_c),   g = sum_c V_c' W r_c
 
 (variable projection).  Only dozens of columns meet thousands of samples, so all of it costs a few
-matrix products whatever the number of parameters.  Samples go through in blocks, twice: columns and
-derivatives of one block stay in the processor's cache, and memory does not grow with the samples.
+matrix products whatever the number of parameters.  Samples go through twice, in ``blocks``.
 """
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from jaxrender.geometry import world_from_local
+from jaxrender.inverse.factorization.blocks import (
+    SAMPLES_AT_ONCE,
+    Block,
+    Measured,
+    Part,
+    in_blocks,
+    summed,
+)
 from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
-
-# Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
-SAMPLES_AT_ONCE = 512
-
-
-class Measured(NamedTuple):
-    """Radiance, weights (1 / standard deviation), and the light's penalty (1 / variance)."""
-
-    radiance: Float[AnyArray, "sample channel"]
-    weights: Float[AnyArray, "sample channel"]
-    penalty: Float[AnyArray, "part channel"]
 
 
 class Solved(NamedTuple):
@@ -48,8 +43,12 @@ class Solved(NamedTuple):
 
 
 class System(NamedTuple):
-    """The reduced normal equations of the nonlinear unknowns, and M' W V: how the light answers."""
+    """The reduced normal equations of the nonlinear unknowns at a guess.
 
+    ``solved`` is the light of that guess, ``across`` M' W V: how the light answers.
+    """
+
+    solved: Solved
     curvature: Float[Array, "unknown unknown"]
     slope: Float[Array, "unknown"]
     across: Float[Array, "channel part unknown"]
@@ -75,28 +74,27 @@ class Lobe(NamedTuple):
     by_mu: Float[Array, "sample term"]
 
 
-class _Block(NamedTuple):
-    """Some of the samples: of ``lobe`` what is asked for; or, with one more axis, all blocks."""
+class _SourceSlopes(NamedTuple):
+    """Derivatives of the sources' columns: of the lobe, and of both lobes by a step aside."""
 
-    rows: dict[str, Any]
-    lobe: Any
-    radiance: Float[Array, "sample channel"]
-    weights: Float[Array, "sample channel"]
+    by_sigma: Float[Array, "sample source"]
+    by_mu: Float[Array, "sample source"]
+    aside: list[Columns]
 
 
 @stored(jax.jit)
 def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
     """Solve for the light of every channel."""
     with jax.default_matmul_precision("highest"):
-        blocks = _in_blocks(response, response.passed(guess), measured, SAMPLES_AT_ONCE)
+        blocks = in_blocks(response, response.passed(guess), measured, SAMPLES_AT_ONCE)
         light, normal = _solved(response, guess, measured, blocks)
 
-        def predict(block: _Block) -> tuple[Array, Array]:
+        def predict(block: Block) -> Part:
             columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
             predicted = _predicted(columns, guess, light)
-            return _squares(block, predicted), predicted
+            return Part(_squares(block, predicted), predicted)
 
-        misfit, predicted = _summed(predict, blocks)
+        misfit, predicted = summed(predict, blocks)
         rows = predicted[: len(measured.radiance)]
         return Solved(light, rows, _penalised(misfit, measured, light), normal)
 
@@ -104,14 +102,14 @@ def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
 @stored(partial(jax.jit, static_argnames="at_once"))
 def reduced_system(
     response: Response, guess: Guess, measured: Measured, *, at_once: int = SAMPLES_AT_ONCE
-) -> tuple[Solved, System]:
+) -> System:
     """Solve for the light and set up the step of everything else, ``at_once`` samples at a time."""
     with jax.default_matmul_precision("highest"):
         lobe = lobe_slopes(response, guess)
-        blocks = _in_blocks(response, lobe, measured, at_once)
+        blocks = in_blocks(response, lobe, measured, at_once)
         light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
 
-        def add(block: _Block) -> tuple[tuple, Array]:
+        def add(block: Block) -> Part:
             own = response.of_rows(block.rows)
             columns = _evaluated(own, block.lobe.passed, guess)
             predicted = _predicted(columns, guess, light)
@@ -124,9 +122,9 @@ def reduced_system(
                 left = weights * (block.radiance[:, k] - predicted[:, k])
                 weighted = _weighted(columns, share, weights)
                 sums.append((moved.T @ moved, left @ moved, weighted.T @ moved))
-            return (*map(jnp.stack, zip(*sums)), _squares(block, predicted)), predicted
+            return Part((*map(jnp.stack, zip(*sums)), _squares(block, predicted)), predicted)
 
-        (inner, slope, across, misfit), predicted = _summed(add, blocks)
+        (inner, slope, across, misfit), predicted = summed(add, blocks)
         projected = [
             jax.scipy.linalg.solve_triangular(factor, of_channel, lower=True)
             for factor, of_channel in zip(normal, across)
@@ -134,7 +132,7 @@ def reduced_system(
         curvature = sum(own - part.T @ part for own, part in zip(inner, projected))
         rows = predicted[: len(measured.radiance)]
         solved = Solved(light, rows, _penalised(misfit, measured, light), normal)
-        return solved, System(jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
+        return System(solved, jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
 
 
 @stored(jax.jit)
@@ -143,7 +141,7 @@ def scatter(
     guess: Guess,
     measured: Measured,
     shares: Float[AnyArray, "sample"],
-    found: tuple[Solved, System],
+    system: System,
 ) -> Scatter:
     """Sum up how the noise of the samples moves the equations of ``reduced_system``.
 
@@ -151,18 +149,17 @@ def scatter(
     counts c times, but is measured once.  So its score has c times the variance that its weight
     says.  What is expected of the light counts as it is.
     """
-    solved, system = found
+    solved = system.solved
     with jax.default_matmul_precision("highest"):
-        blocks = _in_blocks(response, lobe_slopes(response, guess), measured, SAMPLES_AT_ONCE)
+        blocks = in_blocks(response, lobe_slopes(response, guess), measured, SAMPLES_AT_ONCE)
         alone = measured._replace(weights=jnp.sqrt(jnp.asarray(shares))[:, None])
-        own_shares = _in_blocks(response, (), alone, SAMPLES_AT_ONCE).weights
+        own_shares = in_blocks(response, (), alone, SAMPLES_AT_ONCE).weights
         answers = [
             jax.scipy.linalg.cho_solve((factor, True), across)
             for factor, across in zip(solved.normal, system.across)
         ]
 
-        def add(both: tuple[_Block, Array]) -> tuple[tuple, None]:
-            block, share_root = both
+        def add(block: Block, share_root: Float[Array, "sample 1"]) -> Part:
             own = response.of_rows(block.rows)
             columns = _evaluated(own, block.lobe.passed, guess)
             slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
@@ -172,9 +169,9 @@ def scatter(
                 weighted = _weighted(columns, share, weights)
                 moved = weights[:, None] * slopes[k] - weighted @ answers[k]
                 sums.append((moved.T @ moved, weighted.T @ weighted, weighted.T @ moved))
-            return tuple(map(jnp.stack, zip(*sums))), None
+            return Part(tuple(map(jnp.stack, zip(*sums))))
 
-        (own, light, both), _ = _summed(add, (blocks, own_shares))
+        (own, light, both), _ = summed(add, blocks, own_shares)
         expected = jnp.asarray(measured.penalty).T
         own = jnp.sum(own, axis=0) + sum(
             answer.T @ (penalty[:, None] * answer) for penalty, answer in zip(expected, answers)
@@ -225,7 +222,7 @@ def prediction_slopes(
     by_share = (columns.specular - columns.diffuse) @ light
     by_sigma, by_mu = (
         response.slow_radiance(passed, slow) + towards @ energies
-        for passed, towards in ((lobe.by_sigma, sources[0]), (lobe.by_mu, sources[1]))
+        for passed, towards in zip(lobe[1:], (sources.by_sigma, sources.by_mu))
     )
     found = []
     for k, of_channel in enumerate(share):
@@ -234,7 +231,7 @@ def prediction_slopes(
         both = of_channel * jnp.stack([by_sigma[:, k], by_mu[:, k]], axis=1)
         aside = [
             ((1 - of_channel) * diffuse + of_channel * specular) * energies[None, :, k]
-            for diffuse, specular in sources[2:]
+            for diffuse, specular in sources.aside
         ]
         # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
         parts = jax.lax.optimization_barrier([gloss, both, *aside])
@@ -242,7 +239,7 @@ def prediction_slopes(
     return jax.lax.optimization_barrier(found)
 
 
-def _source_slopes(response: Response, guess: Guess) -> tuple:
+def _source_slopes(response: Response, guess: Guess) -> _SourceSlopes:
     """Differentiate the sources' columns: the lobe by sigma and mu, both by steps aside."""
     directions = jnp.asarray(guess.directions)
     at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu), directions)
@@ -255,18 +252,21 @@ def _source_slopes(response: Response, guess: Guess) -> tuple:
         return jax.jvp(specular, at, step)[1]
 
     aside = [
-        (jax.jvp(response.source_diffuse, (directions,), (step,))[1], along(zero, zero, step))
+        Columns(
+            jax.jvp(response.source_diffuse, (directions,), (step,))[1], along(zero, zero, step)
+        )
         for step in jnp.moveaxis(tangent_frames(directions), -1, 0)
     ]
-    return jax.lax.optimization_barrier((along(one, zero, still), along(zero, one, still), *aside))
+    slopes = _SourceSlopes(along(one, zero, still), along(zero, one, still), aside)
+    return jax.lax.optimization_barrier(slopes)
 
 
 def _solved(
-    response: Response, guess: Guess, measured: Measured, blocks: _Block
+    response: Response, guess: Guess, measured: Measured, blocks: Block
 ) -> tuple[Float[Array, "part channel"], Float[Array, "channel part part"]]:
     """Solve every channel's normal equations by Cholesky factorization; return the factors, too."""
 
-    def add(block: _Block) -> tuple[tuple, None]:
+    def add(block: Block) -> Part:
         columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
         sums = []
         for k, share in enumerate(gloss_share(guess)):
@@ -274,9 +274,9 @@ def _solved(
             weighted = _weighted(columns, share, weights)
             seen = (weights * block.radiance[:, k]) @ weighted
             sums.append((weighted.T @ weighted, seen))
-        return tuple(map(jnp.stack, zip(*sums))), None
+        return Part(tuple(map(jnp.stack, zip(*sums))))
 
-    (gram, right), _ = _summed(add, blocks)
+    (gram, right), _ = summed(add, blocks)
     light, factors = [], []
     for normal, seen, penalty in zip(gram, right, jnp.asarray(measured.penalty).T):
         normal = normal + jnp.diag(penalty)
@@ -308,7 +308,7 @@ def _predicted(
     return (1 - share) * (columns.diffuse @ light) + share * (columns.specular @ light)
 
 
-def _squares(block: _Block, predicted: Float[Array, "sample channel"]) -> Float[Array, ""]:
+def _squares(block: Block, predicted: Float[Array, "sample channel"]) -> Float[Array, ""]:
     return jnp.sum((block.weights * (block.radiance - predicted)) ** 2)
 
 
@@ -316,35 +316,3 @@ def _penalised(
     misfit: Float[Array, ""], measured: Measured, light: Float[Array, "part channel"]
 ) -> Float[Array, ""]:
     return (misfit + jnp.sum(jnp.asarray(measured.penalty) * light**2)) / 2
-
-
-def _in_blocks(response: Response, lobe: Any, measured: Measured, most: int) -> _Block:
-    """Cut all that has a row for each sample into blocks of equal length, no longer than ``most``.
-
-    The last is filled up with samples of no weight.
-    """
-    radiance, weights = jnp.asarray(measured.radiance), jnp.asarray(measured.weights)
-    count = len(radiance)
-    blocks = max(1, -(-count // most))
-    length = -(-count // blocks)
-
-    def cut(rows: Array, mode: str = "edge") -> Array:
-        fill = ((0, blocks * length - count), *((0, 0),) * (rows.ndim - 1))
-        return jnp.pad(rows, fill, mode=mode).reshape(blocks, length, *rows.shape[1:])
-
-    every = _Block(response.rows, lobe, radiance, weights)
-    return jax.tree.map(cut, every)._replace(weights=cut(weights, "constant"))
-
-
-def _summed(of_block: Callable[[Any], tuple[Any, Any]], blocks: Any) -> tuple[Any, Any]:
-    """Add up the first of what is made of every block, and join the rows of the second."""
-    one = jax.tree.map(lambda rows: rows[0], blocks)
-    shapes = jax.eval_shape(of_block, one)[0]
-    zeros = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
-
-    def add(sums: Any, block: Any) -> tuple[Any, Any]:
-        more, rows = of_block(block)
-        return jax.tree.map(jnp.add, sums, more), rows
-
-    sums, rows = jax.lax.scan(add, zeros, blocks)
-    return sums, jax.tree.map(lambda part: part.reshape(-1, *part.shape[2:]), rows)

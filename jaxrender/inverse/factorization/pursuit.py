@@ -19,7 +19,8 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxrender.inverse.factorization.projection import Measured, mixed, solve_light
+from jaxrender.inverse.factorization.blocks import Measured
+from jaxrender.inverse.factorization.projection import mixed, solve_light
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,

@@ -26,10 +26,11 @@ from jaxrender.inverse.factorization.state import (
     Task,
     begin,
     free_unknowns,
-    weigh_by_noise,
+    in_deviations,
 )
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
@@ -107,7 +108,7 @@ def factorize(
         parameters, scene = account_of(task, state, gauge)
         outcome, identifiable, reasons = _judge(task, state, parameters)
     assert state.joint is not None
-    _, noise = weigh_by_noise(task, state)
+    noise = in_deviations(task, state, state.joint.solved).noise
     value = parameters.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
     brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
@@ -196,7 +197,8 @@ def _judge(
         if bound.get(name, False):
             reasons.append(f"{name} is at a bound of its range")
         elif not reached:
-            reasons.append(_why(name, parameters, variant))
+            lost = not_identifiable(name, parameters)
+            reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
     residual = state.rounds[-1].relative_rms
     if residual > _SKETCHED:
         reasons.append(
@@ -217,16 +219,3 @@ def _judge(
 def _at_bound(logarithm: float, bounds: tuple[float, float], origin: float) -> bool:
     low, high = (abs(logarithm - np.log(bound - origin)) for bound in bounds)
     return bool(min(low, high) < _AT_BOUND)
-
-
-def _why(name: str, parameters: Uncertain, variant: Parametric) -> str:
-    low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
-    shown = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
-    sentence = f"{name} is not identifiable: its 90 % interval is {shown}"
-    if name not in variant.amplitude_names and not isinstance(variant, Glossy):
-        return f"{sentence}; these views show too little of the lobe's shape"
-    if name == variant.shape.name:
-        return f"{sentence}; blurring the light and sharpening the gloss look the same under it"
-    if name == variant.index.name:
-        return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
-    return f"{sentence}; too little tells gloss and matt apart"

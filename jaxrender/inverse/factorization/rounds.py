@@ -84,7 +84,7 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
     """Take the last steps: with the noise's weights, and with the exact integral's corrections."""
     for turn in range(_REFINEMENTS):
         before, target = material_of(state), state.target
-        state, _ = weigh_by_noise(task, state)
+        state = weigh_by_noise(task, state)
         if task.settings.refine:
             state = corrected(task, state)
         state = descend(task, state, _LAST_STEPS, 1e-6)

@@ -1,5 +1,7 @@
 """Which directions the samples of a concave object see past the object itself.  Host side."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jaxrender.geometry import Shape, SurfacePlaces, visible
@@ -8,6 +10,13 @@ from jaxrender.shapes import AnyArray, Bool, Float
 
 # What a concave object hides from itself is summed over this grid; what is not hidden never is.
 _HIDDEN_GRID = LatLongGrid(48, 96)
+
+
+class HiddenNodes(NamedTuple):
+    """Directions by which hidden light is summed, with their solid angles."""
+
+    directions: Float[np.ndarray, "node 3"]
+    solid_angle: Float[np.ndarray, "node"]
 
 
 class Sight:
@@ -32,9 +41,9 @@ class Sight:
 
     def hidden(self) -> Bool[np.ndarray, "sample node"]:
         """Tell which of ``hidden_nodes`` each sample does not see."""
-        return ~self.of_fixed(hidden_nodes()[0])
+        return ~self.of_fixed(hidden_nodes().directions)
 
 
-def hidden_nodes() -> tuple[Float[np.ndarray, "node 3"], Float[np.ndarray, "node"]]:
-    """Directions by which hidden light is summed, with their solid angles."""
-    return _HIDDEN_GRID.directions().reshape(-1, 3), _HIDDEN_GRID.weights().ravel()
+def hidden_nodes() -> HiddenNodes:
+    """Make the nodes, the same for every object."""
+    return HiddenNodes(_HIDDEN_GRID.directions().reshape(-1, 3), _HIDDEN_GRID.weights().ravel())

@@ -17,8 +17,9 @@ from scipy.special import logit
 from jaxrender.brdf import WIDTH_BOUNDS
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.joint import Bounds, Descent, Joint, descend_jointly
-from jaxrender.inverse.factorization.projection import Measured, Solved
+from jaxrender.inverse.factorization.projection import Solved
 from jaxrender.inverse.factorization.response import (
     Guess,
     Response,
@@ -27,7 +28,7 @@ from jaxrender.inverse.factorization.response import (
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown
-from jaxrender.inverse.weights import robust_weights
+from jaxrender.inverse.weights import deviations, robust_weights
 from jaxrender.shapes import Bool, Float, as_jax
 
 # Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
@@ -135,6 +136,14 @@ class State(NamedTuple):
     settled: bool = False
 
 
+class Deviations(NamedTuple):
+    """Residuals in standard deviations of the noise, these deviations, and the noise."""
+
+    left: Float[np.ndarray, "sample channel"]
+    deviation: Float[np.ndarray, "sample channel"]
+    noise: NoiseModel
+
+
 def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
     known, radiance = task.known, task.radiance
@@ -229,24 +238,21 @@ def weigh_evenly(task: Task, state: State) -> State:
     return state._replace(weights=weights / deviation * robust_weights(left / deviation, loss))
 
 
-def weigh_by_noise(task: Task, state: State) -> tuple[State, NoiseModel]:
+def weigh_by_noise(task: Task, state: State) -> State:
     """Weigh by the noise given, or by that found in the residuals, and by the loss."""
     assert state.joint is not None
-    left, deviation, noise = in_deviations(task, state, state.joint.solved)
-    weights = robust_weights(left, task.settings.loss) / deviation
-    return state._replace(weights=weights), noise
+    found = in_deviations(task, state, state.joint.solved)
+    weights = robust_weights(found.left, task.settings.loss) / found.deviation
+    return state._replace(weights=weights)
 
 
-def in_deviations(
-    task: Task, state: State, solved: Solved
-) -> tuple[Float[np.ndarray, "sample channel"], Float[np.ndarray, "sample channel"], NoiseModel]:
-    """Express residuals in standard deviations of the noise; return these and the noise too."""
+def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
+    """Express residuals in standard deviations of the noise: of that given, or found in them."""
     predicted = np.asarray(solved.predicted)
     left, even = state.target - predicted, as_pixels(task.observations)
     noise = task.settings.noise or estimate_noise(left[even], predicted[even])
-    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-    deviation = np.hypot(deviation, 1e-6 * _rms(task, task.radiance))
-    return left / deviation, deviation, noise
+    deviation = deviations(noise, predicted, _rms(task, task.radiance))
+    return Deviations(left / deviation, deviation, noise)
 
 
 def round_of(task: Task, state: State) -> Round:

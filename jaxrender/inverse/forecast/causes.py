@@ -33,7 +33,11 @@ _SAMPLES, _CELL = 240, 0.5
 _VIEWS = 6
 
 
-Tried = tuple[str, dict[str, np.ndarray] | None]
+class _Trial(NamedTuple):
+    """What would help, and the relative errors that it leaves; None where it leaves just enough."""
+
+    mend: str
+    errors: dict[str, np.ndarray] | None = None
 
 
 class Remedy(NamedTuple):
@@ -70,12 +74,12 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
     for helpful, names in groups.items():
         named = {name: _named(name, foreseen.supposed.brdf) for name in names}
         sentences.append(_sentence(named, present, [found[i].cause for i in helpful]))
-        tried: list[Tried] = [(found[i].mend, mended[i].relative) for i in helpful]
+        tried = [_Trial(found[i].mend, mended[i].relative) for i in helpful]
         times = [_samples_needed(reading, own, name) for name in names]
         if None not in times:
             more = max(filter(None, times))
             count = len(foreseen.situation.frame)
-            tried.append((f"{more} times as many samples as these {count:,}", None))
+            tried.append(_Trial(f"{more} times as many samples as these {count:,}"))
         if tried:
             sentences.append(_advice(names, tried))
     return tuple(sentences)
@@ -96,12 +100,12 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
     lowest = float(np.min(np.asarray(samples.exit_cosines)))
     found = []
 
-    def added(words: tuple[str, str], samples: SurfaceSamples, light: KnownLight) -> None:
+    def add(cause: str, mend: str, samples: SurfaceSamples, light: KnownLight) -> None:
         count = len(samples.normals)
         situation = Situation(samples, np.zeros(count, int), light)
         grams = frame_grams(foresee(situation, foreseen.supposed, angle_per_sigma=_CELL))
         # As many samples as a photograph has now, for each photograph.
-        found.append(Remedy(*words, grams * (len(frame) / count)))
+        found.append(Remedy(cause, mend, grams * (len(frame) / count)))
 
     towards = outgoing.mean(axis=0) + np.array([0.3, 0.2, 0.4])
     lamp = DirectionalSources(_unit(towards)[None], mean_irradiance(shared)[None])
@@ -118,15 +122,15 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
     degree = highest_degree_told(foreseen)
     about = "no energy" if degree < 2 else "too little energy"
     above = f"this light has {about} above degree {degree} that would show above the noise"
-    added((above, "a lamp"), every, with_lamp)
+    add(above, "a lamp", every, with_lamp)
     if lowest > _NONE_GRAZING:
         cut = f"every sample's exit cosine is above {lowest:.2f}, so that no grazing angle shows it"
         grazing = _seen(outgoing, (_GRAZING, lowest))
-        added((cut, f"samples down to exit cosine {_GRAZING:g}"), grazing, shared)
+        add(cut, f"samples down to exit cosine {_GRAZING:g}", grazing, shared)
     if len(outgoing) < _VIEWS:
         few = f"too few views ({len(outgoing)})"
         ring = _seen(fibonacci_sphere(_VIEWS), (max(lowest, _GRAZING), 1.0))
-        added((few, "views from all around"), ring, shared)
+        add(few, "views from all around", ring, shared)
     return found
 
 
@@ -137,7 +141,7 @@ def _sentence(named: dict[str, str], errors: dict, causes: list[str]) -> str:
     return f"{words} cannot be told: {', and '.join(causes)}"
 
 
-def _advice(names: list[str], tried: list[Tried]) -> str:
+def _advice(names: list[str], tried: list[_Trial]) -> str:
     """Name what would help, with the errors that it leaves of the worst of some parameters."""
     words = []
     for mend, errors in tried:

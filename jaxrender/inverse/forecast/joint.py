@@ -12,15 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import expit, logit
 
-from jaxrender.brdf import Glossy, Parametric
+from jaxrender.brdf import Parametric
 from jaxrender.harmonics import degrees
 from jaxrender.inverse.factorization.account import amplitudes_of, own_numbers
+from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.integral_response import response_of_convex
-from jaxrender.inverse.factorization.projection import Measured, mixed, reduced_system
+from jaxrender.inverse.factorization.projection import mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.reasons import missing_under_unknown_light
 from jaxrender.inverse.uncertainty import (
     Parameters,
     Uncertain,
@@ -58,6 +60,27 @@ class JointForecast(NamedTuple):
         return all(self.identifiable.values())
 
 
+class SupposedAnswer(NamedTuple):
+    """What a factorization is supposed to find; ``light`` is in the gauge kd + ks = 1."""
+
+    response: Response
+    guess: Guess
+    light: Float[np.ndarray, "part channel"]
+
+    def measured(self, supposed: Supposed, each: float) -> Measured:
+        """What the joint model itself would measure, with the penalty of a factorization.
+
+        Each sample stands for ``each`` samples, with the noise of ``supposed``.
+        """
+        radiance = np.asarray(_radiance(self.response, self.guess, jnp.asarray(self.light)))
+        degree = degrees(int(np.sqrt(self.response.slow_count)) - 1)
+        mean = np.abs(self.light[0]) / np.sqrt(4 * np.pi)
+        level = np.maximum(mean, 0.2 * radiance.mean(axis=0))
+        slow = (degree * (degree + 1))[:, None] / (4 * np.pi * level**2)[None]
+        penalty = np.concatenate([slow, np.zeros((len(self.light) - len(slow), slow.shape[1]))])
+        return Measured(radiance, np.sqrt(each) * weights_of(supposed.noise, radiance), penalty)
+
+
 def forecast_joint(
     situation: Situation, supposed: Supposed, band_limit: int = _BAND_LIMIT
 ) -> JointForecast:
@@ -89,9 +112,9 @@ def forecast_joint(
             "or a lower band limit"
         )
     few, each = thinned(situation, _SAMPLES)
-    response, guess, light = joint_system(few, brdf, band_limit)
-    measured = measured_by(response, guess, light, (supposed, each))
-    _, system = reduced_system(response, guess, measured)
+    answer = supposed_answer(few, brdf, band_limit)
+    guess = answer.guess
+    system = reduced_system(answer.response, guess, answer.measured(supposed, each))
     channels, metal = len(kd), brdf.mu is None
     lamps = len(guess.directions)
     free = np.ones(channels + 2 + 2 * lamps, bool)
@@ -115,10 +138,8 @@ def forecast_joint(
     return JointForecast(parameters, identifiable, singular, lamps, gauge, sentences)
 
 
-def joint_system(
-    situation: Situation, brdf: Parametric, band_limit: int
-) -> tuple[Response, Guess, Float[np.ndarray, "part channel"]]:
-    """Set up the joint model at the supposed answer, its light in the gauge kd + ks = 1."""
+def supposed_answer(situation: Situation, brdf: Parametric, band_limit: int) -> SupposedAnswer:
+    """Set up the joint model at the supposed material and the situation's light."""
     kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
     slow, lamps = _divided(situation.light, float(brdf.sigma), band_limit)
     response = response_of_convex(
@@ -132,7 +153,7 @@ def joint_system(
         jnp.asarray(np.asarray(lamps.directions, float)),
     )
     light = np.concatenate([slow, np.asarray(lamps.irradiance, float)])
-    return response, guess, light * (kd + ks)[None]
+    return SupposedAnswer(response, guess, light * (kd + ks)[None])
 
 
 def _divided(
@@ -163,22 +184,6 @@ def _divided(
     )
 
 
-def measured_by(
-    response: Response, guess: Guess, light: np.ndarray, how: tuple[Supposed, float]
-) -> Measured:
-    """What the joint model itself would measure, with the penalty of a factorization.
-
-    ``how`` is the noise, and how many samples each sample stands for.
-    """
-    supposed, each = how
-    radiance = np.asarray(_radiance(response, guess, jnp.asarray(light)))
-    degree = degrees(int(np.sqrt(response.slow_count)) - 1)
-    level = np.maximum(np.abs(light[0]) / np.sqrt(4 * np.pi), 0.2 * radiance.mean(axis=0))
-    slow = (degree * (degree + 1))[:, None] / (4 * np.pi * level**2)[None]
-    penalty = np.concatenate([slow, np.zeros((len(light) - len(slow), slow.shape[1]))])
-    return Measured(radiance, np.sqrt(each) * weights_of(supposed.noise, radiance), penalty)
-
-
 @jax.jit
 def _radiance(
     response: Response, guess: Guess, light: Float[Array, "part channel"]
@@ -206,12 +211,6 @@ def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parame
     return intervals(value, error, {one.name: one.origin for one in brdf.searched})
 
 
-_TOO_LITTLE_OF_THE_LOBE = "these views show too little of the lobe's shape"
-_TOO_LITTLE_GLOSS = "too little tells gloss and matt apart"
-_BLURRED = "blurring the light and sharpening the gloss look the same under it"
-_NOT_GRAZING = "too few grazing samples show how the gloss grows towards the horizon"
-
-
 def _sentences(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> tuple[str, ...]:
@@ -219,12 +218,9 @@ def _sentences(
     for name, told in identifiable.items():
         if not told:
             worst = relative_error(parameters, name)
-            reasons = {brdf.shape.name: _BLURRED, brdf.index.name: _NOT_GRAZING}
-            why = reasons.get(name, _TOO_LITTLE_GLOSS)
-            why = why if isinstance(brdf, Glossy) else _TOO_LITTLE_OF_THE_LOBE
             found.append(
                 f"{name} cannot be told with the light unknown: standard error "
-                f"{100 * worst:.0f} % of its value; {why}"
+                f"{100 * worst:.0f} % of its value; {missing_under_unknown_light(brdf, name)}"
             )
     if all(identifiable.values()):
         found.append("light and material can both be told, up to the gauge")

@@ -19,6 +19,7 @@ from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.unknowns import Unknown, Unknowns
+from jaxrender.inverse.weights import deviations
 from jaxrender.shapes import Array, Float, Int
 
 # What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
@@ -26,8 +27,6 @@ TYPICAL_MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
 TYPICAL_NOISE = NoiseModel(0.01, 0.0)
 # Choosing samples by brightness needs no finer light than this.
 _COARSE = 0.5
-# Noise is never taken to be less than this part of the mean radiance, as in a fit.
-_LEAST_NOISE = 1e-6
 
 Kind = TypeVar("Kind", bound=Parametric)
 
@@ -60,6 +59,20 @@ class Foreseen(NamedTuple):
     supposed: Supposed
     model: LinearisedModel
     data: Data
+
+
+class SearchPoint(NamedTuple):
+    """A supposed material as a search has it: its variables, and the unknowns eliminated."""
+
+    point: Float[np.ndarray, "unknown"]
+    eliminated: Float[np.ndarray, "linear"]
+
+
+class Thinned(NamedTuple):
+    """A part of a situation's samples, and how many samples each of them stands for."""
+
+    situation: Situation
+    each: float
 
 
 def foresee(
@@ -103,12 +116,11 @@ def weights_of(
     noise: NoiseModel, radiance: Float[np.ndarray, "*any channel"]
 ) -> Float[np.ndarray, "*any channel"]:
     """Compute 1 / standard deviation of the noise, as a fit weighs its samples."""
-    least = _LEAST_NOISE * np.sqrt(np.mean(radiance**2))
-    deviation = np.asarray(noise.standard_deviation(np.maximum(radiance, 0)))
-    return 1 / np.maximum(np.hypot(deviation, least), np.finfo(float).tiny)
+    scale = float(np.sqrt(np.mean(radiance**2)))
+    return 1 / np.maximum(deviations(noise, radiance, scale), np.finfo(float).tiny)
 
 
-def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndarray]:
+def unknowns_at(problem: Problem, brdf: Parametric) -> SearchPoint:
     """Find the search point and the eliminated unknowns of a supposed material.
 
     Raises ``ValueError`` where it lies outside the bounds of the search.
@@ -124,7 +136,8 @@ def unknowns_at(problem: Problem, brdf: Parametric) -> tuple[np.ndarray, np.ndar
     point = unknowns.pack({name: float(value) for name, value in brdf.numbers.items()})
     every = np.ravel(np.asarray(brdf.amplitudes, float))
     mix = np.asarray(problem.mix)
-    return point, np.linalg.lstsq(mix, every - np.asarray(problem.offset), rcond=None)[0]
+    eliminated = np.linalg.lstsq(mix, every - np.asarray(problem.offset), rcond=None)[0]
+    return SearchPoint(point, eliminated)
 
 
 def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
@@ -149,14 +162,15 @@ def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
     return Problem.of(known, brdf.amplitudes.shape[1])
 
 
-def thinned(situation: Situation, most: int) -> tuple[Situation, float]:
-    """Keep at most so many samples, evenly; and how many each of them stands for."""
+def thinned(situation: Situation, most: int) -> Thinned:
+    """Keep at most ``most`` samples, evenly spread."""
     count = len(situation.frame)
     if count <= most:
-        return situation, 1.0
+        return Thinned(situation, 1.0)
     index = np.linspace(0, count - 1, most).round().astype(int)
     samples = SurfaceSamples(*(np.asarray(a)[index] for a in situation.samples))
-    return Situation(samples, situation.frame[index], situation.light), count / most
+    some = Situation(samples, situation.frame[index], situation.light)
+    return Thinned(some, count / most)
 
 
 def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "sample channel"]:

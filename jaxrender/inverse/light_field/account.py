@@ -9,17 +9,15 @@ _POORLY = 0.25
 # A fit this much worse than its noise (chi-squared for one degree of freedom) is no factorization.
 _CONTRADICTED = 3.0
 
-Known = tuple[Bool[np.ndarray, "degree"], Bool[np.ndarray, "degree outgoing_degree order"]]
-
 
 def sentences(
     component: Int[np.ndarray, "degree"],
-    known: Known,
+    light_known: Bool[np.ndarray, "degree"],
+    brdf_known: Bool[np.ndarray, "degree outgoing_degree order"],
     relative_error: Float[np.ndarray, "degree"],
     chi_squared: float,
 ) -> tuple[str, ...]:
     """Say what is determined; ``component`` and the masks are those of a ``FactoredField``."""
-    light_known, brdf_known = known
     # Degrees that the light lacks: those of no component.
     dark = np.flatnonzero((component < 0) & light_known)
     unseen = np.flatnonzero((component < 0) & ~light_known)

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.inverse.descent import descend
 from jaxrender.shapes import Float, Int
 
-_STEPS, _HALVINGS = 40, 12
 # The search ends when no unknown moves by more than this part of the largest of its kind.
 _SETTLED = 1e-14
 # A step must not raise chi-squared by more than this part of it: rounding.
@@ -52,21 +52,14 @@ class Factors(NamedTuple):
 
 def refine(problem: Bilinear, start: Factors) -> Factors:
     """Descend by Gauss-Newton from a start near the answer."""
-    factors, cost = start, problem.cost(start)
-    for _ in range(_STEPS):
-        step = _Normal.at(problem, factors).step()
-        for _ in range(_HALVINGS):
-            trial = Factors(factors.light + step.light, factors.brdf + step.brdf)
-            trial_cost = problem.cost(trial)
-            if trial_cost <= cost * (1 + _ROUNDING):
-                break
-            step = Factors(step.light / 2, step.brdf / 2)
-        else:
-            return factors
-        factors, cost = trial, trial_cost
-        if all(np.abs(d).max() <= _SETTLED * np.abs(x).max() for d, x in zip(step, factors)):
-            return factors
-    return factors
+
+    def settled(before: Factors, after: Factors) -> bool:
+        return all(np.abs(a - b).max() <= _SETTLED * np.abs(a).max() for a, b in zip(after, before))
+
+    def step_at(factors: Factors) -> Factors:
+        return _Normal.at(problem, factors).step()
+
+    return descend(start, problem.cost, step_at, settled, _ROUNDING).point
 
 
 def standard_errors(problem: Bilinear, factors: Factors) -> Factors:

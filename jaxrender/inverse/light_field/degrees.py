@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, Int
 
 # A coefficient, or a sum of squares, counts as present when it exceeds its noise this many times.
 CLEARLY = 5.0
@@ -26,6 +26,13 @@ class DegreeFactors(NamedTuple):
     brdf: Float[np.ndarray, "outgoing_degree order"]
     certainty: Float[np.ndarray, "outgoing_degree"]
     lit: bool
+
+
+class Ties(NamedTuple):
+    """Which degrees are tied to one another, by number of the component, and their factors t_l."""
+
+    component: Int[np.ndarray, "degree"]
+    scale: Float[np.ndarray, "degree"]
 
 
 def split_degree(values: np.ndarray, deviation: np.ndarray, exists: np.ndarray) -> DegreeFactors:
@@ -44,8 +51,8 @@ def split_degree(values: np.ndarray, deviation: np.ndarray, exists: np.ndarray) 
     )
 
 
-def tie_degrees(parts: list[DegreeFactors]) -> tuple[np.ndarray, np.ndarray]:
-    """Tie degrees to one another by reciprocity, the surest tie first: components and factors t_l.
+def tie_degrees(parts: list[DegreeFactors]) -> Ties:
+    """Tie degrees to one another by reciprocity, the surest tie first.
 
     rho~_lpq = x_lpq / (Lambda_l t_l) = x_plq / (Lambda_p t_p), so t_l = t_p (Lambda_p x_lpq) /
     (Lambda_l x_plq).
@@ -80,7 +87,7 @@ def tie_degrees(parts: list[DegreeFactors]) -> tuple[np.ndarray, np.ndarray]:
             tree.append(a)
         if which == 0:
             largest = np.abs(parts[0].brdf).max() / abs(wavelength(0) * scale[0])
-    return component, scale
+    return Ties(component, scale)
 
 
 def _certainty(parts: list[DegreeFactors], a: int, b: int) -> float:

@@ -124,9 +124,13 @@ class FactoredField(NamedTuple):
 
     def sentences(self, channel: int = 0) -> tuple[str, ...]:
         """Say which degrees are determined and which are not, and why."""
-        relative = self._relative_errors(channel)
-        known = self.light_known[:, channel], self.brdf_known[..., channel]
-        return sentences(self.component[:, channel], known, relative, self.chi_squared[channel])
+        return sentences(
+            self.component[:, channel],
+            self.light_known[:, channel],
+            self.brdf_known[..., channel],
+            self._relative_errors(channel),
+            self.chi_squared[channel],
+        )
 
     def _relative_errors(self, channel: int) -> Float[np.ndarray, "degree"]:
         """Compute the error of each degree of the light over its size."""
@@ -156,8 +160,8 @@ def factor_light_field(field: LightField) -> FactoredField:
     return FactoredField(*(np.stack(arrays, axis=-1) for arrays in zip(*parts)))
 
 
-def _factor_channel(values: np.ndarray, deviation: np.ndarray) -> tuple:
-    """Compute the fields of a ``FactoredField`` for one channel."""
+def _factor_channel(values: np.ndarray, deviation: np.ndarray) -> FactoredField:
+    """Factor the field of one channel; what is returned has no axis of channels."""
     band_limit = band_limit_of(values.shape[0])
     count, outgoing_count, order_count = band_limit + 1, *values.shape[1:]
     n, p, q = np.ogrid[:count, :outgoing_count, :order_count]
@@ -174,7 +178,7 @@ def _factor_channel(values: np.ndarray, deviation: np.ndarray) -> tuple:
         members = np.flatnonzero(component == which)
         if not len(members):
             continue
-        problem, start = _joint(members, parts, scale, (values, deviation, exists))
+        problem, start = _joint(members, parts, scale, values, deviation, exists)
         found = refine(problem, start)
         error = standard_errors(problem, found)
         rows = np.isin(of_row, members)
@@ -200,14 +204,20 @@ def _factor_channel(values: np.ndarray, deviation: np.ndarray) -> tuple:
     freedom = max(np.count_nonzero(exists[of_row]) - unknowns, 1)
     misfit = np.sum((left / deviation) ** 2) / freedom
     known = light_known, brdf_known
-    return light, light_error, brdf, brdf_error, component, *known, residual, misfit
+    return FactoredField(
+        light, light_error, brdf, brdf_error, component, *known, residual, np.asarray(misfit)
+    )
 
 
 def _joint(
-    members: np.ndarray, parts: list[DegreeFactors], scale: np.ndarray, field: tuple
+    members: Int[np.ndarray, "member"],
+    parts: list[DegreeFactors],
+    scale: Float[np.ndarray, "degree"],
+    values: Float[np.ndarray, "coefficient outgoing_degree order"],
+    deviation: Float[np.ndarray, "coefficient outgoing_degree order"],
+    exists: Bool[np.ndarray, "degree outgoing_degree order"],
 ) -> tuple[Bilinear, Factors]:
     """Set up the least squares of the degrees of one component, starting from the chain's."""
-    values, deviation, exists = field
     place = np.zeros(exists.shape, int)
     brdf: list[float] = []
     for degree in members:

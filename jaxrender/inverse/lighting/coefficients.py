@@ -17,6 +17,7 @@ import numpy as np
 from jaxrender.harmonics import LatLongGrid, degrees, real_basis, synthesise
 from jaxrender.inverse.lighting.normal_equations import (
     NO_INFORMATION,
+    ChannelEquations,
     DegreeReport,
     NormalEquations,
     degree_report,
@@ -112,18 +113,18 @@ def solve_coefficients(
     cut = equations.cut(band_limit)
     penalty = _penalty(cut, settings.penalty)
     nodes = _nodes(band_limit) if settings.positivity != "none" else None
-    found = [_solve(*channel, penalty, noise_known) for channel in zip(*cut)]
+    found = [_solve(channel, penalty, noise_known) for channel in cut.channels()]
     coefficients = np.stack([one.light for one in found], axis=1)
     reasons = _reasons(band_limit, settings, report)
     if nodes is not None:
-        positive = [_positive(*channel, penalty, nodes, settings) for channel in zip(*cut)]
+        positive = [_positive(channel, penalty, nodes, settings) for channel in cut.channels()]
         coefficients = np.stack([one.light for one in positive], axis=1)
         if not all(one.converged for one in positive):
             reasons += (f"the {settings.positivity} positivity did not converge",)
     covariance = np.stack([one.covariance for one in found])
     errors = np.stack([_standard_errors(one) for one in found], axis=1)
     chi_squared = np.array(
-        [_squares(*channel, light) for channel, light in zip(zip(*cut), coefficients.T)]
+        [channel.squares(light) for channel, light in zip(cut.channels(), coefficients.T)]
     )
     return RecoveredLight(
         coefficients, errors, covariance, band_limit, report, chi_squared, reasons
@@ -136,15 +137,24 @@ class _Solution(NamedTuple):
     unknown: Float[np.ndarray, "coefficient"]
 
 
-def _solve(gram, moment, energy, measured, penalty, noise_known) -> _Solution:
+class _Nodes(NamedTuple):
+    """Where light is kept from being negative: the harmonics there, and the solid angles."""
+
+    basis: Float[np.ndarray, "node coefficient"]
+    solid_angle: Float[np.ndarray, "node"]
+
+
+def _solve(
+    channel: ChannelEquations, penalty: Float[np.ndarray, "coefficient"], noise_known: bool
+) -> _Solution:
     """Solve one channel, leaving out the directions that no measurement tells anything about."""
-    values, vectors = np.linalg.eigh(gram + np.diag(penalty))
-    told = values > len(moment) * NO_INFORMATION * values.max()
+    values, vectors = np.linalg.eigh(channel.gram + np.diag(penalty))
+    told = values > len(penalty) * NO_INFORMATION * values.max()
     inverse = np.where(told, 1 / np.where(told, values, 1), 0)
     covariance = (vectors * inverse[None, :]) @ vectors.T
-    light = covariance @ moment
-    left = _squares(gram, moment, energy, measured, light)
-    variance = noise_variance(left, measured - told.sum(), noise_known)
+    light = covariance @ channel.moment
+    freedom = channel.measured - told.sum()
+    variance = noise_variance(channel.squares(light), freedom, noise_known)
     return _Solution(light, covariance * variance, np.sum(vectors[:, ~told] ** 2, axis=1))
 
 
@@ -153,27 +163,25 @@ def _standard_errors(one: _Solution) -> Float[np.ndarray, "coefficient"]:
     return np.where(one.unknown > 1e-6, np.inf, np.sqrt(np.diag(one.covariance)))
 
 
-def _positive(gram, moment, energy, measured, penalty, nodes, settings) -> Positive:
+def _positive(
+    channel: ChannelEquations,
+    penalty: Float[np.ndarray, "coefficient"],
+    nodes: _Nodes,
+    settings: LightSettings,
+) -> Positive:
     # A trace of penalty makes the minimum unique where the data are silent.
-    floor = NO_INFORMATION * len(moment) * np.trace(gram)
-    definite = gram + np.diag(penalty + floor)
-    basis, weights = nodes
+    floor = NO_INFORMATION * len(penalty) * np.trace(channel.gram)
     misfit = CoefficientMisfit(
-        gram=definite,
-        moment=moment,
-        energy=float(energy),
-        measured=float(measured),
-        basis=basis,
-        weights=weights,
+        gram=channel.gram + np.diag(penalty + floor),
+        moment=channel.moment,
+        energy=float(channel.energy),
+        measured=float(channel.measured),
+        basis=nodes.basis,
+        weights=nodes.solid_angle,
     )
     if settings.positivity == "soft":
         return soft_positive(misfit, settings.strength)
     return hard_positive(misfit)
-
-
-def _squares(gram, moment, energy, measured, light) -> float:
-    """Compute chi^2; rounding may leave that of exact data slightly below 0."""
-    return max(float(energy - 2 * moment @ light + light @ gram @ light), 0.0)
 
 
 def _penalty(equations: NormalEquations, strength: float) -> Float[np.ndarray, "coefficient"]:
@@ -182,12 +190,12 @@ def _penalty(equations: NormalEquations, strength: float) -> Float[np.ndarray, "
     return strength * known * degree * (degree + 1.0)
 
 
-def _nodes(band_limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """Evaluate the harmonics on a grid fine enough for them, and its solid angles."""
+def _nodes(band_limit: int) -> _Nodes:
+    """Make a grid that is fine enough for the harmonics."""
     rows = 2 * (band_limit + 1)
     grid = LatLongGrid(rows, 2 * rows)
     basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), band_limit))
-    return basis, grid.weights().ravel()
+    return _Nodes(basis, grid.weights().ravel())
 
 
 def _reasons(band_limit: int, settings: LightSettings, report: DegreeReport) -> tuple[str, ...]:

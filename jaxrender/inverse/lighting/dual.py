@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid
+from jaxrender.inverse.descent import descend
 from jaxrender.inverse.lighting.operator import LightOperator
 from jaxrender.inverse.lighting.positivity import Misfit, hard_positive, soft_positive
 from jaxrender.inverse.lighting.reflected_bins import bin_by_reflection
@@ -36,7 +37,8 @@ from jaxrender.inverse.lighting.unseen_directions import UNSEEN
 from jaxrender.lighting import Environment
 from jaxrender.shapes import AnyArray, Bool, Float, checked
 
-_NEWTON_STEPS = 50
+# The equations of clamped light are solved to this part of the light.
+_BALANCED = 1e-12
 
 
 class DualSettings(NamedTuple):
@@ -127,6 +129,14 @@ def recover_dual(
     )
 
 
+class _Solved(NamedTuple):
+    """The image and the coefficients of one channel, and whether the iteration ended."""
+
+    image: Float[np.ndarray, "seen"]
+    light: Float[np.ndarray, "coefficient"]
+    converged: bool
+
+
 class _Channel(NamedTuple):
     """The observed bins of one channel: U, W, the variance of U, E, f; solid angle, scatter."""
 
@@ -165,39 +175,39 @@ def _standard_errors(known: _Channel) -> Float[np.ndarray, "seen"]:
     return np.sqrt(np.maximum(known.variance - 2 * both + added, 0))
 
 
-def _as_it_is(known: _Channel, light: np.ndarray, strength: float):
-    return known.mirror(light), light, True
+def _as_it_is(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
+    return _Solved(known.mirror(light), light, True)
 
 
-def _clamped(known: _Channel, light: np.ndarray, strength: float):
+def _clamped(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     """Solve f L = E' max(U - W L, 0) by Newton's method from the solution of T 6.21."""
 
     def unbalance(light: np.ndarray) -> np.ndarray:
         return known.passed * light - known.moments.T @ np.maximum(known.mirror(light), 0)
 
-    left = unbalance(light)
-    for _ in range(_NEWTON_STEPS):
-        size = float(np.linalg.norm(left))
-        if size <= 1e-12 * np.linalg.norm(light):
-            return np.maximum(known.mirror(light), 0), light, True
+    def cost(light: np.ndarray) -> float:
+        return float(np.linalg.norm(unbalance(light)))
+
+    def step_at(light: np.ndarray) -> np.ndarray:
         lit = known.mirror(light) > 0
         slope = np.diag(known.passed) + known.moments[lit].T @ known.diffuse[lit]
-        step, share = np.linalg.lstsq(slope, left)[0], 1.0
-        while np.linalg.norm(unbalance(light - share * step)) >= size and share > 1e-6:
-            share /= 2
-        light = light - share * step
-        left = unbalance(light)
-    return np.maximum(known.mirror(light), 0), light, False
+        return -np.linalg.lstsq(slope, unbalance(light))[0]
+
+    def balanced(light: np.ndarray) -> bool:
+        return cost(light) <= _BALANCED * float(np.linalg.norm(light))
+
+    light = descend(light, cost, step_at, lambda before, after: balanced(after)).point
+    return _Solved(np.maximum(known.mirror(light), 0), light, balanced(light))
 
 
-def _penalised(known: _Channel, light: np.ndarray, strength: float):
+def _penalised(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     image, converged = soft_positive(_misfit(known), strength)
-    return image, known.coefficients(image), converged
+    return _Solved(image, known.coefficients(image), converged)
 
 
-def _bounded(known: _Channel, light: np.ndarray, strength: float):
+def _bounded(known: _Channel, light: np.ndarray, strength: float) -> _Solved:
     image, converged = hard_positive(_misfit(known))
-    return image, known.coefficients(image), converged
+    return _Solved(image, known.coefficients(image), converged)
 
 
 class MirrorMisfit(Misfit):

@@ -32,6 +32,22 @@ from jaxrender.shapes import AnyArray, Array, Float
 NO_INFORMATION = 1e-13
 
 
+class ChannelEquations(NamedTuple):
+    """The normal equations of one channel."""
+
+    gram: Float[np.ndarray, "coefficient coefficient"]
+    moment: Float[np.ndarray, "coefficient"]
+    energy: float
+    measured: float
+
+    def squares(self, light: Float[np.ndarray, "coefficient"]) -> float:
+        """Compute chi^2; rounding may leave that of exact data slightly below 0."""
+        return max(
+            float(self.energy - 2 * self.moment @ light + light @ self.gram @ light),
+            0.0,
+        )
+
+
 class NormalEquations(NamedTuple):
     """Sums over samples, and ``measured``, the number of samples of weight above 0."""
 
@@ -44,6 +60,10 @@ class NormalEquations(NamedTuple):
     def band_limit(self) -> int:
         """The highest degree of the light."""
         return band_limit_of(self.moment.shape[1])
+
+    def channels(self) -> list[ChannelEquations]:
+        """Take the channels apart."""
+        return [ChannelEquations(*one) for one in zip(*self)]
 
     def joined(self, other: "NormalEquations") -> "NormalEquations":
         """Add the equations of other samples of the same light."""
@@ -132,7 +152,7 @@ def degree_report(
     band_limit = equations.band_limit
     slices = degree_slices(band_limit)
     spectra, sizes, variances, unexplained = [], [], [], []
-    for gram, moment, energy, measured in zip(*equations):
+    for gram, moment, energy, measured in equations.channels():
         floor = NO_INFORMATION * max(np.trace(gram), np.finfo(float).tiny)
         factor = cholesky(gram + np.diag(penalty + floor))
         seen = solve_triangular(factor, moment, trans=1)

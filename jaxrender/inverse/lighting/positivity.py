@@ -18,10 +18,10 @@ import equinox as eqx
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from jaxrender.inverse.descent import descend
 from jaxrender.shapes import Float
 
-_NEWTON_STEPS = 60
-_HALVINGS = 30
+_PENALTY_STEPS = 60
 _MULTIPLIER_STEPS = 200
 # Stiffer than this beside the data's own, rounding of the data's part would show.
 _STIFFEST = 1e5
@@ -127,7 +127,7 @@ def soft_positive(misfit: Misfit, strength: float = 1.0) -> Positive:
         return Positive(light, True)
     none = np.zeros(len(misfit.weights))
     before = rms
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_PENALTY_STEPS):
         stiffness = 2 * strength * rms / negative * misfit.measured * before
         light, converged = _penalised(misfit, stiffness * misfit.weights, none, light)
         now = misfit.rms(light)
@@ -167,27 +167,18 @@ def _penalised(
     start: Float[np.ndarray, "unknown"],
 ) -> Positive:
     """Minimise chi^2 + sum stiffness min(light + shift, 0)^2 by Newton's method."""
-    light = start
 
     def cost(light: np.ndarray) -> float:
         penalty = stiffness @ np.minimum(misfit.at_nodes(light) + shift, 0) ** 2
         return float(misfit.squares(light) + penalty)
 
-    value, active = cost(light), None
-    for _ in range(_NEWTON_STEPS):
-        negative = misfit.at_nodes(light) + shift < 0
-        if active is not None and np.array_equal(negative, active):
-            return Positive(light, True)
-        active = negative
-        step = misfit.minimum(np.where(negative, stiffness, 0), -shift) - light
-        share, there = 1.0, np.inf
-        for _ in range(_HALVINGS):
-            there = cost(light + share * step)
-            if there <= value:
-                break
-            share /= 2
-        if not there <= value:
-            # No step gains anything that rounding would show: this is the minimum.
-            return Positive(light, True)
-        light, value = light + share * step, there
-    return Positive(light, False)
+    def negative(light: np.ndarray) -> np.ndarray:
+        return misfit.at_nodes(light) + shift < 0
+
+    def step_at(light: np.ndarray) -> np.ndarray:
+        return misfit.minimum(np.where(negative(light), stiffness, 0), -shift) - light
+
+    def settled(before: np.ndarray, after: np.ndarray) -> bool:
+        return np.array_equal(negative(before), negative(after))
+
+    return Positive(*descend(start, cost, step_at, settled))

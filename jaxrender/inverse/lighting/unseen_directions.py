@@ -12,6 +12,7 @@ of the observed bins, and a function that fills an image.  Host side, NumPy floa
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -21,7 +22,12 @@ from scipy.sparse.linalg import splu
 from jaxrender.harmonics import LatLongGrid, real_basis
 from jaxrender.shapes import Bool, Float
 
-Filled = tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]
+
+class Filled(NamedTuple):
+    """The matrix E of T 6.21 of the observed bins, and what fills an image from their values."""
+
+    moments: Float[np.ndarray, "seen coefficient"]
+    fill: Callable[[np.ndarray], np.ndarray]
 
 
 def _filled_smoothly(
@@ -33,7 +39,7 @@ def _filled_smoothly(
     seen, hidden = np.flatnonzero(observed), np.flatnonzero(~observed)
     moments = weighted[seen]
     if not hidden.size:
-        return moments, lambda values: _spread(values, seen, observed)
+        return Filled(moments, lambda values: _spread(values, seen, observed))
     inner = splu(laplacian[hidden][:, hidden].tocsc())
     across = laplacian[hidden][:, seen]
     moments = moments - across.T @ inner.solve(weighted[hidden])
@@ -43,7 +49,7 @@ def _filled_smoothly(
         image[hidden] = -inner.solve(across @ values)
         return image
 
-    return moments, fill
+    return Filled(moments, fill)
 
 
 def _left_out(grid: LatLongGrid, observed: Bool[np.ndarray, "bin"], band_limit: int) -> Filled:
@@ -52,7 +58,7 @@ def _left_out(grid: LatLongGrid, observed: Bool[np.ndarray, "bin"], band_limit: 
     weighted = _weighted_basis(grid, band_limit)[seen]
     basis = weighted / grid.weights().ravel()[seen][:, None]
     moments = weighted @ np.linalg.pinv(weighted.T @ basis)
-    return moments, lambda values: _spread(values, seen, observed)
+    return Filled(moments, lambda values: _spread(values, seen, observed))
 
 
 UNSEEN = {"smooth": _filled_smoothly, "left-out": _left_out}

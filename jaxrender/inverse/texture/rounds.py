@@ -25,12 +25,11 @@ from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.specular_prior import spread_of
 from jaxrender.inverse.texture.varying import SigmaField, VaryingSigma
 from jaxrender.inverse.unknowns import Unknowns
+from jaxrender.inverse.weights import deviations, noise_settled
 from jaxrender.shapes import Float
 
 # The noise settles in two or three rounds.
-_ROUNDS, _NOISE_SETTLED = 4, 0.02
-# Noise is never taken to be less than this part of the mean radiance: exact data have none.
-_LEAST_NOISE = 1e-6
+_ROUNDS = 4
 
 
 class TextureSettings(NamedTuple):
@@ -81,7 +80,7 @@ def search_in_rounds(
             break
         fit = search(problem, model, data, np.asarray(fit.point)[None])
         before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
-        if _close(before, noise, np.asarray(fit.predicted)):
+        if noise_settled(before, noise, np.asarray(fit.predicted)):
             break
     return Searched(fit, problem, data, noise)
 
@@ -106,7 +105,7 @@ def let_vary(
     for _ in range(_ROUNDS):
         fit = refine(problem, model, data, fit)
         before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
-        if _close(before, noise, np.asarray(fit.predicted)):
+        if noise_settled(before, noise, np.asarray(fit.predicted)):
             break
         data = weighted(some, noise, np.asarray(fit.predicted))
         prior = _spread(model, data, fit, unknowns)
@@ -156,8 +155,7 @@ def weighted(
     scale = float(np.sqrt(np.mean(some.radiance**2))) or 1.0
     deviation = np.full_like(some.radiance, scale)
     if noise is not None and predicted is not None:
-        deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-        deviation = np.hypot(deviation, _LEAST_NOISE * scale)
+        deviation = deviations(noise, predicted, scale)
     weights = np.sqrt(some.share)[:, None] / deviation
     return SiteData(some.radiance, weights, some.site, some.count)
 
@@ -172,9 +170,3 @@ def prediction_for(
         # ... unless observations are shared among sites; then they weigh as they were measured.
         return few.radiance
     return np.asarray(searched.fit.predicted)[rows]
-
-
-def _close(before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "s c"]) -> bool:
-    level = np.sqrt(np.mean(predicted**2, keepdims=True))
-    one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
-    return bool(abs(np.log(max(one, 1e-300) / max(other, 1e-300))) < _NOISE_SETTLED)
