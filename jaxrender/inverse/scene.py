@@ -71,7 +71,7 @@ def unknown(
     """Say what you know of a material, by the numbers of its model; what is left out is free.
 
     Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
-    ``Told`` with a start besides, or None for an index that there is none of (a metal).  What a
+    ``Told`` with a start or a prior besides, or None for an index that there is none of (a metal).  What a
     model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a material
     of a model of one's own, whose numbers do not matter.
 
@@ -108,7 +108,8 @@ def unknown(
 
 def _check_domain(number: Number, told: Told) -> None:
     """Refuse what lies outside the interval of a model's number."""
-    given = (told.fixed, told.start, *(told.bounds or ()))
+    mean = None if told.prior is None else told.prior.mean
+    given = (told.fixed, told.start, mean, *(told.bounds or ()))
     for value in (float(v) for part in given if part is not None for v in np.atleast_1d(part)):
         if not number.domain.holds(value):
             raise ValueError(f"{number.name}={value:g}: it must be {number.domain.words}")
@@ -227,7 +228,7 @@ def _under_known_light(
         pool=pool if convex else None,
     )
     light = scene.light or known.directional
-    return _estimate(material, found, light, (found.final.noise, found.final.relative_rms))
+    return _estimate(material, found, light, found.final.noise, found.final.relative_rms)
 
 
 def _check_lights(per_frame: tuple[DirectionalSources, ...], photographs: int) -> None:
@@ -258,7 +259,7 @@ def _with_the_light(
     if given is not None:
         found = in_units_of(found, *given)
     light = HarmonicLight(found.scene.slow) + found.scene.sources
-    return _estimate(material, found, light, (found.noise, found.relative_rms))
+    return _estimate(material, found, light, found.noise, found.relative_rms)
 
 
 def _check_ratio(material: UnknownMaterial, unknowns: Unknowns, matt: bool) -> None:
@@ -283,9 +284,10 @@ def _estimate(
     material: UnknownMaterial,
     found: BRDFFit | Factorization,
     light: Light,
-    left: tuple[NoiseModel, float],
+    noise: NoiseModel,
+    relative_rms: float,
 ) -> Estimate:
-    """Say what was found by the model's own numbers; ``left`` is its noise and its residual."""
+    """Say what was found by the model's own numbers."""
     words = OwnWords(material.model, found.brdf)
     own = found.parameters
 
@@ -302,6 +304,7 @@ def _estimate(
         dict(found.identifiable),
         found.outcome,
         found.reasons,
-        *left,
+        noise,
+        relative_rms,
         found,
     )

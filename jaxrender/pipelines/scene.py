@@ -113,6 +113,7 @@ def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
             parameter.fixed,
             parameter.bounds,
             None if parameter.start is None else float(np.mean(parameter.start)),
+            None if parameter.prior is None else unknowns.Prior(*parameter.prior),
         )
         for name, parameter in known.items()
         if parameter is not None

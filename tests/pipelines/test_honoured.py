@@ -14,8 +14,9 @@ from stated_runs import OTHER, RUNS, others, text_of
 
 from jaxrender.errors import InputError
 from jaxrender.pipelines.config import json_schema, load_run_config, resolved_yaml
-from jaxrender.pipelines.config.honoured import CASES, TASKS, honouring
+from jaxrender.pipelines.config.honoured import CASES, honouring
 from jaxrender.pipelines.config.sweep import load_sweep
+from jaxrender.pipelines.config.task_keys import TASKS
 
 OF_TASK = {
     "texture under known light": "texture",

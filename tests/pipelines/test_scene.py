@@ -62,14 +62,14 @@ def test_unknowns_follow_the_config():
         "ks": {"bounds": [0, 0.5]},
         "ks_per_channel": True,
         "sigma": {"bounds": [0.1, 0.3], "start": 0.2},
-        "mu": 1.5,
+        "mu": {"prior": [1.5, 0.1]},
     }
     found = unknowns_of(config_of(brdf=brdf, solve={"free_exposure": True}), photographs=7)
     assert found["kd"].fixed == (0.1, 0.2, 0.3)
     ks = found["ks"]
     assert (ks.free, ks.start, ks.upper) == (True, None, 0.5)
     assert (found["sigma"].lower, found["sigma"].upper, found["sigma"].start) == (0.1, 0.3, 0.2)
-    assert found["mu"].fixed == (1.5,)
+    assert found["mu"].prior == (1.5, 0.1)
     assert (found.coloured, found.free_gains) == (("kd", "ks"), 7)
     assert not found.free_scale
     free = unknowns_of(config_of(lighting={"free_scale": True}), photographs=7)

@@ -76,7 +76,7 @@ def _known(number: Number, domain: Interval) -> Any:
     inside = AfterValidator(numbers_inside(domain))
     if number.part == "amplitude":
         return Annotated[Parameter, inside]
-    words = f"a number {domain.words}, {{fixed}}, or {{bounds, start}}"
+    words = f"a number {domain.words}, {{fixed}}, or {{bounds, start, prior}}"
     single = Annotated[Parameter, AfterValidator(one_number), inside]
     if not number.may_be_none:
         return Annotated[single, Accepts(f"'free', {words}")]

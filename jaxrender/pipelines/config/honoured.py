@@ -6,122 +6,22 @@ contradictory keys are refused in :mod:`.run` and in the sections.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from jaxrender.catalogue import MODELS
 from jaxrender.pipelines.config.brdf import FACET_MODELS, foreign_keys
-from jaxrender.pipelines.config.parameter import Parameter
-from jaxrender.pipelines.config.solve import SolveConfig
 from jaxrender.pipelines.config.stated import Case
+from jaxrender.pipelines.config.task_keys import AS_IT_IS, DARK, LIT, TASKS
 from jaxrender.pipelines.config.wording import joined
 
 if TYPE_CHECKING:
     from jaxrender.pipelines.config.run import RunConfig
 
-_LIT, _DARK = "texture under known light", "texture under unknown light"
-_NO_SECTION = {
-    "texture": "finds no texture",
-    "spectrum": "finds no coefficients of a BRDF",
-}
-_NO_GAUGE = "knows the light, so no gauge is open"
-_RECOVERS_LIGHT = "recovers the light itself"
-_OF_KNOWN_LIGHT = {
-    "solve.model": "has one frequency model",
-    "solve.view_degree": "has one frequency model",
-    "solve.transfer": "always filters by exit cosine",
-    "solve.free_exposure": "needs known exposures",
-    "solve.variants": "compares no variants of a model",
-    "solve.interreflection": "leaves out bounced light",
-}
-_UNKNOWN_LIGHT = (
-    _NO_SECTION
-    | _OF_KNOWN_LIGHT
-    | {
-        "lighting": _RECOVERS_LIGHT,
-        "solve.method": "has one search",
-        "solve.starts": "has one start",
-        "solve.refine_samples": "refines on all samples",
-        "brdf.kd.bounds": "finds only the ratio of kd and ks",
-        "brdf.ks.bounds": "finds only the ratio of kd and ks",
-    }
-)
-_TEXTURE = _OF_KNOWN_LIGHT | {
-    "spectrum": _NO_SECTION["spectrum"],
-    "solve.loss": "counts squared residuals",
-    "solve.most_sources": "looks for no sources",
-    "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
-    "brdf.compare": "fits one model",
-    "brdf.kd": "finds kd of every site",
-    "brdf.ks": "finds ks of every site",
-    "brdf.ks_per_channel": "has one ks for all channels",
-}
-# For each task the keys that it cannot use.
-TASKS: Mapping[str, Mapping[str, str]] = {
-    "brdf": _NO_SECTION
-    | {
-        "solve.most_sources": "knows the sources of the light",
-        "brdf.gauge": _NO_GAUGE,
-    },
-    "lighting": _UNKNOWN_LIGHT
-    | {
-        "brdf.compare": "knows the material",
-        "brdf.gauge": "has the units of the known material",
-    },
-    "factorize": _UNKNOWN_LIGHT,
-    _LIT: _TEXTURE
-    | {
-        "solve.band_limit": "uses all degrees that the lobe passes",
-        "lighting.split": "splits the light as finely as its model needs",
-        "lighting.free_scale": "uses the light as given",
-        "texture.prior": "knows the light, so it needs no prior",
-        "brdf.gauge": _NO_GAUGE,
-    },
-    _DARK: _TEXTURE
-    | {
-        "lighting": _RECOVERS_LIGHT,
-        "brdf.gauge": "has a gauge of its own",
-        "samples.count": "uses all pixels",
-        "samples.seed": "uses all pixels",
-        "solve.method": "has one search",
-        "solve.starts": "has one start",
-        "solve.refine_samples": "refines on all samples",
-        "texture.regions": "has one lobe for the whole surface",
-        "texture.sigma": "has one sigma for the whole surface",
-    },
-    "brdf-spectrum": {
-        "texture": _NO_SECTION["texture"],
-        "brdf": "fits no model",
-        "lighting.per_frame": "needs one light for all photographs: an environment or "
-        "directional sources",
-        "lighting.split": "uses the coefficients of the whole light",
-        "lighting.free_scale": "needs absolute radiance",
-        **{
-            f"solve.{name}": "solves one linear system of the order in spectrum"
-            for name in SolveConfig.model_fields
-            if name not in ("noise", "held_out")
-        },
-    },
-}
-# Values that ask for what the task does anyway are not refused.
-_AS_IT_IS: Mapping[str, tuple[Any, ...]] = {
-    "solve.model": ("dual",),
-    "solve.transfer": ("exit-cosine",),
-    "solve.loss": ("auto", "squares"),
-    "solve.band_limit": ("auto",),
-    "lighting.split": ("auto",),
-    "brdf.model": (*FACET_MODELS, "lambertian"),
-    "brdf.compare": ((),),
-    "brdf.kd": (Parameter(),),
-    "brdf.ks": (Parameter(),),
-    "texture.sigma": ("even",),
-}
-
 
 def task_of(config: RunConfig) -> str:
     """Name the task of a config as ``TASKS`` does."""
     if config.task == "texture":
-        return _LIT if config.knows_light else _DARK
+        return LIT if config.knows_light else DARK
     return config.task
 
 
@@ -141,7 +41,7 @@ def _of_tasks() -> tuple[Case, ...]:
             f"task {task}",
             lambda config, task=task: task_of(config) == task,
             {key: why},
-            {} if task == "brdf-spectrum" else _AS_IT_IS,
+            {} if task == "brdf-spectrum" else AS_IT_IS,
             f"choose task: {joined(honouring(key))}" if honouring(key) else "",
         )
         for task, keys in TASKS.items()
@@ -181,6 +81,15 @@ _OF_SETTINGS = (
             f"brdf.{name}.start": f"solves for {name} directly, without a start"
             for name in ("kd", "ks")
         },
+    ),
+    Case(
+        "lighting.free_scale",
+        lambda config: config.lighting is not None and config.lighting.free_scale,
+        {
+            f"brdf.{name}.prior": f"finds {name} up to a factor, of which a prior says nothing"
+            for name in ("kd", "ks")
+        },
+        instead="remove lighting.free_scale",
     ),
     Case(
         "solve.refine: off",

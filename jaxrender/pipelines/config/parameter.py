@@ -15,6 +15,7 @@ from jaxrender.pipelines.config.values import Accepts, Number, Section
 Triple = tuple[Number, Number, Number]
 Values = Annotated[Number | Triple, Accepts("a number or three numbers")]
 Interval = Annotated[tuple[Number, Number], Accepts("two numbers [lowest, highest]")]
+Normal = Annotated[tuple[Number, Number], Accepts("two numbers [mean, standard deviation]")]
 
 
 def _numbers(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
@@ -25,12 +26,13 @@ def _numbers(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
 
 
 class Parameter(Section):
-    """An unknown: ``free``, ``{fixed: v}``, or some of ``{bounds: [low, high], start: v}``.
+    """An unknown: ``free``, ``{fixed: v}``, or some of bounds, start and prior.
 
-    A bare number, or three of them for the channels, means ``fixed``.
+    These are ``{bounds: [low, high], start: v, prior: [mean, standard deviation]}``.  A bare
+    number, or three of them for the channels, means ``fixed``.
     """
 
-    accepts: ClassVar[str] = "'free', a number, three numbers, {fixed}, or {bounds, start}"
+    accepts: ClassVar[str] = "'free', a number, three numbers, {fixed}, or {bounds, start, prior}"
 
     fixed: Values | None = None
     """The known value: a number, or three for the channels."""
@@ -38,6 +40,9 @@ class Parameter(Section):
     """The interval [lowest, highest] of the search."""
     start: Values | None = None
     """Where the search starts."""
+    prior: Normal | None = None
+    """What is known of the value beforehand: the mean and standard deviation of a normal
+    distribution."""
 
     @property
     def free(self) -> bool:
@@ -47,7 +52,8 @@ class Parameter(Section):
     @property
     def numbers(self) -> tuple[float, ...]:
         """All numbers that the config states for this parameter."""
-        return _numbers(self.fixed) + (self.bounds or ()) + _numbers(self.start)
+        mean = () if self.prior is None else self.prior[:1]
+        return _numbers(self.fixed) + (self.bounds or ()) + _numbers(self.start) + mean
 
     @model_validator(mode="before")
     @classmethod
@@ -59,8 +65,13 @@ class Parameter(Section):
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Parameter:
-        if self.fixed is not None and (self.bounds is not None or self.start is not None):
-            raise ValueError("a fixed value needs no bounds and no start; remove them, or 'fixed'")
+        others = (self.bounds, self.start, self.prior)
+        if self.fixed is not None and any(other is not None for other in others):
+            raise ValueError(
+                "a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
+            )
+        if self.prior is not None and not self.prior[1] > 0:
+            raise ValueError(f"prior standard deviation {self.prior[1]:g}; it must be above 0")
         if self.bounds is None:
             return self
         low, high = self.bounds
@@ -69,11 +80,15 @@ class Parameter(Section):
         outside = [value for value in _numbers(self.start) if not low <= value <= high]
         if outside:
             raise ValueError(f"start {outside[0]:g} lies outside the bounds [{low:g}, {high:g}]")
+        if self.prior is not None and not low <= self.prior[0] <= high:
+            raise ValueError(
+                f"prior mean {self.prior[0]:g} lies outside the bounds [{low:g}, {high:g}]"
+            )
         return self
 
     @model_serializer
     def _to_plain(self) -> Any:
-        entries = {"fixed": self.fixed, "bounds": self.bounds, "start": self.start}
+        entries = {name: getattr(self, name) for name in ("fixed", "bounds", "start", "prior")}
         given = {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in entries.items()
@@ -89,14 +104,11 @@ class Parameter(Section):
         number = {"type": "number"}
         triple = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
         values = {"anyOf": [number, triple]}
+        pair = {"type": "array", "items": number, "minItems": 2, "maxItems": 2}
         section = {
             "type": "object",
             "additionalProperties": False,
-            "properties": {
-                "fixed": values,
-                "bounds": {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
-                "start": values,
-            },
+            "properties": {"fixed": values, "bounds": pair, "start": values, "prior": pair},
         }
         shorthands: list[Mapping[str, Any]] = [{"const": "free"}, number, triple, section]
         return {"anyOf": shorthands, "description": cls.__doc__}

@@ -6,8 +6,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jaxrender.pipelines.config.honoured import TASKS, honouring
+from jaxrender.pipelines.config.honoured import honouring
 from jaxrender.pipelines.config.run import RunConfig
+from jaxrender.pipelines.config.task_keys import TASKS
 
 
 def json_schema(root: type[BaseModel] = RunConfig) -> dict[str, Any]:

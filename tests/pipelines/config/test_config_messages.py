@@ -147,16 +147,18 @@ VALUES = {
         "'anisotropic-ward', 'kajiya-kay', 'poulin-fournier', 'oren-nayar' or 'lambertian'"
     ),
     ("brdf.kd", "fre"): (
-        "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"
+        "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start, prior}"
     ),
     ("brdf.kd", "[1, 2]"): (
-        "found [1, 2], accepted: 'free', a number, three numbers, {fixed}, or {bounds, start}"
+        "found [1, 2], accepted: 'free', a number, three numbers, {fixed}, or {bounds, start, "
+        "prior}"
     ),
     ("brdf.sigma", "true"): (
-        "found true, accepted: 'free', a number above 0, {fixed}, or {bounds, start}"
+        "found true, accepted: 'free', a number above 0, {fixed}, or {bounds, start, prior}"
     ),
     ("brdf.mu", "non"): (
-        "found 'non', accepted: 'free', 'none', a number above 1, {fixed}, or {bounds, start}, "
+        "found 'non', accepted: 'free', 'none', a number above 1, {fixed}, or {bounds, start, "
+        "prior}, "
         "did you mean 'none'?"
     ),
     ("samples.min_cosine", "1"): ("found 1, accepted: a number between 0 and 1, both excluded"),
@@ -250,10 +252,17 @@ MATERIALS = {
         "brdf.sigma: found start [2, 2, 2]; this parameter is one number for all channels"
     ),
     "{kd: {fixed: 1, bounds: [0, 2]}}": (
-        "brdf.kd: a fixed value needs no bounds and no start; remove them, or 'fixed'"
+        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
     ),
     "{kd: {fixed: 1, start: 1}}": (
-        "brdf.kd: a fixed value needs no bounds and no start; remove them, or 'fixed'"
+        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
+    ),
+    "{kd: {fixed: 1, prior: [1, 0.1]}}": (
+        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
+    ),
+    "{kd: {prior: [1, 0]}}": "brdf.kd: prior standard deviation 0; it must be above 0",
+    "{sigma: {bounds: [0.1, 0.2], prior: [0.3, 0.1]}}": (
+        "brdf.sigma: prior mean 0.3 lies outside the bounds [0.1, 0.2]"
     ),
     "{kd: {bounds: [2, 1]}}": ("brdf.kd: found bounds [2, 1]; the first must be the smaller one"),
     "{kd: {bounds: [1, 1]}}": ("brdf.kd: found bounds [1, 1]; the first must be the smaller one"),
