@@ -71,9 +71,9 @@ def unknown(
     """Say what you know of a material, by the numbers of its model; what is left out is free.
 
     Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
-    ``Told`` with a start or a prior besides, or None for an index that there is none of (a metal).  What a
-    model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a material
-    of a model of one's own, whose numbers do not matter.
+    ``Told`` with a start or a prior besides, or None for an index that there is none of (a metal).
+    What a model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a
+    material of a model of one's own, whose numbers do not matter.
 
     Raises ``ValueError`` for a model, a number or a choice that there is none of.
     """

@@ -1,4 +1,7 @@
-"""One small instance of each model, its promises written down, for the tests that try them all."""
+"""Every model by the name that it is registered by, for the tests that try them all.
+
+The promises of most are written down.  Any other model of the catalogue has its typical numbers.
+"""
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,17 +24,19 @@ from jaxrender.brdf import (
     PoulinFournier,
     TorranceSparrow,
     Ward,
+    material_named,
 )
+from jaxrender.catalogue import MODELS as CATALOGUE
 
 KD, KS = np.array([0.05, 0.1]), np.array([0.3, 0.2])
 GOLD = np.array([0.14, 1.5]), np.array([4.0, 1.9])
 
 # name -> (model, reciprocal, conserves energy, isotropic)
-MODELS = {
+PROMISED = {
     "lambertian": (Lambertian(KD), True, True, True),
-    "oren-nayar": (OrenNayar(KD, 0.4), True, True, True),
+    "oren-nayar-full": (OrenNayar(KD, 0.4), True, True, True),
     "oren-nayar qualitative": (OrenNayar(KD, 0.4, qualitative=True), True, True, True),
-    "oren-nayar one lobe": (OrenNayarLobe(KD, 0.4), True, True, True),
+    "oren-nayar": (OrenNayarLobe(KD, 0.4), True, True, True),
     "phong": (Phong(KD, KS, 20.5), False, False, True),
     "blinn-phong": (BlinnPhong(KD, KS, 33.3), True, True, True),
     "microfacet": (Microfacet(KD, KS, 0.2, 1.5), False, False, True),
@@ -56,13 +61,18 @@ MODELS = {
         False,
         True,
     ),
-    "cook-torrance": (CookTorrance(KD, KS, 0.25, *GOLD), True, True, True),
-    "he-torrance": (HeTorrance(KD, KS, 0.15, 1.5, np.array([0.6, 0.5]), *GOLD), True, False, True),
-    "he-torrance one lobe": (HeTorranceLobe(KD, KS, 0.2, 1.5), True, False, True),
+    "cook-torrance-conductor": (CookTorrance(KD, KS, 0.25, *GOLD), True, True, True),
+    "he-torrance-conductor": (
+        HeTorrance(KD, KS, 0.15, 1.5, np.array([0.6, 0.5]), *GOLD),
+        True,
+        False,
+        True,
+    ),
+    "he-torrance": (HeTorranceLobe(KD, KS, 0.2, 1.5), True, False, True),
     "ward": (Ward(KD, KS, 0.2), True, False, True),
     "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
     "anisotropic-ward": (AnisotropicWard(KD, KS, 0.15, 0.4), True, False, False),
-    "lafortune": (
+    "lafortune-lobes": (
         Lafortune(
             KD,
             np.array([[0.4, 0.3], [0.1, 0.2]]),
@@ -73,7 +83,7 @@ MODELS = {
         True,
         False,
     ),
-    "lafortune one lobe": (CosineLobe(KD, KS, 15.5, 0.9), True, True, True),
+    "lafortune": (CosineLobe(KD, KS, 15.5, 0.9), True, True, True),
     "kajiya-kay": (KajiyaKay(KD, KS, 20.0), False, False, False),
     "poulin-fournier": (PoulinFournier(KD, KS, 40.0, 2.4, 0.7), True, True, False),
     "mixture": (
@@ -86,6 +96,16 @@ MODELS = {
         False,
     ),
 }
+
+
+def typical(name):
+    """A material of a model's typical numbers; its amplitudes are those of the others here."""
+    own = {number.name: number.typical for number in CATALOGUE[name].numbers}
+    return material_named(name, {**own, "kd": KD, **({"ks": KS} if "ks" in own else {})})
+
+
+MODELS = {name: model for name, (model, *_) in PROMISED.items()}
+MODELS |= {name: typical(name) for name in CATALOGUE if name not in MODELS}
 NAMES = list(MODELS)
 
 

@@ -15,10 +15,10 @@ from brdf_problems import upper_directions
 from scipy.special import erfc
 
 from jaxrender.brdf import Microfacet, microfacet_distribution, normalised_fresnel, smith_masking
+from jaxrender.brdf.distributions import DISTRIBUTIONS
 
 ROUNDING = 1e-11
 KD, KS = np.array([0.05, 0.1, 0.2]), np.array([0.3, 0.2, 0.1])
-DISTRIBUTIONS = ["gaussian", "beckmann", "ggx"]
 evaluate = eqx.filter_jit(Microfacet.evaluate)
 
 

@@ -24,11 +24,10 @@ from jaxrender.brdf.tables.nearest import (
     relative_change,
 )
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
-from jaxrender.geometry import NUSSELT, POLAR
+from jaxrender.geometry import EMBEDDINGS, NUSSELT, POLAR
 
 ROUNDING = 1e-12
 SIZE = (4, 6, 4, 6)
-EMBEDDINGS = (NUSSELT, POLAR)
 ALL = (nearest_reciprocal, nearest_isotropic, nearest_separable, nearest_energy_conserving)
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
@@ -48,7 +47,7 @@ def moved(table, values):
     return eqx.tree_at(lambda t: t.values, table, values)
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_reciprocal(embedding):
     table = random_table(0, embedding)
     found = nearest_reciprocal(table)
@@ -79,7 +78,7 @@ def test_isotropic():
     assert abs(inner(table, left, any_isotropic)) < 1e-10
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_separable(embedding):
     table = random_table(6, embedding)
     found = nearest_separable(table)
@@ -104,7 +103,7 @@ def test_the_product_is_nearest_in_the_weighted_measure():
     assert relative_change(table, plain) > found.change * 1.001
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_energy_conserving(embedding):
     table = random_table(8, embedding, 0.33)
     table = moved(table, table.values - 0.02)

@@ -23,14 +23,13 @@ from jaxrender.brdf import BRDF, Lambertian, Phong, Ward
 from jaxrender.brdf.tables import cells
 from jaxrender.brdf.tables.cells import cell_weights, masked
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
-from jaxrender.geometry import NUSSELT, POLAR, Components
+from jaxrender.geometry import EMBEDDINGS, NUSSELT, POLAR, Components
 
 ROUNDING = 1e-12
 SIZE = (5, 6, 7, 4)
 RNG = np.random.default_rng(0)
 VALUES = RNG.uniform(size=(*SIZE, 2))
 SHINY = Ward(np.array([0.1, 0.05]), np.array([0.3, 0.2]), 0.4, 0.6)
-EMBEDDINGS = (NUSSELT, POLAR)
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
 at = eqx.filter_jit(TabulatedBRDF.at_places)
@@ -64,7 +63,7 @@ def positions(places, by=3):
     return np.concatenate(places, axis=-1) * SIZE - 0.5 + by
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_linear_is_scipys(embedding):
     places = squares(300, 1)
     table = padded(VALUES, embedding)
@@ -73,7 +72,7 @@ def test_linear_is_scipys(embedding):
     np.testing.assert_allclose(found, grid(positions(places)), rtol=ROUNDING)
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_b_spline_is_scipys(embedding):
     places = squares(300, 2)
     table = padded(VALUES, embedding)
@@ -116,7 +115,7 @@ def test_cubic_of_the_polar_map_goes_round_and_over_the_pole():
 def test_constant_is_the_nearest_sample():
     incoming, outgoing = squares(300, 5)
     k = np.floor(np.concatenate([incoming, outgoing], axis=-1) * SIZE).astype(int)
-    for embedding in EMBEDDINGS:
+    for embedding in EMBEDDINGS.values():
         found = at(TabulatedBRDF(VALUES, embedding, "constant"), incoming, outgoing)
         np.testing.assert_array_equal(found, VALUES[tuple(k.T)])
 
@@ -172,7 +171,7 @@ def test_slopes_join_at_the_samples(reconstruction, joins):
     assert (abs(left - right) < 1e-6) == joins
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 @pytest.mark.parametrize("reconstruction", ["constant", "cubic"])
 def test_samples_stand_at_the_cells_directions(embedding, reconstruction):
     table = TabulatedBRDF.of(SHINY, (5, 6, 7, 4), embedding, reconstruction)
@@ -199,7 +198,7 @@ def test_the_pole_is_no_border(azimuths, reconstruction):
     assert np.mean(found) == pytest.approx(2, abs=5e-3)
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_a_table_converges_to_its_model(embedding):
     # Away from the horizon, where cells beyond it play no part.
     a, b = upper_directions(2000, 8, 0.6), upper_directions(2000, 9, 0.6)
@@ -232,7 +231,7 @@ def test_cells_beyond_the_horizon_are_zero_or_extended():
 
 
 @pytest.mark.parametrize("reconstruction", ["linear", "b-spline"])
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_a_matte_table_is_matte_to_the_horizon(embedding, reconstruction):
     table = TabulatedBRDF.of(Lambertian(np.array([0.2, 0.1])), 7, embedding, reconstruction)
     a, b = upper_directions(200, 10, 1e-4), upper_directions(200, 11, 1e-4)
@@ -242,7 +241,7 @@ def test_a_matte_table_is_matte_to_the_horizon(embedding, reconstruction):
     assert not np.any(evaluate(table, b, down))
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_white_is_white(embedding):
     weights = cell_weights(embedding, (8, 6))
     assert weights.sum() == pytest.approx(np.pi, rel=ROUNDING)
@@ -285,7 +284,7 @@ def test_derivatives_are_those_of_finite_differences(embedding, reconstruction):
     check_grads(value, (VALUES, a, b), 1, ("fwd", "rev"), rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("embedding", EMBEDDINGS, ids=lambda e: e.name)
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
 def test_derivatives_are_finite_at_the_pole_and_below_the_horizon(embedding):
     table = TabulatedBRDF(VALUES, embedding, "cubic")
     up, side, down = np.eye(3)[2], np.array([1.0, 0, 0]), np.array([0.6, 0, -0.8])
@@ -331,7 +330,7 @@ def test_a_spectrum_has_many_channels():
 
 
 def test_resampling_to_the_same_cells_changes_nothing():
-    for embedding in EMBEDDINGS:
+    for embedding in EMBEDDINGS.values():
         table = TabulatedBRDF(VALUES, embedding, "cubic")
         np.testing.assert_allclose(table.resampled(SIZE).values, VALUES, rtol=1e-10)
 

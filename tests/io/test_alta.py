@@ -16,7 +16,7 @@ from jaxrender.brdf import Lambertian, TorranceSparrow, half_difference
 from jaxrender.errors import InputError
 from jaxrender.geometry import Components
 from jaxrender.io.alta import AltaMeasurements, read_alta, write_alta
-from jaxrender.io.alta_parametrisations import PARAMETRISATIONS
+from jaxrender.io.alta_parametrisations import COORDINATES, PARAMETRISATIONS
 
 
 def alta(tmp_path, text):
@@ -88,6 +88,23 @@ def test_half_angles(tmp_path, name):
     assert abs(np.linalg.norm(found.incoming) - 1) < 1e-12
 
 
+@pytest.mark.parametrize("name", PARAMETRISATIONS)
+def test_every_parametrisation_gives_unit_directions(tmp_path, name):
+    count, _ = PARAMETRISATIONS[name]
+    rows = np.random.default_rng(0).uniform(0.3, 0.5, (20, count))
+    if name == "CARTESIAN":
+        rows = np.concatenate(random_pairs(20), axis=1)
+    path = tmp_path / "paint.alta"
+    path.write_text(header(name, count))
+    with path.open("a") as file:
+        np.savetxt(file, np.insert(rows, count, 1.0, axis=1), "%.17g")
+    found = read_alta(path)
+    assert len(found.values) + found.below_horizon == 20
+    for directions in (found.incoming, found.outgoing):
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-12)
+        assert (directions[:, 2] > 0).all()
+
+
 def test_p_d_turns_the_view_towards_the_horizon(tmp_path):
     """At p_d = 0 the view lies beyond the half vector: it is t_h + t_d from the normal."""
     found = read_alta(alta(tmp_path, header("RUSIN_TH_TD_PD", 3) + "0.4 0.3 0 1\n"))
@@ -118,7 +135,7 @@ def test_numbers_on_errors_are_read_past(tmp_path, said, columns):
     np.testing.assert_array_equal(found.values, [[5, 6]])
 
 
-@pytest.mark.parametrize("name", ["CARTESIAN", "SPHERICAL_TL_PL_TV_PV"])
+@pytest.mark.parametrize("name", COORDINATES)
 @pytest.mark.parametrize("channels", [1, 3, 5])
 def test_what_is_written_comes_back(tmp_path, name, channels):
     values = np.random.default_rng(1).lognormal(0, 8, (50, channels))

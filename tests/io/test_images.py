@@ -16,7 +16,7 @@ import OpenImageIO as oiio
 import pytest
 
 from jaxrender.errors import InputError
-from jaxrender.io.images import image_size, read_image, write_image
+from jaxrender.io.images import _STORED_AS, _WITHOUT_ALPHA, image_size, read_image, write_image
 from jaxrender.shapes import ImageArray
 
 FLOAT32 = 2.0**-24  # half a unit in the last place below 1
@@ -25,20 +25,14 @@ RGBE = 1 / 128  # a mantissa of 8 bits shared by three channels, rounded down
 # JPEG quantises frequencies; on a smooth picture a few grey levels remain.
 JPEG = 8 / 255
 
+# Formats that keep less than they store; of any other that is written, what it stores is kept.
+LOSSY = {".hdr": RGBE, ".jpg": JPEG, ".jpeg": JPEG}
+STORED = {"float": FLOAT32, "uint8": EIGHT_BITS}
 PRECISION = {
-    "exr": FLOAT32,
-    "tif": FLOAT32,
-    "tiff": FLOAT32,
-    "pfm": FLOAT32,
-    "hdr": RGBE,
-    "png": EIGHT_BITS,
-    "tga": EIGHT_BITS,
-    "jpg": JPEG,
-    "jpeg": JPEG,
+    suffix: LOSSY.get(suffix, STORED[stored_as]) for suffix, stored_as in _STORED_AS.items()
 }
 PHOTOS = Path(__file__).parents[3] / "shared" / "data" / "photos"
 UNASSOCIATED = {"oiio:UnassociatedAlpha": 1}
-DAMAGED = ("exr", "tif", "pfm", "hdr", "png", "tga", "jpg")
 
 
 def smooth(channels: int) -> ImageArray:
@@ -64,7 +58,7 @@ def write_raw(path: Path, values: np.ndarray, fmt: str, names: str = "", **tags:
 
 @pytest.mark.parametrize("suffix", PRECISION)
 def test_what_is_written_is_read(tmp_path, suffix):
-    path = tmp_path / f"picture.{suffix}"
+    path = tmp_path / f"picture{suffix}"
     write_image(path, smooth(3))
     image = read_image(path)
     assert image.pixels.dtype == np.float64
@@ -75,19 +69,20 @@ def test_what_is_written_is_read(tmp_path, suffix):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("suffix", ["exr", "tif", "png", "tga"])
+@pytest.mark.parametrize("suffix", [s for s in PRECISION if s not in _WITHOUT_ALPHA])
 def test_alpha_stays_apart(tmp_path, suffix):
     # Row 0 has coverage 1, the last row 0: multiplied colours would be black there.
-    write_image(tmp_path / f"a.{suffix}", smooth(4))
-    image = read_image(tmp_path / f"a.{suffix}")
+    write_image(tmp_path / f"a{suffix}", smooth(4))
+    image = read_image(tmp_path / f"a{suffix}")
     np.testing.assert_allclose(image.pixels, smooth(3), atol=PRECISION[suffix])
     np.testing.assert_allclose(image.alpha, smooth(4)[..., 3], atol=PRECISION[suffix])
 
 
-@pytest.mark.parametrize("suffix", ["exr", "pfm", "png"])
+# HDR always has three channels.
+@pytest.mark.parametrize("suffix", [suffix for suffix in PRECISION if suffix != ".hdr"])
 def test_grey_is_repeated(tmp_path, suffix):
-    write_image(tmp_path / f"g.{suffix}", smooth(1))
-    pixels = read_image(tmp_path / f"g.{suffix}").pixels
+    write_image(tmp_path / f"g{suffix}", smooth(1))
+    pixels = read_image(tmp_path / f"g{suffix}").pixels
     np.testing.assert_allclose(pixels, np.repeat(smooth(1), 3, -1), atol=PRECISION[suffix])
 
 
@@ -241,10 +236,10 @@ def test_a_file_of_another_kind_is_refused(tmp_path, suffix):
         read_image(tmp_path / f"x.{suffix}")
 
 
-@pytest.mark.parametrize("suffix", DAMAGED)
+@pytest.mark.parametrize("suffix", PRECISION)
 @pytest.mark.parametrize("kept", [0.5, 0.9])
 def test_a_file_cut_short_is_refused(tmp_path, suffix, kept):
-    path = tmp_path / f"cut.{suffix}"
+    path = tmp_path / f"cut{suffix}"
     # Noise, so that every format needs all its bytes.
     write_image(path, np.random.default_rng(0).random((40, 50, 3)))
     path.write_bytes(path.read_bytes()[: int(kept * path.stat().st_size)])

@@ -16,7 +16,7 @@ import trimesh
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh
 from jaxrender.geometry.sculpture import sculpture
-from jaxrender.io.meshes import read_mesh, write_mesh
+from jaxrender.io.meshes import MESH_SUFFIXES, read_mesh, write_mesh
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "meshes"
 real = pytest.mark.skipif(not DATA.exists(), reason="the real meshes are not on this machine")
@@ -26,6 +26,9 @@ CORNERS = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0
 SMOOTH = 6e-3
 STRETCHED = 0.05  # the same after squeezing and stretching it by factors of 2
 SINGLE = 1e-6  # STL and GLB hold float32
+SUFFIXES = [suffix.removeprefix(".") for suffix in MESH_SUFFIXES]
+# STL holds triangles alone.
+WITH_TEXTURE = [suffix for suffix in SUFFIXES if suffix != "stl"]
 
 
 def write(tmp_path: Path, text: str, name: str = "m.obj") -> Path:
@@ -42,7 +45,7 @@ def volume(mesh: Mesh) -> float:
     return float(np.linalg.det(corners).sum() / 6)
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "glb", "stl"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_sphere_is_closed_and_smooth(tmp_path, suffix):
     """STL has no shared vertices; only merged ones give the sphere's normals."""
     path = tmp_path / f"sphere.{suffix}"
@@ -71,7 +74,7 @@ def test_texture_seams_are_merged(tmp_path):
     np.testing.assert_allclose(mesh.texture_coordinates, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "glb"])
+@pytest.mark.parametrize("suffix", WITH_TEXTURE)
 def test_texture_coordinates_and_normals_round_trip(tmp_path, suffix):
     mesh = sculpture(2, 0)
     assert mesh.texture_coordinates is not None
@@ -120,7 +123,7 @@ def test_near_vertices_stay_apart(tmp_path):
     np.testing.assert_allclose(mesh.bounds()[1], [1, 1, 0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "glb"])
+@pytest.mark.parametrize("suffix", WITH_TEXTURE)
 def test_normals_of_the_file_are_kept(tmp_path, suffix):
     """Flat normals on a cube, which merging and averaging would round off."""
     faces = np.arange(36).reshape(12, 3)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import NUSSELT, POLAR
+from jaxrender.geometry import EMBEDDINGS, NUSSELT
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 
 SHAPE = (2, 3, 4, 5, 3)
@@ -23,7 +23,7 @@ def table(dtype=np.float64, embedding=NUSSELT):
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("embedding", [NUSSELT, POLAR])
+@pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=EMBEDDINGS)
 def test_round_trip(tmp_path, dtype, embedding):
     given = table(dtype, embedding)
     write_table(tmp_path / "a.nc", given)

@@ -21,12 +21,12 @@ from jaxrender.errors import InputError
 from jaxrender.io.tree_layout import TreeAbout
 from jaxrender.io.trees import read_tree, write_tree
 from jaxrender.wavelets import (
+    WAVELETS,
     CoefficientTree,
     analyse_nonstandard,
     daubechies,
     haar,
     keep_fraction,
-    linear_spline,
 )
 
 AXES = ("u", "v", "s", "t")
@@ -71,7 +71,7 @@ def same(found: CoefficientTree, written: CoefficientTree) -> bool:
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3, 4])
-@pytest.mark.parametrize("wavelet", [haar(), linear_spline(), daubechies(3)], ids=lambda w: w.name)
+@pytest.mark.parametrize("wavelet", [*WAVELETS.values(), daubechies(3)], ids=lambda w: w.name)
 def test_round_trip(tmp_path, wavelet, axes):
     tree = dataclasses.replace(a_tree(wavelet, 4, axes), offset=0.3)
     write_tree(tmp_path / "tree.nc", tree, about(tree), np.float64)

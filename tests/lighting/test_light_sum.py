@@ -1,17 +1,24 @@
-"""A sum of lights is a light.
+"""What every light is, and that a sum of lights is a light.
 
+- Every kind of light is point masses from unit directions, in line with its coefficients, and twice
+  itself is twice as bright.
 - Its nodes are those of its parts, its coefficients their sum; sums of sums are flat.
 - What is no light, and lights of different colours, are refused.
 - Lobes as point masses have their integral.
 """
 
+import inspect
+
 import numpy as np
 import pytest
 
+from jaxrender.harmonics import real_basis
 from jaxrender.lighting import (
+    ClearSky,
     DirectionalSources,
     Environment,
     HarmonicLight,
+    Light,
     LightSum,
     OvercastSky,
     SmoothLobes,
@@ -22,6 +29,47 @@ SKY = OvercastSky(np.array([0.5, 0.6, 0.7]))
 LAMP = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
 PROBE = Environment(np.random.default_rng(0).uniform(size=(16, 32, 3)))
 LOBES = SmoothLobes(np.array([[1.0, 1.0, 1.0]]), np.array([0.3]), np.array([[2.0, 1.0, 0.5]]))
+LIGHTS = {
+    "overcast sky": SKY,
+    "clear sky": ClearSky(np.array([0.6, 0.0, 0.8]), np.array([0.5, 0.6, 0.7])),
+    "sources": LAMP,
+    "environment": PROBE,
+    "lobes": LOBES,
+    "harmonics": HarmonicLight(np.random.default_rng(1).normal(size=(9, 3))),
+    "sum": PROBE + LAMP,
+}
+# The sky about the sun is steep.
+NODES_MISS = 2e-3
+
+
+def kinds(of: type) -> set[type]:
+    """List the classes below one of which there are instances."""
+    below = of.__subclasses__()
+    made = {kind for kind in below if not inspect.isabstract(kind)}
+    return made.union(*(kinds(kind) for kind in below))
+
+
+def test_every_light_is_tried():
+    ours = {kind for kind in kinds(Light) if kind.__module__.startswith("jaxrender.")}
+    assert ours == {type(light) for light in LIGHTS.values()}
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_every_light_is_its_point_masses(name):
+    light = LIGHTS[name]
+    directions, irradiance = (np.asarray(part) for part in light.nodes())
+    assert directions.shape == (len(irradiance), 3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-12)
+    summed = np.einsum("nk,nc->kc", real_basis(directions, 2), irradiance)
+    expected = np.asarray(light_coefficients(light, 2))
+    np.testing.assert_allclose(summed, expected, atol=NODES_MISS * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_twice_a_light_is_twice_as_bright(name):
+    once = np.asarray(light_coefficients(LIGHTS[name], 4))
+    twice = np.asarray(light_coefficients(LIGHTS[name] + LIGHTS[name], 4))
+    np.testing.assert_allclose(twice, 2 * once, rtol=1e-12, atol=1e-12)
 
 
 def test_nodes_and_coefficients_add_up():

@@ -14,9 +14,10 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tree_problems import WAVELETS, samples_of, tree_of
+from tree_problems import samples_of, tree_of
 
 from jaxrender.wavelets import (
+    WAVELETS,
     CoefficientTree,
     Entries,
     analyse_nonstandard,

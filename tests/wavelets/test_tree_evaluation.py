@@ -17,9 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
-from tree_problems import WAVELETS, tree_of
+from tree_problems import tree_of
 
 from jaxrender.wavelets import (
+    WAVELETS,
     CellForest,
     CoefficientHash,
     Traversal,

@@ -7,13 +7,8 @@ from jaxrender.wavelets import (
     CoefficientTree,
     Wavelet,
     analyse_nonstandard,
-    daubechies,
-    haar,
     keep_fraction,
-    linear_spline,
 )
-
-WAVELETS = {w.name: w for w in (haar(), linear_spline(), daubechies(2), daubechies(4))}
 
 
 def samples_of(size: int, axes: int, seed: int = 0) -> np.ndarray:
