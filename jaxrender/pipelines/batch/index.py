@@ -1,8 +1,8 @@
 """The index of a batch: ``index.nc`` for xarray, ``index.csv`` for people, a row for each run.
 
 The names of the runs, which are their folders, label the dimension ``run``.  The varied keys are
-coordinates (``brdf.mu``).  Found values (``kd``, ``sigma``, ...) have a dimension ``channel`` if any
-run has one value for each channel.  ``kd_interval90`` has a last dimension ``bound``.  Missing
+coordinates (``brdf.mu``).  Found values (``kd``, ``sigma``, ...) have a dimension ``channel`` if
+any run has one value for each channel.  ``kd_interval90`` has a last dimension ``bound``.  Missing
 values are NaN.  Each file is written aside and then renamed, so that it is always whole.
 """
 
