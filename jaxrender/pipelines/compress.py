@@ -150,8 +150,8 @@ def compress(
         seconds["write"] = time.perf_counter() - start
     said = [*_said_of_source(source, size, masked), *_said(found, goal, out)]
     said.append(
-        f"off the BRDF itself, at random pairs of directions: {_percent(between)} rms; much more "
-        "than the error above tells of cells wider than the lobe, for which give a larger --size"
+        f"off the BRDF itself, at random pairs of directions: {_percent(between)} rms; if that is "
+        "much more than the error above, the cells are wider than the lobe: give a larger --size"
     )
     each = _seconds_a_point(tree)
     stages = ", ".join(f"{name} {took:.2f} s" for name, took in seconds.items())

@@ -198,7 +198,7 @@ def _check_samples(config: RunConfig, evidence: Evidence) -> None:
         name = photographs[min(unseen)].frame.image_path
         raise InputError(
             f"{name}: none of its pixels is among the {observations.count} samples drawn, so "
-            "its exposure is not identifiable; raise samples.count"
+            "solve.free_exposure cannot fit its exposure; raise samples.count"
         )
 
 

@@ -410,7 +410,7 @@ def test_an_exposure_that_no_sample_tells(work, capsys):
     said = refused(work, capsys, fit(*overrides, "brdf={ks: 0.1, sigma: 0.2, mu: 1.5}"))
     assert re.search(
         r"images/[02]\.exr: none of its pixels is among the 10 samples drawn, so "
-        r"solve\.free_exposure cannot tell its exposure; raise samples\.count$",
+        r"solve\.free_exposure cannot fit its exposure; raise samples\.count$",
         said,
     )
 

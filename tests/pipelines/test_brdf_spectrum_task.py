@@ -114,5 +114,5 @@ def test_bad_input_is_refused_in_words(ball, tmp_path):
         run(ball, "dents", shape=f"mesh: {tmp_path / 'dents.ply'}")
     (ball / "lights.json").write_text("[]")
     moving = "lighting: {per_frame: lights.json}\n"
-    with pytest.raises(InputError, match="light that all photographs share"):
+    with pytest.raises(InputError, match="one light for all photographs"):
         run(ball, "moving", lighting=moving)

@@ -34,7 +34,7 @@ def _draw_spectrum(axes, found: ConfigAnalysis) -> None:
     shown = np.where(size > 1e-9 * size.max(), size, np.nan)
     axes.semilogy(degrees, shown, "o-", markersize=4, label="light supposed")
     axes.semilogy(degrees, noise, "s-", markersize=3, label="its predicted error")
-    axes.semilogy(degrees, noise / RECOVERABLE, "k--", linewidth=0.8, label="identifiable below")
+    axes.semilogy(degrees, noise / RECOVERABLE, "k--", linewidth=0.8, label="identifiable above")
     axes.xaxis.get_major_locator().set_params(integer=True)
     # Degrees that nothing is known of would leave no room for the others.
     axes.set_ylim(0.3 * np.min(noise), 30 * np.max(size))
