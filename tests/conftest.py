@@ -1,6 +1,8 @@
 """Every annotation is executed, and the numerics run strict: float64, no silent broadcasting."""
 
+import ctypes
 import gc
+import mmap
 import os
 from pathlib import Path
 
@@ -9,10 +11,10 @@ import pytest
 from jax._src.interpreters import mlir
 from jaxtyping import install_import_hook
 
-# Linux lets a process have 65,530 memory maps; every compiled program holds some, and the compiler
-# crashes when it gets no more.
-_MAPS = Path("/proc/self/maps")
-_MANY_MAPS = 20_000
+# Compiled programs and traces are most of what a process of tests holds, and each program holds
+# some of the 65,530 memory maps that Linux lets a process have.  All are let go at this many bytes,
+# which leaves the largest test room below 2 GB; the cache of compiled programs gives them back.
+_HELD, _MUCH = Path("/proc/self/statm"), 1.2e9
 
 # Most of the tests' time goes into compiling.  XLA's older emitters of loops do it a third faster
 # (what they make is slower where much is integrated, and quicker elsewhere), and a seventh comes
@@ -51,17 +53,19 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown():
+    """After a test that leaves much, every compiled program is let go."""
+    if _HELD.exists() and int(_HELD.read_text().split()[1]) * mmap.PAGESIZE > _MUCH:
+        jax.clear_caches()
+        gc.collect()
+        # The C library keeps what is freed until it is told to give it back.
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def programs_are_optimised_where_much_is_computed(request):
     """A file that says ``COMPUTES_MUCH = True`` runs longer than it compiles."""
     jax.config.update(
         "jax_disable_most_optimizations", not getattr(request.module, "COMPUTES_MUCH", False)
     )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled_programs_are_dropped_in_time():
-    """After a test file that leaves many, every compiled program is let go."""
-    yield
-    if _MAPS.exists() and _MAPS.read_bytes().count(b"\n") > _MANY_MAPS:
-        jax.clear_caches()
