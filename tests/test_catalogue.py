@@ -35,8 +35,8 @@ SEARCHED = [
 
 
 def typical(model):
-    """A material's own numbers as a recipe states them: amplitudes of its own, else typical."""
-    amounts = {"kd": KD, "ks": KS}
+    """A material's own numbers as a recipe states them: one amplitude in colour, others grey."""
+    amounts = {n.name: KS for n in MODELS[model].numbers if n.part == "amplitude"} | {"kd": KD}
     return {n.name: amounts.get(n.name, n.typical) for n in MODELS[model].numbers}
 
 
@@ -58,15 +58,14 @@ def test_the_class_is_what_the_catalogue_says(name):
     kind = PARAMETRIC[name]
     assert model.about_mirror == issubclass(kind, Glossy)
     assert model.names("amplitude") == kind.amplitude_names
-    second = (kind.index.name,) if kind.has_index() else ()
-    assert model.names("searched") == (kind.shape.name, *second)
+    assert model.names("searched") == tuple(one.name for one in lobe_named(name).searched)
 
 
 @pytest.mark.parametrize(("name", "number"), SEARCHED)
 def test_a_class_takes_what_is_inside_and_refuses_what_is_outside(name, number):
     entry = MODELS[name].number(number)
-    own = {**typical(name), "kd": np.array(KD), "ks": np.array(KS)}
-    own = {key: value for key, value in own.items() if key in typical(name)}
+    amounts = MODELS[name].names("amplitude")
+    own = {k: np.array(v) if k in amounts else v for k, v in typical(name).items()}
     assert entry.domain.holds(entry.typical)
     for end, outwards in ((entry.domain.low, -1), (entry.domain.high, 1)):
         if np.isinf(end):

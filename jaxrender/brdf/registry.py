@@ -67,7 +67,7 @@ def brdf_named(name: str, **numbers: Any) -> BRDF:
 
 
 def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: Any) -> Parametric:
-    """Make a black model that a fit gives amplitudes, width and index; these do not matter yet.
+    """Make a black model that a fit gives amplitudes and numbers; these do not matter yet.
 
     ``metal`` leaves out the index where there may be none.  ``choices`` are what no fit looks for,
     such as ``masking``, ``c_z`` of lafortune or ``deviation`` of he-torrance.  Lambert's is a lobe
@@ -76,17 +76,13 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     Raises ``ValueError`` for a name that there is none of.
     """
     kind, model = _parametric(name)
-    index = {}
+    numbers = {n.name: n.typical for n in model.numbers if n.part == "searched"}
+    numbers[kind.shape.name] = kind.shape.of_width(_ANY_WIDTH)
     if kind.has_index():
         without = metal or not model.has_gloss
-        index[kind.index.name] = None if without else kind.index.of_index(_ANY_INDEX)
+        numbers[kind.index.name] = None if without else kind.index.of_index(_ANY_INDEX)
     black = dict.fromkeys(kind.amplitude_names, np.zeros(channels))
-    number = kind.shape.of_width(_ANY_WIDTH)
-    return kind(
-        **{**black, kind.shape.name: number, **index},
-        **{**model.options, **choices},
-        **model.fixed,
-    )
+    return kind(**black, **numbers, **{**model.options, **choices}, **model.fixed)
 
 
 def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:

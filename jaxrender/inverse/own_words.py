@@ -50,7 +50,8 @@ class OwnWords(NamedTuple):
 
     def _of(self, name: str, parameters: Parameters) -> np.ndarray:
         value = np.asarray(parameters.of(name))
-        if name == "ks" and self.one_ks and np.ptp(value) == 0:
+        is_shared = name in self.brdf.amplitude_names and name not in self.brdf.coloured
+        if is_shared and self.one_ks and np.ptp(value) == 0:
             return np.asarray(value[0])
         return value
 

@@ -104,9 +104,10 @@ def _amplitudes(model: str) -> dict[str, np.ndarray]:
     if model in MODELS:
         names = MODELS[model].names("amplitude")
     else:
-        names = tuple(field.name for field in dataclasses.fields(BRDFS[model]))
+        fields = dataclasses.fields(BRDFS[model])
+        names = tuple(field.name for field in fields if field.name in ("kd", "ks"))
     alone = "ks" if "ks" in names else "kd"
-    return {name: np.full(1, float(name == alone)) for name in ("kd", "ks") if name in names}
+    return {name: np.full(1, float(name == alone)) for name in names}
 
 
 def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:

@@ -175,7 +175,7 @@ def test_metals_and_choices():
     assert metal.lobe.mu is None
     assert metal.lobe.masking == "none"
     assert unknown("lafortune", c_z=0.9).lobe.c_z == pytest.approx(0.9)
-    assert unknown("oren-nayar", kd=0.2).unknowns().ks.fixed == (0.2,)
+    assert unknown("oren-nayar", kd=0.2).unknowns()["kd"].fixed == (0.2,)
     assert unknown("lambertian").unknowns().names == ()
 
 

@@ -82,7 +82,7 @@ def test_metals_and_diffuse_materials_have_no_index():
     assert lobe_of(config_of(brdf={"mu": "none"}).brdf).mu is None
     diffuse = unknowns_of(config_of(brdf={"model": "lambertian"}), 1)
     assert diffuse.names == ()
-    assert diffuse.ks.fixed == (0.0,)
+    assert diffuse["ks"].fixed == (0.0,)
     variant = lobe_of(config_of(brdf={"fresnel": "half", "masking": "smith"}).brdf)
     assert (variant.fresnel, variant.masking, variant.mu is None) == ("half", "smith", False)
 
