@@ -129,7 +129,7 @@ def test_predictions_and_page(found, ball):
     inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
     assert np.median(np.abs(predicted[inside] / photograph[inside] - 1)) < 1.5 * NOISE
     page = (folder / "report.html").read_text()
-    for words in ("Texture recovered from photographs", "not to be trusted", "One σ and one μ"):
+    for words in ("Texture recovered from photographs", "K_d is unreliable", "One σ and one μ"):
         assert words in page
     assert page.count('class="texture"') == 5
 
@@ -402,8 +402,8 @@ def test_a_varying_sigma_renders_again(varying, tmp_path):
             "brdf={model: lambertian}",
             "brdf.model: found 'lambertian', but texture.sigma: varying needs",
         ),
-        ("solve.method=simplex", "is more than the simplex finds"),
-        ("texture.control_points=1", "control_points is 1, with which sigma cannot vary"),
+        ("solve.method=simplex", "is too much for the simplex"),
+        ("texture.control_points=1", "control_points is 1, so sigma cannot vary"),
     ],
 )
 def test_what_a_varying_sigma_cannot_be_combined_with(ball, override, words):
