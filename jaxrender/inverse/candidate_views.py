@@ -17,9 +17,9 @@ from jaxrender.geometry import (
 )
 from jaxrender.shapes import Float
 
-# So many directions over the sphere, about 20 degrees apart.
+# Directions over the sphere, about 20 degrees apart.
 _DIRECTIONS = 96
-# A candidate's picture needs only so many pixels across.
+# The pixels across a candidate's picture.
 _PIXELS = 40
 
 
@@ -54,7 +54,7 @@ def candidate_views(
 
 
 def _small(camera: Camera, position: np.ndarray, target: np.ndarray) -> Camera:
-    """The same lens with few pixels, looking at the object."""
+    """Make the same camera with few pixels, looking at the object."""
     towards = position - target
     up = np.eye(3)[2 if abs(towards[2]) < 0.9 * np.linalg.norm(towards) else 0]
     pose = look_at(position, target, up)

@@ -1,16 +1,17 @@
 """Several models fitted to the same pixels, and judged by pixels that none of them has seen.
 
-A model with more freedom always explains what it was fitted to better; what it predicts of other
-pixels tells whether it is closer to the truth.  So a part of the samples is held out, every model
-is fitted to the rest, and each is scored by the exact integral on what was held out:
+A model with more freedom always explains better what it was fitted to.  Its predictions of other
+pixels show whether it is closer to the truth.  So a part of the samples is held out and every model
+is fitted to the rest.  Each is scored by the exact integral on what was held out:
 
 chi^2 = mean ((B - predicted) / deviation)^2
 
-with one deviation for all, that of the noise left by the best of them, so that a model cannot
-excuse what it leaves unexplained as noise.  Large residuals count as in the fit's own loss: where
-that is robust, a few pixels in a highlight do not hide how the others speak.  Under unknown light
-each model has found a light of its own, and predicts by that.  Differences from the best come with
-their standard errors over the samples: what is less than a few of them is no difference.
+The mean is over pixels; a sample of a draw counts for all pixels that it stands for.  The deviation
+is the same for all models, that of the noise left by the best.  So no model can take what it leaves
+unexplained for noise.  Large residuals count as in the fit's own loss: if it is robust, a few
+pixels in a highlight do not outweigh the others.  Under unknown light each model predicts by the
+light that it has found.  Differences from the best come with their standard errors; what is less
+than a few of them is no difference.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,9 +45,9 @@ from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import robust_weights
 from jaxrender.shapes import Float
 
-# The exact integral of so many samples tells a difference of a per cent in chi-squared.
+# The exact integral of so many samples shows a difference of a per cent in chi-squared.
 _MOST_HELD_OUT = 2000
-# A model is told apart from the best when it is this many standard errors behind.
+# A model is worse than the best when it is this many standard errors behind.
 _TOLD_APART = 3.0
 
 
@@ -81,7 +82,7 @@ class Score(NamedTuple):
 
     @property
     def told_apart(self) -> bool:
-        """Whether the held-out samples say that the best model is better."""
+        """Whether the held-out samples show that the best model is better."""
         return self.behind > _TOLD_APART * self.behind_error
 
 
@@ -143,7 +144,7 @@ def compare_factorizations(
     stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
     watch: Callable[[Round], None] = lambda round_: None,
 ) -> Comparison:
-    """Do the same under unknown light; raises the same, and what ``factorize`` refuses."""
+    """Compare models under unknown light; raises the same, and what ``factorize`` refuses."""
     _check_several(candidates)
     training, rest = divided(observations, held_out, seed)
     fits = [

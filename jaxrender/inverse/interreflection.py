@@ -1,11 +1,11 @@
 """Interreflections of a diffuse concave object, found along with its albedo (T 6.6).
 
-T 6.6 proposes to iterate, as Yu et al. do: with the albedo found so far, compute the light that
-bounces between parts of the object, give it to the model as more irradiance, and fit again.  The
-secant of two rounds says where the albedo that bounces and that which is found agree.
+T 6.6 proposes to iterate, as Yu et al. do.  With the albedo found so far, compute the light that
+bounces between parts of the object; give it to the model as more irradiance, and fit again.  The
+secant of two rounds gives the albedo for which the supposed and the found one agree.
 
-The bounced light enters the diffuse part only; gloss of bounced light, and bounces off gloss, are
-left out.  Error bars take it as known.
+The bounced light enters the diffuse part only.  Its specular reflection is left out, and so are
+bounces off the specular part.  Error bars take the bounced light as known.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from jaxrender.reflection import integral_columns, interpolated, visible_nodes
 from jaxrender.reflection.interreflection import Interreflection
 from jaxrender.shapes import AnyArray, Float
 
-# Diffuse light does not see more detail of the environment than this (radians).
+# The diffuse part shows no finer detail of the environment than this (radians).
 _CELL = 0.1
 # Rounds until kd moves by less than this part of the largest.
 _SETTLED, _MOST_ROUNDS = 1e-4, 12
@@ -104,10 +104,10 @@ class _Round(NamedTuple):
     found: Float[np.ndarray, "channel"]
 
     def next(self, before: "_Round | None") -> Float[np.ndarray, "channel"]:
-        """Suppose what was found or, after two rounds, where their secant says the two meet.
+        """Suppose what was found or, after two rounds, where the secant has both agree.
 
-        More bounces make a darker object and the other way around, so plain rounds swing about the
-        answer, in a deep bright bowl for dozens of times.
+        More bounces make the albedo found darker, and fewer make it brighter.  So plain rounds
+        swing about the answer, in a deep bright bowl dozens of times.
         """
         if before is None:
             return self.found

@@ -1,19 +1,19 @@
-"""Which samples tell most about a material, and draws that prefer them without a bias.
+"""Which samples say most about a material, and draws that prefer them without a bias.
 
 The leverage of a sample is J (J' J)^-1 J', with J the derivatives of its radiance by kd, ks, log
-sigma and mu.  Gloss shows near the mirror direction of each source, within a distance that the
-unknown width sets, and mu shows at grazing exit.  So the leverage is the mean over lobes from the
-narrowest to the widest that a fit may find.  It needs the light and the geometry alone: neither the
-measured radiance nor a fit, which may have lost its gloss.
+sigma and mu.  The specular part shows near the mirror direction of each source, within a distance
+that the unknown width sets; mu shows at grazing exit.  So the leverage is the mean over lobes from
+the narrowest to the widest that a fit may find.  It needs the light and the geometry alone: neither
+the measured radiance nor a fit, which may have found no specular part.
 
 The lobe is the GGX distribution of the half vector times the Fresnel ratio at the exit angle.  It
 stands for every glossy model, since all of them shine about the mirror direction.
 
-Where the light is unknown, the radiance itself says where gloss shows: it is what light of few
-degrees leaves unexplained.
+Where the light is unknown, the radiance itself shows the specular part: light of few degrees leaves
+it unexplained.
 
-A sample of a draw stands for 1 / chance pixels (Horvitz and Thompson 1952), so that sums over a
-draw are in the mean those over all pixels, whatever the chances depend on.
+A sample of a draw stands for 1 / chance pixels (Horvitz and Thompson 1952).  So sums over a draw
+are in the mean those over all pixels, whatever the chances depend on.
 """
 
 from typing import NamedTuple
@@ -31,22 +31,23 @@ from jaxrender.shapes import Float, Int
 
 # Widths of the lobes over the range of a fit.
 _WIDTHS = 6
-# The light is looked at as the brightest of its cells, radians: so many, and so many terms in all.
+# The light is the brightest of its cells, this wide (radians); at most this many, and this many
+# terms of samples, widths and cells in all.
 _CELL, _MOST_SOURCES, _MOST_TERMS = 0.2, 16, 3e7
-# Samples that are looked at at once.
+# Samples worked on at once.
 _BLOCK = 2**15
 # This part of a draw is uniform: it bounds how many pixels a sample may stand for.
 _UNIFORM = 0.5
 # The Fresnel ratio's slope in log(mu - 1) is all but that of Schlick's (1 - cos)^5 for any index.
 _SCHLICK = 5
-# Lobes of a fixed width are looked at within this factor of it.
+# The widths of lobes about a fixed width, as a factor.
 _ABOUT = 1.5
-# Degrees of smooth light as a matt body and as a mirror show it: the first has no more than these.
+# Degrees of smooth light that the diffuse part shows (it shows no more), and that a mirror shows.
 _BY_NORMAL, _BY_MIRROR = 2, 4
 
 
 def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
-    """Say between what widths the lobe of a fit may lie; about one width where it is fixed."""
+    """Find the narrowest and the widest lobe of a fit, or widths about a fixed one."""
     told, width_of = unknowns[variant.shape.name], variant.shape.width_of
     if told.free:
         low, high = sorted(width_of(bound) for bound in (told.lower, told.upper))
@@ -98,7 +99,7 @@ def sharpness(observations: Observations) -> Float[np.ndarray, "sample"]:
     """Compute what smooth light leaves of each sample, squared; all of it adds up to one.
 
     Smooth light is least squares of harmonics of few degrees, of the normal and of the reflected
-    direction.  This is the leverage on gloss where the light is not known.
+    direction.  This is the leverage on the specular part where the light is unknown.
     """
     samples, radiance = observations.samples, np.asarray(observations.radiance, float)
     blocks = [
@@ -203,7 +204,7 @@ def _columns(
 
 
 def _of_columns(columns: Float[np.ndarray, "sample 4"]) -> Float[np.ndarray, "sample"]:
-    """Compute x (X' X)^-1 x' for every row; columns that say nothing new count nothing."""
+    """Compute x (X' X)^-1 x' for every row; columns that depend on the others count nothing."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(size > 0, size, 1)
     return np.einsum(

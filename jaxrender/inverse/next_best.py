@@ -1,10 +1,11 @@
-"""Which further photograph would shrink the error bars most: another view, or another lamp.
+"""Which further photograph would shrink the error bars most: another view, or another source.
 
-Information adds up: that of the present photographs plus that of one more, from a new direction, or
-from a present camera with a further lamp lit beside the present light.  Every candidate counts with
-as many samples as a photograph has now, so that they are compared at equal cost.  They are ranked
-by the predicted relative standard error of one parameter, or of the worst; candidates within a per
-cent of each other by the determinant of the information (D-optimality).
+Fisher information adds up: that of the present photographs, and that of one more.  The one more is
+taken from a new direction, or from a present camera with a further source beside the present light.
+Every candidate counts with as many samples as a photograph has now, so that all cost the same.
+They are ranked by the predicted relative standard error of one parameter, or of the worst.
+Candidates within a per cent of each other are ranked by the determinant of the information
+(D-optimality).
 """
 
 from collections.abc import Sequence
@@ -42,17 +43,18 @@ from jaxrender.shapes import Array, Float
 
 # Logarithms of errors closer than this are a tie.
 _TIE = 0.01
-# Candidates are ranked at so few samples each and under light of such coarse cells (times sigma);
-# the best of them again at all samples, under the light as it is.
+# Candidates are ranked first with this few samples each, under light of cells this wide (in sigma).
+# This many times the wanted number are ranked again, with all samples under the light as it is.
 _FEW, _COARSE, _AGAIN = 48, 0.5, 2
 _LAMPS_AT_ONCE = 16
 
 
 class Suggestion(NamedTuple):
-    """One more photograph: the direction of its camera or lamp, and the errors with it.
+    """One more photograph: the direction of its camera or source, and the errors with it.
 
-    ``frame`` is the present photograph from whose camera a lamp is to be photographed; None for a
-    view.  ``errors`` are relative standard errors by name (of mu - 1 for mu; the worst channel).
+    With a further source it is taken by the camera of the present photograph ``frame``, which is
+    None for a view.  ``errors`` are relative standard errors by name: of mu - 1 for mu, of the
+    worst channel for kd and ks.
     """
 
     direction: Float[np.ndarray, "3"]
@@ -100,9 +102,9 @@ def suggest_lamps(
     aim: str = "worst",
     count: int = 5,
 ) -> tuple[Suggestion, ...]:
-    """Rank lamps by one more photograph with each lit, from the present camera that gains most.
+    """Rank sources by one more photograph with each, from the present camera that gains most.
 
-    A lamp sends the irradiance that the present light sends to a plane on average, in grey.
+    A source sends the irradiance that the present light sends to a plane on average, in grey.
     Raises ``ValueError`` for an aim that is not free.
     """
     reading = _reading(problem, foreseen, aim)
@@ -115,7 +117,7 @@ def suggest_lamps(
         ]
     )
     found = reading.errors(reading.information(_beside(own, grams[:, :, None])))
-    # The best photograph of each lamp; photographs without samples come out as no gain.
+    # The best photograph of each source; photographs without samples gain nothing.
     frames = np.argmin(found.criterion(aim), axis=1)
     each = np.arange(len(directions))
     best = Errors(
@@ -178,7 +180,7 @@ def _thinned(samples: SurfaceSamples, count: int) -> SurfaceSamples:
 def _lamp_grams(
     foreseen: Foreseen, directions: Float[np.ndarray, "lamp 3"]
 ) -> Float[np.ndarray, "lamp frame channel column column"]:
-    """Foresee every present photograph taken again with each lamp lit, too."""
+    """Foresee every present photograph, taken again with each source lit as well."""
     brdf = foreseen.supposed.brdf
     samples, frame, light = foreseen.situation
     channels = foreseen.model.at.diffuse.shape[1]
@@ -202,7 +204,7 @@ def _lamp_columns(
     samples: SurfaceSamples,
     lamps: LightNodes,
 ) -> Float[Array, "lamp sample channel column"]:
-    """Evaluate the columns under each lamp alone."""
+    """Evaluate the columns under each source alone."""
 
     def one(lamp: LightNodes) -> Float[Array, "sample channel column"]:
         nodes = (jax.tree.map(lambda part: part[None], lamp),)

@@ -18,12 +18,12 @@ import optimistix as optx
 from jaxrender.shapes import Array, Bool, Float, Int
 
 _MAX_STEPS = 64
-# The first damping of Levenberg-Marquardt is 1 beside the squared Jacobian.  Residuals this much
-# larger make it so slight that steps are those of Gauss and Newton from the first on, except along
-# what the data hardly know.
+# The first damping of Levenberg-Marquardt is 1 beside the squared Jacobian.  With residuals this
+# much larger it is so slight that even the first steps are those of Gauss and Newton, except along
+# directions that the data hardly determine.
 _RESIDUAL_UNIT = 1e4
-# A search ends when a step moves the variables by less than this and the residuals, in that unit,
-# too: by a few millionths of what is measured.  Rounding of single precision hides that much.
+# A search ends when a step moves the variables by less than this, and the residuals in that unit:
+# by a few millionths of what is measured.  Rounding of single precision hides that much.
 _LAST_STEP = {"float64": 0.03, "float32": 0.3}
 _SIMPLEX_STEPS = 600
 _BOX_SWEEPS = 200
@@ -64,7 +64,7 @@ def least_squares(residuals: Callable, start: Float[Array, "unknown"], args) -> 
 def simplex(
     residuals: Callable, start: Float[Array, "unknown"], args, tolerance: float = 1e-8
 ) -> Solution:
-    """Minimise the same by Nelder and Mead's simplex: the thesis's method and the twin."""
+    """Minimise the same by Nelder and Mead's simplex: the thesis's method, and the twin."""
     if start.shape[0] == 0:
         return _nothing_to_do(residuals, start, args)
     found = optx.minimise(
@@ -87,8 +87,8 @@ def solve_in_box(
 ) -> Float[Array, "unknown"]:
     """Minimise x' A x / 2 - b' x within a box; differentiable where the active set is constant.
 
-    The unconstrained solution is tried first; only where it leaves the box is the active set looked
-    for, by coordinate descent, and the rest solved again with those unknowns held at their bounds.
+    The unconstrained solution is tried first.  If it leaves the box, coordinate descent finds the
+    unknowns at a bound; the others are solved for again with those held.
     """
     free = _solve(matrix, vector)
     inside = jnp.all((free >= lower) & (free <= upper))

@@ -1,10 +1,10 @@
-"""What would be different under a slightly different model: masking on or off, Fresnel angle.
+"""How a fit changes under a slightly different model: masking on or off, Fresnel angle.
 
-T 6.2 leaves out masking and takes Fresnel at the exit angle.  Each variant of these choices, within
-the same distribution of facets, is refitted with the exact integral from where the fit ended (sigma
-of another distribution is not the same number, so nothing could be said of it).  A parameter that
-moves by more than 25 % under a variant that the data do not reject is *model sensitive*: its error
-bar is right only if the model is.
+T 6.2 leaves out masking and takes Fresnel at the exit angle.  Each variant of these choices is
+refitted with the exact integral from where the fit ended.  The distribution of facets stays: sigma
+of another one is not the same number and could not be compared.  A parameter is *model sensitive*
+if it moves by more than 25 % under a variant that the data do not reject.  Its error bar is right
+only if the model is.
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
 _REJECTED_ABOVE = 10.0
-# Differences between variants show on few samples and a coarse light: all see the same.
+# Few samples and a coarse light are enough for differences, as all variants see the same.
 _SAMPLES = 500
 _CELL_ANGLE_PER_SIGMA = 0.5
 _TOLERANCE = 1e-2
@@ -47,7 +47,7 @@ class Variant(NamedTuple):
 
     @property
     def rejected(self) -> bool:
-        """Whether the data speak against it."""
+        """Whether the data reject it."""
         return self.chi_squared > _REJECTED_ABOVE
 
 

@@ -74,11 +74,11 @@ _SLOPES = {
 
 
 def variance_factor(residuals: Float[np.ndarray, "*batch"], loss: str) -> float:
-    """Compute by how much the variance of a robust estimate exceeds what weighted squares state.
+    """Compute the variance of a robust estimate over that of weighted least squares.
 
     The estimate's covariance is that of unweighted least squares times E[psi^2] / E[psi']^2 (Huber
-    1964); the weighted sums give E[psi r] / E[psi / r] in its place, a tenth too little in standard
-    error for Gaussian noise under Huber's loss.  Residuals in standard deviations.
+    1964).  The weighted sums give E[psi r] / E[psi / r] in its place.  For Gaussian noise under
+    Huber's loss their standard error is a tenth too small.  Residuals in standard deviations.
     """
     squared = robust_weights(residuals, loss) ** 2
     psi = squared * residuals

@@ -230,7 +230,7 @@ def test_misuse_is_refused(settings, told):
 def test_what_shows_no_mirror_image_is_refused():
     samples = samples_all_round(20)
     chalk = Microfacet(np.ones(3), np.zeros(3), SIGMA, 1.5)
-    with pytest.raises(ValueError, match="without gloss"):
+    with pytest.raises(ValueError, match="without a specular part"):
         recover_dual(light_operator(chalk, samples, 2, "none"), np.ones((20, 3)))
     hidden = thesis_operator(samples, unshadowed=np.zeros(20))
     with pytest.raises(ValueError, match="no sample shows"):

@@ -29,7 +29,6 @@ from jaxrender.inverse.factorization.account import GAUGES, account_of
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
-from jaxrender.inverse.factorization.lamps import add_lamps
 from jaxrender.inverse.factorization.projection import (
     lobe_slopes,
     mixed,
@@ -43,8 +42,9 @@ from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
     settle,
     with_neighbours_merged,
-    without_idle_lamps,
+    without_idle_sources,
 )
+from jaxrender.inverse.factorization.sources import add_sources
 from jaxrender.inverse.factorization.state import (
     State,
     Task,
@@ -294,7 +294,7 @@ def test_pursuit_finds_the_lamp_and_then_nothing(photographs):
     lit = _with_lamps(task, [LAMP])
     # Once the exact integral has put right what the dual model leaves out.
     lit = descend(task, corrected(task, lit), 8)
-    assert np.array_equal(add_lamps(task, lit, 2).active, lit.active)
+    assert np.array_equal(add_sources(task, lit, 2).active, lit.active)
 
 
 def test_pursued_gains_are_what_the_cost_loses(photographs):
@@ -325,7 +325,7 @@ def test_idle_lamps_are_switched_off(photographs):
     task = _task(photographs)
     idle = _with_lamps(task, [LAMP, np.array([-0.6, -0.7, -0.3])])
     idle = descend(task, corrected(task, idle), 8)
-    kept = without_idle_lamps(task, idle)
+    kept = without_idle_sources(task, idle)
     assert np.count_nonzero(kept.active) == 1
     assert np.asarray(kept.guess.directions)[kept.active][0] @ LAMP > 0.9999
 

@@ -7,7 +7,7 @@ that are switched off are never marked.
 
 import numpy as np
 
-from jaxrender.inverse.factorization.lamps import _idle_lamps
+from jaxrender.inverse.factorization.sources import _idle_sources
 
 # What a lamp must take off chi-squared.
 WORTH = 25.0
@@ -35,7 +35,7 @@ def test_of_two_that_stand_in_for_each_other_one_stays():
     columns, data, energies, covariance = system()
     alone = energies**2 / np.diag(covariance)
     assert np.all(alone[:2] < WORTH)
-    idle = _idle_lamps(energies[None], covariance[None], ACTIVE, WORTH)
+    idle = _idle_sources(energies[None], covariance[None], ACTIVE, WORTH)
     assert np.count_nonzero(idle[:2]) == 1
     np.testing.assert_array_equal(idle[2:], [False, True, False])
     lost = chi_squared(columns[:, ~idle], data) - chi_squared(columns, data)
@@ -46,7 +46,7 @@ def test_of_two_that_stand_in_for_each_other_one_stays():
 def test_channels_speak_for_a_lamp_together():
     _, _, energies, covariance = system()
     three = np.stack([energies] * 3), np.stack([covariance] * 3)
-    assert _idle_lamps(*three, ACTIVE, 1e12)[ACTIVE].all()
+    assert _idle_sources(*three, ACTIVE, 1e12)[ACTIVE].all()
     alone = energies[3] ** 2 / covariance[3, 3]
-    assert not _idle_lamps(*three, ACTIVE, 2 * alone)[3]
-    assert _idle_lamps(energies[None], covariance[None], ACTIVE, 2 * alone)[3]
+    assert not _idle_sources(*three, ACTIVE, 2 * alone)[3]
+    assert _idle_sources(energies[None], covariance[None], ACTIVE, 2 * alone)[3]

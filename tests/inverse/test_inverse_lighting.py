@@ -141,7 +141,7 @@ def test_the_exact_integral(photographed):
     assert nine < 0.03
     assert 8 <= found.band_limit <= 14
     assert found.light.band_limit == found.band_limit
-    assert "is the highest that can be told" in found.reasons[0]
+    assert "is the highest that is identifiable" in found.reasons[0]
 
 
 def test_auto_cuts_earlier_for_noise_and_roughness():

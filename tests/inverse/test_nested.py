@@ -191,5 +191,5 @@ def test_a_region_without_a_source():
     beside = np.cos(0.35) * LAMP + np.sin(0.35) * aside / np.linalg.norm(aside)
     with pytest.raises(ValueError, match="grows towards the region's edge"):
         roughness_from_source(light, Region(beside, 0.15))
-    with pytest.raises(ValueError, match="sharper than a lamp's"):
+    with pytest.raises(ValueError, match="sharper than a source's"):
         roughness_from_source(_source(np.linspace(1, 1.5, 13)))

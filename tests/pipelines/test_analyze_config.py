@@ -51,7 +51,7 @@ def test_uniform_light_seen_head_on(planned, capsys):
     text = capsys.readouterr().out
     assert "no energy above degree 0" in text
     assert "every sample's exit cosine is above 0.7" in text
-    assert "what would help: a lamp" in text
+    assert "what would help: a source" in text
     table = text[text.index("source towards") :].splitlines()
     now, best = (row.rstrip().split("%") for row in table[1:3])
     # Columns kd, ks, sigma, mu: sigma is told with the lamp, whatever it was before.

@@ -1,7 +1,7 @@
-"""A BRDF measured with a moving lamp (T 2.1, 6.4.1): a table, and the model fitted to it.
+"""A BRDF measured with a moving source (T 2.1, 6.4.1): a table, and the model fitted to it.
 
 ``moving_source``
-    photographs under one lamp each as samples of the BRDF, and the fit of T 6.2 to their table
+    photographs under one source each as samples of the BRDF; the fit of T 6.2 to their table
 ``table``
     means, counts and errors in half-angle coordinates
 """

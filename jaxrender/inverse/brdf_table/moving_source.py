@@ -1,8 +1,8 @@
-"""A BRDF measured with one lamp that moves (T 2.1, 6.4.1: the method of Marschner and others).
+"""A BRDF measured with one source that moves (T 2.1, 6.4.1: the method of Marschner and others).
 
 Under a single directional source every pixel of a curved object is one value of its BRDF,
-rho = B / (E cos t_i).  A few photographs fill a table; the thesis's model is then fitted to the
-table, which is the independent measurement of T figure 6.3.  Objects must not shadow themselves.
+rho = B / (E cos t_i).  A few photographs fill a table, the independent measurement of T figure 6.3.
+The thesis's model is then fitted to the table.  Objects must not shadow themselves.
 """
 
 from collections.abc import Sequence
@@ -45,19 +45,21 @@ def brdf_samples(
     noise: NoiseModel,
     min_cosine: float = 0.1,
 ) -> BRDFSamples:
-    """Turn pixels lit by one lamp, that of their photograph, into values of the BRDF.
+    """Turn pixels into values of the BRDF; ``lamps`` holds the one source of each photograph.
 
-    Pixels whose incident or exit cosine is below ``min_cosine`` are left out: what is measured is
-    divided by the one, and the other is a silhouette.  Raises ``ValueError`` unless every
-    photograph has one lamp, with light in every channel.
+    Pixels whose incident or exit cosine is below ``min_cosine`` are left out.  The measurement is
+    divided by the incident cosine; a small exit cosine is a silhouette.  Raises ``ValueError``
+    unless every photograph has one source, with light in every channel.
     """
     frame = np.asarray(observations.frame)
     if frame.size and frame.max() >= len(lamps):
-        raise ValueError(f"photograph {frame.max()} has no lamp: {len(lamps)} given, one for each")
+        raise ValueError(
+            f"photograph {frame.max()} has no source: {len(lamps)} given; give one for each"
+        )
     for number, lamp in enumerate(lamps):
         if lamp.directions.shape[0] != 1 or not np.all(np.asarray(lamp.irradiance) > 0):
             raise ValueError(
-                f"photograph {number} has {lamp.directions.shape[0]} lamps: give it one, with "
+                f"photograph {number} has {lamp.directions.shape[0]} sources: give it one, with "
                 "irradiance above 0 in every channel"
             )
     towards = np.concatenate([np.asarray(lamp.directions) for lamp in lamps])[frame]
@@ -100,14 +102,14 @@ class CellModel(eqx.Module):
 def fit_table(table: BRDFTable, unknowns: Unknowns, variant: Microfacet) -> TableFit:
     """Fit kd, ks, sigma and mu of T 6.2 to a tabulated BRDF.
 
-    Cells are weighed by their standard errors, so the highlight does not rule alone as in the
-    thesis's linear RMS error.  Of ``variant`` only the Fresnel angle, the masking and ``mu=None``
-    (a metal) count.  Raises ``ValueError`` for a table that is all but empty, and for a reciprocal
-    one where the variant is not.
+    Cells are weighed by their standard errors, so that the highlight does not decide alone as in
+    the thesis's linear RMS error.  Of ``variant`` only the Fresnel angle, the masking and
+    ``mu=None`` (a metal) count.  Raises ``ValueError`` for a table with too few cells, and for a
+    reciprocal table where the variant is not reciprocal.
     """
     if table.grid.reciprocal and not variant.reciprocal:
         raise ValueError(
-            "the table has the two directions exchanged at will, but the model tells them apart: "
+            "the table exchanges the two directions at will, but the model is not reciprocal: "
             'tabulate with reciprocal=False, or fit fresnel="half"'
         )
     there = table.filled

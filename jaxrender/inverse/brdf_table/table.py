@@ -1,11 +1,11 @@
 """A tabulated isotropic BRDF in half-angle coordinates (Rusinkiewicz): means, counts, errors.
 
-t_h is the angle between normal and half vector h, t_d that between h and either direction, phi_d
-the azimuth of the incoming direction about h, 0 in the plane of h and the normal on the far side of
-h.  A highlight lies along t_h = 0 whatever the view, so cells are narrow there: t_h grows as the
-square of its index.  A surface of no handedness has the same value at -phi_d; exchanging the
-directions adds pi to phi_d.  Each cell keeps the mean coordinates of its samples beside the mean
-value, so that a value is compared with a model where it was measured.  Host, float64.
+t_h is the angle between normal and half vector h, t_d that between h and either direction.  phi_d
+is the azimuth of the incoming direction about h: 0 in the plane of h and the normal, on the far
+side of h.  A highlight lies along t_h = 0 whatever the view, so cells are narrow there: t_h grows
+as the square of its index.  A surface without handedness has the same value at -phi_d; exchanging
+the directions adds pi to phi_d.  Each cell keeps the mean coordinates of its samples beside the
+mean value.  So a model is evaluated where the value was measured.  Host, float64.
 """
 
 from typing import NamedTuple
@@ -111,7 +111,7 @@ def tabulate(samples: BRDFSamples, grid: HalfAngleGrid, from_scatter: bool = Fal
     """Average samples cell by cell.
 
     The standard error is that of the samples' own deviations or, ``from_scatter``, of their
-    scatter, which the slope of the BRDF within a cell adds to.
+    scatter.  The slope of the BRDF within a cell adds to the scatter.
     """
     coordinates = grid.coordinates(samples.incoming, samples.outgoing)
     flat = np.ravel_multi_index(grid.cells(coordinates), grid.shape)

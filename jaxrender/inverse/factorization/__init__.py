@@ -1,22 +1,22 @@
 """Factorization: light and material from photographs alone (T 6.4.4).
 
 ``response`` ``integral_response``
-    how samples respond to each part of an unknown light, as functions of the material: by the
-    frequency view of a glossy one, by the integral of any other
+    how samples respond to each part of an unknown light, as functions of the material: the
+    frequency view for a glossy material, the integral for any other
 ``blocks`` ``projection`` ``joint``
-    samples in blocks; the light eliminated from each step; Gauss-Newton over material and lamps
+    samples in blocks; the light eliminated from each step; Gauss-Newton over material and sources
 ``pursuit``
-    which lamps would explain most of what is left
-``state`` ``lamps`` ``correction`` ``rounds``
-    where a fit stands; lamps found and dropped; what the exact integral corrects; these in turn
+    which sources would explain most of what is left
+``state`` ``sources`` ``correction`` ``rounds``
+    where a fit stands; sources added and dropped; the exact integral's corrections; their order
 ``account``
     gauges and error bars
 ``recover`` ``prediction`` ``given``
-    the whole of it; what other samples show by what was found; what is known beforehand
+    the whole recovery; its prediction of other samples; what is known beforehand
 ``gram`` ``stream``
-    one pass over any number of pixels into matrices from which every outer evaluation follows
+    one pass over the pixels, into matrices that give the equations of every material
 ``nested`` ``roughness``
-    the thesis's own method on them, the twin; roughness from a directional source (T 6.25)
+    the thesis's own method on these matrices; roughness from a directional source (T 6.25)
 """
 
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene

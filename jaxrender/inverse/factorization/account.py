@@ -1,19 +1,19 @@
-"""What a factorization knows and how well: material and light in a stated gauge, with error bars.
+"""Material and light of a factorization in a stated gauge, with error bars.
 
 Photographs alone fix the product of light and reflectance in each channel.  The gauges:
 
 ``per-channel``
     kd + ks = 1 in each channel (T 6.4.4); light of each channel is scaled to match
 ``dielectric``
-    one ks for all channels, since a dielectric's gloss has no colour; mean kd + ks = 1
+    one ks for all channels, since a dielectric's specular part has no colour; mean kd + ks = 1
 ``metal``
     the light's mean radiance is the same in all channels; mean kd + ks = 1
 
-The covariance is that of least squares over all unknowns together, (J' W J + Lambda)^-1 times the
-mean squared weighted residual and the loss's ``variance_factor``.  Samples that stand for c pixels
-each are measured only once, which puts J' C W J + Lambda, W with c in it, between two of these
-inverses (``projection.scatter``).  It is carried to parameters and light in their own units, and a
-gauge that rests on what was found has its part in both.
+The covariance is that of least squares over all unknowns together.  It is (J' W J + Lambda)^-1
+times the mean squared weighted residual and the loss's ``variance_factor``.  A sample that stands
+for c pixels is measured only once.  So J' C W J + Lambda stands between two of these inverses
+(``projection.scatter``); W has c in it.  The covariance is carried over to parameters and light in
+their own units.  A gauge that depends on what was found adds its part to both.
 """
 
 from typing import NamedTuple
@@ -53,11 +53,11 @@ _PRIOR_VARIANCE = 4.0
 
 
 class RecoveredScene(NamedTuple):
-    """The light of a factorization, in the gauge of its material: the slow part and the lamps.
+    """The light of a factorization, in the gauge of its material: the slow part and the sources.
 
-    ``total`` are the coefficients of both together, of the slow part's degrees; ``told`` is the
-    share of each degree that the photographs tell, from 0 to 1: the rest is what smooth light is
-    expected to have.
+    ``total`` are the coefficients of both together, of the slow part's degrees.  ``told`` is the
+    share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth light
+    is expected to have.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -70,7 +70,7 @@ class RecoveredScene(NamedTuple):
 
 
 class Account(NamedTuple):
-    """What a factorization says of material and light, in one gauge."""
+    """Material and light of a factorization, in one gauge."""
 
     parameters: Uncertain
     scene: RecoveredScene
@@ -119,7 +119,7 @@ def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unk
 def gauge_factors(
     share: Float[AnyArray, "channel"], mean: Float[AnyArray, "channel"], gauge: str
 ) -> Float[AnyArray, "channel"]:
-    """What the reflectance of each channel is multiplied by, and its light divided."""
+    """Compute the factors that multiply the reflectance of each channel and divide its light."""
     if gauge == "per-channel":
         return 0 * share + 1
     wanted = 1 / share if gauge == "dielectric" else abs(mean)
@@ -134,7 +134,7 @@ def _joint_covariance(
 ) -> Float[np.ndarray, "number number"]:
     """Put nonlinear unknowns and the light, channel by channel, together.
 
-    The light is what its own equations say, less what it answers the other unknowns.
+    The light's error is that of its own equations, less its answer to the other unknowns.
     """
     prior = np.eye(len(inverse)) / _PRIOR_VARIANCE
     blocks = [inverse @ (np.asarray(spread.own) + prior) @ inverse]
@@ -162,7 +162,7 @@ def _in_gauge(
     gauge: str,
     shape: tuple[int, int],
 ) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
-    """Carry gloss, log sigma, log(mu - 1) and light over to a gauge, with their covariance.
+    """Carry log(ks / kd), log sigma, log(mu - 1) and light over to a gauge, with their covariance.
 
     The lobe is put in the numbers of ``variant``; ``shape`` is the light's.
     """
@@ -253,7 +253,7 @@ def _told(
     errors: Float[np.ndarray, "part channel"],
     variance: float,
 ) -> Float[np.ndarray, "degree"]:
-    """One less the variance that is left, in parts of the variance expected (1 / penalty)."""
+    """Compute 1 less the variance that is left, relative to the variance expected (1 / penalty)."""
     left = np.clip(penalty * errors[: len(penalty)] ** 2 / variance, 0, 1).mean(axis=1)
     degree = degrees(band_limit_of(len(left)))
     return 1 - np.bincount(degree, left) / np.bincount(degree)

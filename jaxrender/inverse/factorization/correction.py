@@ -1,4 +1,4 @@
-"""What the dual model leaves out of slow light, by the exact integral."""
+"""Correct the photographs, by the exact integral, for what the dual model leaves out."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,10 +20,10 @@ from jaxrender.spectra import transfer_of_samples
 
 
 def corrected(task: Task, state: State) -> State:
-    """Take off the photographs what the exact integral has and the dual model has not.
+    """Subtract from the photographs what the exact integral has and the dual model lacks.
 
-    The sources are exact already; of slow light the dual model knows the azimuthal mean.  What has
-    been integrated is exact altogether.
+    The sources are exact already.  Of slow light the dual model has the azimuthal mean alone.  An
+    ``IntegralResponse`` is exact and stays as it is.
     """
     assert state.joint is not None
     response, guess = response_of(task, state), state.guess
@@ -43,7 +43,7 @@ def corrected(task: Task, state: State) -> State:
 def _by_degree(
     response: MirrorResponse, lobe: Glossy, slow: Float[Array, "coefficient channel"]
 ) -> Float[Array, "sample channel"]:
-    """What the dual model says of slow light."""
+    """Evaluate slow light by the dual model."""
     band_limit = band_limit_of(response.slow_count)
     passed = transfer_of_samples(lobe, response.samples.exit_cosines, band_limit)
     return response.slow_radiance(passed, slow)
@@ -55,7 +55,7 @@ def hidden_slow_light(
     lobe: Glossy,
     slow: Float[Array, "coefficient channel"],
 ) -> Float[Array, "sample channel"]:
-    """Sum the slow light that the object keeps from itself: only this rests on a grid."""
+    """Sum the slow light that the object hides from itself, over a grid."""
     directions, solid_angle = hidden_nodes()
     light = evaluate(slow, directions)
     nodes = LightNodes(directions, jnp.asarray(solid_angle, light.dtype)[:, None] * light)

@@ -1,4 +1,4 @@
-"""What is known of a material, as a factorization has it; its own units where all is known."""
+"""What is known of a material, as a factorization wants it, and the light in its units."""
 
 from collections.abc import Callable
 
@@ -17,10 +17,11 @@ from jaxrender.shapes import Float
 def known_of(
     unknowns: Unknowns, lobe: Parametric, channels: int = 3, *, matt: bool = False
 ) -> Known:
-    """Say what of the material is known; only ratios of kd and ks mean anything without the light.
+    """Turn the unknowns of a material into those of a factorization.
 
-    What is told of the numbers of ``lobe`` is said of the width and the index that they stand for.
-    ``matt``: it has one lobe alone, and so a share that is known.
+    Without the light, kd and ks count by their ratio alone.  The numbers of ``lobe`` become the
+    width and the index that they stand for.  A ``matt`` material has one lobe alone, so that its
+    share is known.
 
     Raises ``ValueError`` for a prior, which no factorization asks for.
     """
@@ -41,7 +42,7 @@ def known_of(
 
 
 def _through(told: Unknown, function: Callable[[float], float]) -> Unknown:
-    """Tell the same of a number that this one stands for; it may fall where this one rises."""
+    """Carry bounds, value and start over to another number, which may fall as this one rises."""
     if told.fixed is not None:
         return Unknown(fixed=tuple(float(function(value)) for value in told.fixed))
     low, high = sorted(float(function(bound)) for bound in (told.lower, told.upper))

@@ -1,17 +1,17 @@
 """One pass over the pixels: the normal equations of a light for every material at once.
 
-A sample's row for light L_lm is K_d Y~_lm(x) + K_s V(R) h_l(t_o) Y_lm(R) (T 6.15, 6.16; Y~_lm is
-A_l Y_lm(n), ERRATA 42, or the transfer vectors of T 6.10).  The material enters through K_d, K_s
+A sample's row for light L_lm is K_d Y~_lm(x) + K_s V(R) h_l(t_o) Y_lm(R) (T 6.15, 6.16).  Y~_lm is
+A_l Y_lm(n) (ERRATA 42), or the transfer vectors of T 6.10.  The material enters through K_d, K_s
 and h_l, and h_l is a function of the exit cosine alone.  So the products of the columns
 
     a = (Y~_lm(x) to the diffuse band limit,  V(R) Y_lm(R) to the light's)
 
 are summed apart for bins of the exit cosine (``stream``): sum w^2 a a', sum w^2 a B, sum w^2 B^2.
-Normal equations of any (K_d, K_s, sigma, mu) under any transfer are then sums over bins, weighted
-with the transfer at the bins' nodes: as cheap for 10^8 pixels as for 10^4.
+The normal equations of any (K_d, K_s, sigma, mu) under any transfer are then sums over bins.  The
+bins are weighted with the transfer at their nodes: as cheap for 10^8 pixels as for 10^4.
 
-Bins are hats: a sample between two nodes is shared by both, linearly.  That makes two samples of
-it, each at a node, so the equations stay those of a true least-squares problem, and are exact to
+Bins are hats: a sample between two nodes is shared by both, linearly.  This makes two samples of
+it, each at a node.  So the equations are those of a true least-squares problem, and are exact to
 second order in the distance of the nodes.
 """
 

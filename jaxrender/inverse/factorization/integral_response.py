@@ -1,10 +1,10 @@
-"""How a material without a frequency view responds to unknown light: by the integral itself.
+"""The response of a material without a frequency view to unknown light: the integral itself.
 
-Brushed metal and fibres have no lobe about the reflected direction, but what they send to the
-camera under light Y_lm is an integral as well, over nodes about each normal
-(``reflection.polar_coefficients``).  It is exact for slow light, so that nothing is left to
-correct, and costs a hundred times what looking a mirror's image up costs.  Of a concave object what
-it hides from itself is summed over a grid and taken off.
+Brushed metal and fibres have no lobe about the reflected direction.  What they send to the camera
+under light Y_lm is an integral over nodes about each normal (``reflection.polar_coefficients``).
+It is exact for slow light, so that nothing is left to correct.  It costs a hundred times as much as
+a look-up of a mirror's image.  A concave object hides some light from itself: that is summed over a
+grid and subtracted.
 """
 
 import dataclasses
@@ -34,8 +34,8 @@ _POLAR_NODES = 32
 class IntegralResponse(Response):
     """Samples of a surface of any parametric material.
 
-    ``hidden`` are the ``sight.hidden_nodes`` that a concave object keeps from each sample: what
-    they would have sent is taken off the integral.
+    ``hidden`` marks the ``sight.hidden_nodes`` that a concave object hides from each sample.  What
+    they would have sent is subtracted from the integral.
     """
 
     variant: Parametric

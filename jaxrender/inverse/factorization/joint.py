@@ -1,7 +1,7 @@
 """Light and material at once: Gauss-Newton steps of everything that is not linear.
 
-The light is the linear part and follows every guess (``projection``), so a step along what the
-light cannot make up for is the joint least-squares step of all unknowns.  Steps are damped as
+The light is the linear part and is solved for at every guess (``projection``).  So a step of the
+other unknowns in the reduced system is the joint least-squares step of all.  Steps are damped as
 Levenberg and Marquardt do.
 """
 
@@ -25,21 +25,21 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
 _DAMPING, _RELIEF, _TIGHTENING, _GIVE_UP = 1e-3, 0.2, 8.0, 1e6
-# Odds of gloss beyond e^8 are all or nothing.
+# Where ks / kd is beyond e^8 or below e^-8, one of both is as good as 0.
 _MOST_GLOSS = 8.0
 # No step changes a logarithm by more than this, nor a direction by more (radians).
 _LONGEST = 0.4
 
 
 class Bounds(NamedTuple):
-    """Between what values sigma and mu are searched for."""
+    """The bounds of sigma and mu in the search."""
 
     sigma: tuple[float, float]
     mu: tuple[float, float]
 
 
 class Descent(NamedTuple):
-    """Where a descent may go, its most steps, and the relative gain of cost below which it ends.
+    """The bounds of a descent, its most steps, and the relative gain of cost that ends it.
 
     Only good steps count: one that gains nothing is tried again with more damping.
     """
@@ -65,7 +65,7 @@ def descend_jointly(
     free: Bool[np.ndarray, "unknown"],
     descent: Descent,
 ) -> Joint:
-    """Minimise the penalised cost over the free nonlinear unknowns, the light following along."""
+    """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for."""
     damping, step, converged = _DAMPING, 0, False
     system = reduced_system(response, guess, measured)
     while step < descent.steps and damping < _GIVE_UP and not converged:
@@ -83,7 +83,7 @@ def descend_jointly(
 
 
 def unknown_count(guess: Guess) -> int:
-    """The number of nonlinear unknowns: gloss of each channel, sigma, mu, two a source."""
+    """Count the nonlinear unknowns: ks / kd of each channel, sigma, mu, two for each source."""
     return guess.gloss.shape[0] + 2 + 2 * guess.directions.shape[0]
 
 
@@ -113,7 +113,7 @@ def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess
     moved = moved / jnp.linalg.norm(moved, axis=1, keepdims=True)
     sigma = jnp.clip(guess.sigma + lobe[0], *np.log(bounds.sigma))
     mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds.mu, 1)))
-    # All gloss or none is a material that is known to be so, and stays.
+    # A share of 0 or 1 is known beforehand, and stays.
     within = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
     gloss = jnp.where(jnp.isinf(guess.gloss), guess.gloss, within)
     return Guess(gloss, sigma, mu, moved)

@@ -1,15 +1,15 @@
 """The thesis's own factorization: a simplex over K_s and mu around inverse lighting (T 6.4.4).
 
 For every guess of the material the light is the least-squares solution of T 6.15 or 6.16 with F
-alone, l* = 12, and the guess is judged by the root mean square of what is left; K_d + K_s = 1.  The
-channels are considered separately, so each has its own K_s and mu, and the simplex two unknowns.
-Roughness plays no part in that: it follows from a lamp in the recovered light (``roughness``).
+alone, l* = 12.  The guess is judged by the root mean square of what is left; K_d + K_s = 1.  Each
+channel is fitted by itself and has its own K_s and mu, so that the simplex has two unknowns.
+Roughness plays no part here: it follows from a source in the recovered light (``roughness``).
 
-``factor_gram`` works on binned sums, so a guess costs the same for any number of pixels;
-``factor_samples`` is its twin, which forms every row again for every guess.  The light so found is
-the true one as the lobe filters it, cut at l*, the same for the gloss as for the diffuse part and
-at every exit angle.  A lamp fits into none of that, and K_s and mu are bent to make up for it, by
-tens of per cent; ``factorize`` does not suffer from this.
+``factor_gram`` works on binned sums, so a guess costs the same for any number of pixels.  Its twin
+``factor_samples`` forms every row again for every guess.  The light found is the true light as the
+lobe filters it, cut at l*.  It is the same for the specular part, the diffuse part and every exit
+angle.  Light of a directional source is not, which biases K_s and mu by tens of per cent.
+``factorize`` has no such bias.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 BAND_LIMIT = 12
 # The simplex's residual is the relative root mean square in per cent, a number of order one.
 _RESIDUAL_UNIT = 100.0
-# What the photographs do not tell of the light is held at 0 by this part of the information.
+# Light that the photographs do not determine is held at 0 by this part of the information.
 _RIDGE = 1e-12
 
 
@@ -76,7 +76,7 @@ class Nested(NamedTuple):
     def roughness(
         self, region: Region | None = None, filtered_by: Filter | None = None
     ) -> SourceRoughness:
-        """Measure sigma by a lamp in the light; ``ValueError`` where there is none."""
+        """Measure sigma by a source in the light; ``ValueError`` where there is none."""
         return roughness_from_source(self.light, region, filtered_by)
 
     def brdf(self, sigma: float) -> Microfacet:

@@ -1,4 +1,4 @@
-"""What other samples show under the light and with the material that a factorization has found."""
+"""Predict other samples by the light and the material that a factorization has found."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -27,11 +27,11 @@ def predict(
 ) -> Float[np.ndarray, "sample channel"]:
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
     brdf, slow = found.brdf, jnp.asarray(found.scene.slow)
-    lamps, samples = found.scene.sources.nodes(), observations.samples
+    sources, samples = found.scene.sources.nodes(), observations.samples
     hiding = concave(shape)
     sight = None if hiding is None else Sight(hiding, places_of(observations))
-    seen = None if sight is None else sight.of(lamps.directions)
-    fast = integral_columns(brdf, samples, lamps, seen)
+    seen = None if sight is None else sight.of(sources.directions)
+    fast = integral_columns(brdf, samples, sources, seen)
     if not isinstance(brdf, Glossy):
         hidden = None if sight is None else sight.hidden()
         columns = columns_under_slow_light(brdf, samples, slow, hidden)

@@ -1,13 +1,13 @@
-"""The light eliminated: the normal equations of all other unknowns, the light following along.
+"""The light eliminated: the normal equations of all other unknowns (variable projection).
 
 For a guess of the nonlinear unknowns the light follows from one small linear system a channel.
-With M_c the columns of channel c and V_c the derivatives of its prediction at fixed light, W the
-weights squared and Lambda the penalty on the light, what is left for the rest is
+M_c are the columns of channel c, V_c the derivatives of its prediction at fixed light.  W are the
+squared weights, Lambda the penalty on the light.  The reduced system of the other unknowns is
 
 H = sum_c V_c' W V_c - (M_c' W V_c)' (M_c' W M_c + Lambda)^-1 (M_c' W V_c),   g = sum_c V_c' W r_c
 
-(variable projection).  Only dozens of columns meet thousands of samples, so all of it costs a few
-matrix products whatever the number of parameters.  Samples go through twice, in ``blocks``.
+There are dozens of columns and thousands of samples, so that all of it costs a few matrix products,
+whatever the number of parameters.  Samples are passed through twice, in ``blocks``.
 """
 
 from functools import partial
@@ -45,7 +45,7 @@ class Solved(NamedTuple):
 class System(NamedTuple):
     """The reduced normal equations of the nonlinear unknowns at a guess.
 
-    ``solved`` is the light of that guess, ``across`` M' W V: how the light answers.
+    ``solved`` is the light of that guess; ``across`` is M' W V, of each channel.
     """
 
     solved: Solved
@@ -55,7 +55,7 @@ class System(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """What the noise of the samples makes of both sides, in place of what a sample's weight says.
+    """Covariances of both sides of the equations by the noise of the samples, not by their weights.
 
     ``own`` is the covariance of the reduced slope, ``light`` that of each channel's equations of
     the light, ``both`` that of one with the other.
@@ -145,9 +145,9 @@ def scatter(
 ) -> Scatter:
     """Sum up how the noise of the samples moves the equations of ``reduced_system``.
 
-    The weights squared of ``measured`` have ``shares`` in them: a sample that stands for c pixels
-    counts c times, but is measured once.  So its score has c times the variance that its weight
-    says.  What is expected of the light counts as it is.
+    The squared weights of ``measured`` contain ``shares``: a sample that stands for c pixels counts
+    c times, but is measured once.  So its score has c times the variance that its weight stands
+    for.  What is expected of the light counts as it is.
     """
     solved = system.solved
     with jax.default_matmul_precision("highest"):

@@ -1,16 +1,16 @@
-"""Matching pursuit: which lamps would explain most of what is left?
+"""Matching pursuit: which sources would explain most of what is left?
 
-A lamp in direction d adds one column to each channel's light.  Projected off the columns that are
-there already, the column's correlation with the weighted residual says how much of chi-squared a
-lamp of the best energy would take away:
+A source in direction d adds one column to each channel's light.  This column is projected off the
+columns that are there already.  Its correlation with the weighted residual gives by how much a
+source of the best energy would lower chi-squared:
 
 gain_c(d) = (g_c' W r_c)^2 / (g_c' W g_c - |C^-1 M_c' W g_c|^2),     C C' = M_c' W M_c + Lambda
 
-summed over the channels in which its energy is positive.  The best lamp joins the columns, the
+summed over the channels in which its energy is positive.  The best source joins the columns, the
 others are projected off it too, and so on: orthogonal matching pursuit, at fixed material.
 
-What is there already is solved for in full precision; the thousands of candidates, of which only
-the order counts, are held in single precision, at half the time.
+The columns that are there already are solved for in full precision.  Of the thousands of candidates
+only the order counts: they are held in single precision, which takes half the time.
 """
 
 from functools import partial
@@ -46,7 +46,7 @@ class Pursued(NamedTuple):
 class _Channel(NamedTuple):
     """One channel's candidate columns, whitened, as seen from the columns already there."""
 
-    lamps: Float[Array, "sample candidate"]
+    sources: Float[Array, "sample candidate"]
     inside: Float[Array, "part candidate"]
     along: Float[Array, "candidate"]
     free: Float[Array, "candidate"]
@@ -66,10 +66,10 @@ def pursue(
     ``seen`` says which of them each sample sees; all, where it is left out.
     """
     with jax.default_matmul_precision("highest"):
-        lamps = Guess(guess.gloss, guess.sigma, guess.mu, jnp.asarray(towards))
-        candidates = _pair(_narrow(response), _narrow(lamps), seen)
+        sources = Guess(guess.gloss, guess.sigma, guess.mu, jnp.asarray(towards))
+        candidates = _pair(_narrow(response), _narrow(sources), seen)
         channels = _prepare(response, guess, measured, candidates)
-        size = jnp.sum(channels.lamps**2, axis=1)
+        size = jnp.sum(channels.sources**2, axis=1)
 
         def one_more(step: Int[Array, ""], state: tuple) -> tuple:
             chosen, gains, rows, along, free = state
@@ -77,12 +77,12 @@ def pursue(
             gain = jnp.where(open_ & (along > 0), along**2 / jnp.where(open_, free, 1), 0)
             total = jnp.sum(gain, axis=0)
             best = jnp.argmax(total)
-            across = jnp.einsum("cs,csk->ck", channels.lamps[:, :, best], channels.lamps)
+            across = jnp.einsum("cs,csk->ck", channels.sources[:, :, best], channels.sources)
             across = across - jnp.einsum("cp,cpk->ck", channels.inside[:, :, best], channels.inside)
             across = across - jnp.einsum("cr,crk->ck", rows[:, :, best], rows)
             root = jnp.sqrt(jnp.maximum(free[:, best], _NOTHING_LEFT * size[:, best]))
             row = across / root[:, None]
-            # Where its energy would be negative a channel goes without the lamp.
+            # Where its energy would be negative a channel goes without the source.
             amount = jnp.maximum(along[:, best], 0) / root
             along = along - row * amount[:, None]
             return (
@@ -107,10 +107,10 @@ def pursue(
 
 
 def _pair(
-    response: Response, lamps: Guess, seen: Bool[AnyArray, "sample candidate"] | None
+    response: Response, sources: Guess, seen: Bool[AnyArray, "sample candidate"] | None
 ) -> Columns:
     """Evaluate how the samples respond to every candidate."""
-    both = response.towards(lamps)
+    both = response.towards(sources)
     if seen is None:
         return both
     return Columns(*(jnp.where(jnp.asarray(seen), part, 0) for part in both))
@@ -122,11 +122,11 @@ def _prepare(response: Response, guess: Guess, measured: Measured, candidates: C
     weights, left = jnp.asarray(measured.weights), measured.radiance - solved.predicted
 
     def of_channel(columns, weights, left, share, factor) -> _Channel:
-        lamps = weights[:, None] * ((1 - share) * diffuse + share * specular)
-        across = (weights[:, None] * columns).T @ lamps
+        sources = weights[:, None] * ((1 - share) * diffuse + share * specular)
+        across = (weights[:, None] * columns).T @ sources
         inside = jax.scipy.linalg.solve_triangular(factor, across, lower=True)
-        free = jnp.sum(lamps**2, 0) - jnp.sum(inside**2, 0)
-        return _Channel(lamps, inside, (weights * left) @ lamps, free)
+        free = jnp.sum(sources**2, 0) - jnp.sum(inside**2, 0)
+        return _Channel(sources, inside, (weights * left) @ sources, free)
 
     each = (columns, weights, left, gloss_share(guess), solved.normal)
     return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(*map(_narrow, each))

@@ -35,13 +35,13 @@ from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
 
-# Lamps are looked for, and everything fitted along with them, on about this many samples; the last
-# steps are done on all.
+# The search for sources, and the fits along with it, use about this many samples; the last steps
+# use all.
 _ROUND_SAMPLES = 2000
 # A logarithm this close to its bound is at it.
 _AT_BOUND = 0.01
-# The residual, as a multiple of the noise that photographs usually have, above which light of many
-# sources is said to be only sketched.
+# Above this relative residual, several times the noise of usual photographs, the reasons say that
+# the light is only sketched.
 _SKETCHED = 0.05
 
 
@@ -78,14 +78,13 @@ def factorize(
 ) -> Factorization:
     """Recover light, kd, ks, sigma and mu from samples of the reflected light alone (T 6.4.4).
 
-    Of ``variant`` only the kind counts: any parametric model; of a microfacet whether it is a
-    metal, Fresnel angle, masking, distribution.  Of a
-    Lambertian body a share of no gloss is ``known``, of one with a single lobe that all is gloss;
-    what of the light such a body does not tell, ``scene.told`` says.
-    Reflectances and light are in the gauge asked for (``account.GAUGES``).  Of a concave object the
-    ``shape`` and the observations' places are to be given; its shadows are then modelled, its
-    interreflections are not.  Raises ``ValueError`` for too few samples, where they see too
-    little of the sphere of directions, and for a model of more numbers than a width and an index.
+    Only the kind of ``variant`` counts: any parametric model; of a microfacet whether it is a
+    metal, Fresnel angle, masking, distribution.  For a Lambertian body give a ``known`` share of 0,
+    for one with a single lobe a share of 1; ``scene.told`` then says which degrees of the light it
+    determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).  For a
+    concave object give the ``shape`` and the observations' places: its shadows are then modelled,
+    its interreflections are not.  Raises ``ValueError`` for too few samples, and for a model of
+    more numbers than a width and an index.
     """
     _check_numbers(variant)
     hiding = concave(shape)
@@ -149,8 +148,8 @@ def _task(
     known: Known,
     shape: Shape | None,
 ) -> Task:
-    samples, lamps = observations.samples, settings.most_sources
-    response = response_of_convex(variant, samples, settings.band_limit, lamps)
+    samples, sources = observations.samples, settings.most_sources
+    response = response_of_convex(variant, samples, settings.band_limit, sources)
     if shape is None:
         return Task(observations, response, None, known, settings)
     places = places_of(observations)

@@ -2,12 +2,12 @@
 
 B_ic = sum_k x_kc [ (1 - g_c) D_ik + g_c S_ik(sigma, mu, directions) ]
 
-The light x is slow coefficients followed by the energies of directional sources; D and S are how
-the samples respond to each of them by a white diffuse and a white specular lobe.  In each channel
-only the product of light and reflectance shows, so kd + ks = 1 there, and the *gloss* g = ks is
-what is left of both (T 6.4.4).
+The light x is slow coefficients followed by the energies of directional sources.  D and S are the
+responses of the samples to each of them, by a white diffuse and a white specular lobe.  In each
+channel only the product of light and reflectance shows.  So kd + ks = 1 there, and the specular
+share g = ks is all that is left of both (T 6.4.4).
 
-``MirrorResponse`` is the frequency view of a glossy material; of what has no such view
+``MirrorResponse`` is the frequency view of a glossy material.  For a material without such a view
 ``integral_response.IntegralResponse`` sums the integral itself.
 """
 
@@ -66,13 +66,13 @@ class Response(eqx.Module):
 
     @abc.abstractmethod
     def passed(self, guess: Guess) -> Float[Array, "sample term"]:
-        """Evaluate all that slow light asks of the lobe: what it passes on of each term."""
+        """Evaluate what the lobe passes on of each term of slow light."""
 
     @abc.abstractmethod
     def slow_columns(
         self, passed: Float[Array, "sample term"]
     ) -> Float[Array, "sample coefficient"]:
-        """Make of what is passed how the samples respond to slow light by the lobe; linear."""
+        """Turn what is passed into the samples' response to slow light by the lobe; linear."""
 
     @abc.abstractmethod
     def slow_radiance(
@@ -106,7 +106,7 @@ class Response(eqx.Module):
         return self.diffuse_basis.shape[1]
 
     def lobe(self, guess: Guess) -> Parametric:
-        """Make the material of amplitude one that a guess speaks of."""
+        """Make the material of a guess, of amplitude one."""
         metal = self.variant.mu is None
         mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
         return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)

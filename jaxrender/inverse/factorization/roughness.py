@@ -1,16 +1,16 @@
 """Roughness from a directional source in a light that was recovered filtered (T 6.25, fig. 6.6).
 
-Light recovered by F alone (T 6.15) is the true one as the lobe filters it, and only to degree l*.
-A lamp of irradiance E in direction s then shows as E sum_l h_l(sigma) (2l+1)/(4 pi) P_l(w . s), so
-its brightest point L_cen over its total L_tot tells sigma.  T 6.25 takes it for a plane Gaussian,
+Light recovered by F alone (T 6.15) is the true light as the lobe filters it, to degree l* only.  A
+source of irradiance E in direction s then shows as E sum_l h_l(sigma) (2l+1)/(4 pi) P_l(w . s).  So
+its brightest point L_cen over its total L_tot gives sigma.  T 6.25 takes it for a plane Gaussian,
 
     L_cen = L_tot / (4 pi sigma^2)
 
-which comes out low by 4.3, 8.4, 12 % at sigma .1, .2, .3 where exp(-(sigma l)^2) filters, and by
-.2, .7, 1.5 % where exp(-sigma^2 l(l+1)) does (ERRATA 48), and takes no notice of l*.  Here the sum
-is inverted as it is: for the region that was looked at, and with the light around the lamp taken
-off both sides.  Of a light's sum over a cap only the mean over azimuth counts, so all of this is
-exact in the coefficients.  Host side.
+which is low by 4.3, 8.4, 12 % at sigma .1, .2, .3 where exp(-(sigma l)^2) filters, and by .2, .7,
+1.5 % where exp(-sigma^2 l(l+1)) does (ERRATA 48).  It leaves l* out.  Here the sum itself is
+inverted, for the region at hand; the light around the source is subtracted on both sides.  A sum
+over a cap needs the mean over azimuth alone, so that all of this is exact in the coefficients.
+Host side.
 """
 
 from collections.abc import Callable
@@ -30,9 +30,9 @@ from jaxrender.spectra import exit_cosine_transfer
 
 # Directions tried in the search for a peak: 1.5 degrees apart, a tenth of a lobe at degree 12.
 _DIRECTIONS = 16384
-# A lamp's peak is at least this many times as bright as the rim of its region.
+# A source's peak is at least this many times as bright as the rim of its region.
 _LEAST_CONTRAST = 2.0
-# Where the radius is not given, the light is looked at up to this far from a peak.
+# Where no radius is given, a region reaches no farther than this from its peak.
 _WIDEST_REGION = 1.2
 
 # The peak is looked for around the brightest direction tried, in ever smaller steps (radians); near
@@ -43,16 +43,16 @@ Filter = Callable[[float], Float[np.ndarray, "degree"]]
 
 
 class Region(NamedTuple):
-    """Where the lamp is looked for: within ``radius`` (radians) of ``direction``."""
+    """Where to look for the source: within ``radius`` (radians) of ``direction``."""
 
     direction: Float[AnyArray, "3"]
     radius: float
 
 
 class SourceRoughness(NamedTuple):
-    """What a lamp tells: its peak, the radiance there, and the sum over the region around it.
+    """The roughness by a source: its peak, the radiance there, and the sum over its region.
 
-    ``rim`` is the mean radiance at the region's edge, taken for that of the light around the lamp.
+    ``rim`` is the mean radiance at the region's edge, which stands for the light around the source.
     """
 
     sigma: float
@@ -90,7 +90,7 @@ def lobe_filter(
 
     Fitting F Y_lm(R) to h_l(t_o) Y_lm(R) of samples at several exit ``cosines``, so many at each,
     leaves sum F h_l / sum F^2.  A lobe is narrower across the plane of incidence the more the view
-    grazes, so what normal exitance makes of it comes out low.
+    grazes, so that sigma by normal exitance is too low.
     """
     at = jnp.ones(1) if cosines is None else jnp.asarray(cosines)
     count = np.ones(len(at)) if counts is None else np.asarray(counts)
@@ -114,7 +114,7 @@ def roughness_from_source(
 
     ``filtered_by`` defaults to ``diffusion_filter``.  A region that is found ends where the light
     around the peak ceases to fall.  Raises ``ValueError`` where the region has no peak of its own,
-    or none that a lamp would show.
+    or none that a source would show.
     """
     grey = np.mean(np.asarray(light, np.float64), axis=1)
     band_limit = band_limit_of(len(grey))
@@ -130,7 +130,7 @@ def roughness_from_source(
         raise ValueError(
             f"no directional source: the brightest point, {np.round(peak, 3)}, has radiance "
             f"{centre:.3g}, the light {np.degrees(radius):.0f} degrees around it {rim:.3g}; give "
-            "the region of a lamp"
+            "the region of a source"
         )
     sigma = _inverted(by_degree, cap, filtered_by)
     return SourceRoughness(sigma, peak, radius, centre, total, rim)
@@ -169,13 +169,14 @@ def _inverted(by_degree: Float[np.ndarray, "degree"], cap: _Cap, filtered_by: Fi
     low, high = np.log(WIDTH_BOUNDS)
     if excess(low) < 0:
         raise ValueError(
-            f"no directional source: the peak is sharper than a lamp's of sigma {WIDTH_BOUNDS[0]}, "
-            "cut at the same degree, so it is noise or ringing; give the region of a lamp"
+            "no directional source: the peak is sharper than a source's of sigma "
+            f"{WIDTH_BOUNDS[0]}, cut at the same degree, so it is noise or ringing; give the "
+            "region of a source"
         )
     if excess(high) > 0:
         raise ValueError(
-            f"no directional source: the peak is wider than a lamp's of sigma {WIDTH_BOUNDS[1]}; "
-            "give the region of a lamp"
+            f"no directional source: the peak is wider than a source's of sigma {WIDTH_BOUNDS[1]}; "
+            "give the region of a source"
         )
     root = brentq(excess, low, high, xtol=1e-12, full_output=True)[0]
     return float(np.exp(root))
@@ -204,7 +205,7 @@ def _peak(grey: Float[np.ndarray, "coefficient"], region: Region | None) -> np.n
         raise ValueError(
             f"no directional source within {np.degrees(region.radius):.1f} degrees of "
             f"{np.round(middle, 3)}: the light grows towards the region's edge; give the region of "
-            "a lamp, or a wider one"
+            "a source, or a wider one"
         )
     return peak
 

@@ -1,4 +1,4 @@
-"""Which directions the samples of a concave object see past the object itself.  Host side."""
+"""Which directions the samples of a concave object see, past the object itself.  Host side."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from jaxrender.geometry import Shape, SurfacePlaces, visible
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.shapes import AnyArray, Bool, Float
 
-# What a concave object hides from itself is summed over this grid; what is not hidden never is.
+# Light that a concave object hides from itself is summed over this grid, and no other light.
 _HIDDEN_GRID = LatLongGrid(48, 96)
 
 
@@ -20,7 +20,7 @@ class HiddenNodes(NamedTuple):
 
 
 class Sight:
-    """Traces towards lamps wherever they move, and only once towards directions that stay."""
+    """Traces towards sources anew whenever they move, and towards fixed directions only once."""
 
     def __init__(self, shape: Shape, places: SurfacePlaces):
         self._shape, self._places = shape, places
@@ -33,14 +33,14 @@ class Sight:
     def of_fixed(
         self, towards: Float[AnyArray, "direction 3"]
     ) -> Bool[np.ndarray, "sample direction"]:
-        """Return the same and remember it: for sets of directions that are asked for again."""
+        """Trace the same, and remember it for sets of directions that are asked for again."""
         key = np.asarray(towards).tobytes()
         if key not in self._known:
             self._known[key] = self.of(towards)
         return self._known[key]
 
     def hidden(self) -> Bool[np.ndarray, "sample node"]:
-        """Tell which of ``hidden_nodes`` each sample does not see."""
+        """Mark the ``hidden_nodes`` that each sample does not see."""
         return ~self.of_fixed(hidden_nodes().directions)
 
 

@@ -1,10 +1,9 @@
-"""Where a factorization stands, and the one thing done again and again there: fit everything.
+"""Where a factorization stands, and the fit of everything that each of its rounds makes.
 
-The photographs and what is known of the material make a ``Task``; guess, lamps in use and weights
-make a ``State``.  Weights start as radiance^-.7, so that highlights do not drown the rest while the
-light is still crude, and end as those of the noise found in the residuals.  Outliers count less
-from the start (Huber's loss): pixels that shadows' edges cross would otherwise buy lamps of their
-own.
+The photographs and what is known of the material make a ``Task``; guess, sources in use and weights
+make a ``State``.  Weights start as radiance^-.7, so that highlights do not outweigh the rest while
+the light is still crude.  They end as those of the noise found in the residuals.  Outliers count
+less from the start (Huber's loss): else pixels on shadows' edges would add sources of their own.
 """
 
 from typing import NamedTuple
@@ -31,12 +30,11 @@ from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import deviations, robust_weights
 from jaxrender.shapes import Bool, Float, as_jax
 
-# Where the search begins when nothing is said: as much gloss, as an albedo, as kd, rather blurred.
+# Where the search begins when nothing is known: both lobes of the same albedo, a wide lobe.
 _START_SIGMA, _START_MU = 0.25, 1.5
-# Highlights count by radiance to this power while the light is crude, the dark as if it had this
-# part of the mean radiance.
+# The first weights are radiance to this power, of no less than this part of the mean radiance.
 _COMPRESSION, _DARK = -0.7, 1e-3
-# What slow light alone is expected to leave of the photographs.
+# The relative residual that slow light alone is expected to leave.
 _FIRST_MISFIT = 0.1
 # Standard deviation over the median of magnitudes, of Gaussian noise.
 _NORMAL_DEVIATION = 1.4826
@@ -83,7 +81,7 @@ class Round(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What does not change: the photographs, how samples respond to light, what is known.
+    """The fixed part of a factorization: photographs, response of the samples, what is known.
 
     ``sight`` tells which directions each sample sees; None where nothing is hidden.
     """
@@ -114,7 +112,7 @@ class Task(NamedTuple):
 
     @property
     def bounds(self) -> Bounds:
-        """Between what values both are searched for."""
+        """The bounds of both in the search."""
         return Bounds(_between(self.sigma), _between(self.mu))
 
 
@@ -145,9 +143,12 @@ class Deviations(NamedTuple):
 
 
 def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
-    """Start without lamps, at half gloss; the photographs count as known within ``misfit``."""
+    """Start without sources, both lobes of the same albedo.
+
+    ``misfit`` is the relative error with which the photographs count as known.
+    """
     known, radiance = task.known, task.radiance
-    channels, lamps = radiance.shape[1], task.settings.most_sources
+    channels, sources = radiance.shape[1], task.settings.most_sources
     sigma, mu = task.sigma.first(_START_SIGMA), task.mu.first(_START_MU)
     variant = task.response.variant
     energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
@@ -157,12 +158,12 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
         jnp.asarray(logit(share)),
         jnp.asarray(np.log(sigma)),
         jnp.asarray(np.log(mu - 1)),
-        jnp.asarray(np.tile([0.0, 0.0, 1.0], (lamps, 1))),
+        jnp.asarray(np.tile([0.0, 0.0, 1.0], (sources, 1))),
     )
     mean = np.average(radiance, axis=0, weights=task.observations.pixels)
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
     weights = weights / (misfit * _rms(task, weights * radiance))
-    return State(guess, np.zeros(lamps, bool), weights, radiance, mean)
+    return State(guess, np.zeros(sources, bool), weights, radiance, mean)
 
 
 def _between(unknown: Unknown) -> tuple[float, float]:
@@ -177,13 +178,13 @@ def measured(task: Task, state: State) -> Measured:
     degree = degrees(band_limit_of(task.response.slow_count))
     expected = task.settings.smoothness * np.sqrt(4 * np.pi) * state.level
     slow = (degree * (degree + 1))[:, None] / expected**2
-    lamps = np.zeros((len(state.active), slow.shape[1]))
+    sources = np.zeros((len(state.active), slow.shape[1]))
     weights = state.weights * np.sqrt(task.observations.shares)[:, None]
-    return Measured(state.target, weights, np.concatenate([slow, lamps]))
+    return Measured(state.target, weights, np.concatenate([slow, sources]))
 
 
 def response_of(task: Task, state: State) -> Response:
-    """Switch on the lamps in use, where they are seen."""
+    """Switch on the sources in use, where they are seen."""
     seen = np.ones((len(task.radiance), 1))
     if task.sight is not None:
         seen = np.asarray(task.sight.of(state.guess.directions), float)
@@ -193,8 +194,8 @@ def response_of(task: Task, state: State) -> Response:
 def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
     """Mark the nonlinear unknowns that are searched for.
 
-    Slow light alone tells a sharp lobe from a sharper one by next to nothing: roughness waits for
-    the first lamps.
+    Slow light alone hardly distinguishes a sharp lobe from a sharper one.  So roughness waits for
+    the first sources.
     """
     known, channels = task.known, task.radiance.shape[1]
     seen_sharply = bool(state.active.any()) or bool(state.rounds)
@@ -204,7 +205,7 @@ def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
 
 
 def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> State:
-    """Fit everything with the lamps in use; those that come out dark are switched off."""
+    """Fit everything with the sources in use, and switch off those that come out dark."""
     while True:
         response = response_of(task, state)
         joint = descend_jointly(
@@ -247,7 +248,7 @@ def weigh_by_noise(task: Task, state: State) -> State:
 
 
 def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
-    """Express residuals in standard deviations of the noise: of that given, or found in them."""
+    """Express residuals in standard deviations of the noise given, or else found in them."""
     predicted = np.asarray(solved.predicted)
     left, even = state.target - predicted, as_pixels(task.observations)
     noise = task.settings.noise or estimate_noise(left[even], predicted[even])
@@ -279,6 +280,6 @@ def _rms(task: Task, values: Float[np.ndarray, "sample channel"]) -> float:
 def material_of(state: State) -> Float[np.ndarray, "unknown"]:
     """List the search variables of the material, as numbers that can be subtracted."""
     guess = state.guess
-    # All gloss or none is infinite.
+    # A share of 0 or 1 has an infinite logarithm.
     gloss = np.nan_to_num(np.asarray(guess.gloss))
     return np.concatenate([gloss, [float(guess.sigma), float(guess.mu)]])

@@ -46,9 +46,9 @@ def binned_gram(
 ) -> BinnedGram:
     """Stream samples once, block by block; memory does not grow with their number.
 
-    Samples of weight 0 are left out.  Raises ``ValueError`` for nodes that do not rise to 1, exit
-    cosines below the first of them, what is not finite, negative weights, transfer vectors of too
-    few degrees, blocks that differ in kind, and no block at all.
+    Samples of weight 0 are left out.  Raises ``ValueError`` for nodes that do not rise to 1, and
+    for exit cosines below the first node.  The same holds for numbers that are not finite, negative
+    weights, transfer vectors of too few degrees, blocks that differ in kind, and no block at all.
     """
     nodes = exit_cosine_nodes() if nodes is None else np.asarray(nodes, np.float64)
     if len(nodes) < 2 or np.any(np.diff(nodes) <= 0) or nodes[0] <= 0 or nodes[-1] != 1:

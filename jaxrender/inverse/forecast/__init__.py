@@ -1,19 +1,19 @@
-"""What photographs will tell and what not, said before any is taken (T 2.4.2).
+"""What photographs will identify, by Fisher information, before any is taken (T 2.4.2).
 
 ``situation``
     cameras, light and a supposed material; the photographs that they would give
 ``spectrum``
     the light by degree, and which degrees show above the noise
 ``material``
-    error bars of a fit of the material under known light, and what sigma will rest on
+    error bars of a fit of the material under known light, and the evidence for sigma
 ``causes``
-    why a parameter cannot be told: what would mend it
+    why a parameter is not identifiable, and the remedies
 ``illumination``
     singular values and recoverable degree of the light, the material known
 ``joint``
     both unknown: error bars, and the gauge
 ``information``
-    Fisher information of photographs in a few numbers each, to weigh many candidates at once
+    Fisher information of photographs in a few numbers each, to compare many candidates at once
 """
 
 from jaxrender.inverse.forecast.illumination import LightForecast, forecast_light

@@ -1,8 +1,8 @@
-"""Why a parameter cannot be told, found by trying the remedies.
+"""Why a parameter is not identifiable, found by trying the remedies.
 
-A cause is what goes away with its remedy: a lamp adds detail to the light, a ring of cameras adds
-views, grazing samples add what a cut by exit cosine took away, more of the same samples average
-more noise.  Each is added to the information of the photographs, and what helps is named.
+A cause is what goes away with its remedy.  A source adds detail to the light, a ring of cameras
+adds views.  Grazing samples add what a cut by exit cosine took away; more samples average the
+noise.  Each is added to the Fisher information of the photographs, and those that help are named.
 """
 
 from typing import NamedTuple
@@ -21,14 +21,14 @@ from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import Float
 
 # Half a 90 % interval in standard errors: a relative error that is just identifiable.
-_TELLABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
+_IDENTIFIABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
 # A remedy helps when it leaves less than this part of the error.
 _HELPS = 0.5
-# The exit cosines that a remedy reaches down to; above this a capture has no grazing samples.
+# A remedy has samples down to this exit cosine; above the second a capture has none that graze.
 _GRAZING, _NONE_GRAZING = 0.15, 0.3
-# More of the same is advised up to this many times as many.
+# The most times as many samples that are advised.
 _MOST_SAMPLES = 30
-# The remedies' photographs: so many samples, under light condensed to so many sigma a cell.
+# Samples of a remedy's photographs, and the cells of their light in units of sigma.
 _SAMPLES, _CELL = 240, 0.5
 _VIEWS = 6
 
@@ -41,9 +41,9 @@ class _Trial(NamedTuple):
 
 
 class Remedy(NamedTuple):
-    """Something that could have been otherwise: why the photographs fail, and what would mend it.
+    """A possible cause of why the photographs fail, and its remedy.
 
-    ``grams`` is the information of the photographs that it adds.
+    ``grams`` is the Fisher information of the photographs that the remedy adds.
     """
 
     cause: str
@@ -52,7 +52,7 @@ class Remedy(NamedTuple):
 
 
 def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[str, ...]:
-    """Say of each parameter that cannot be told why, and what would tell it."""
+    """Say of each parameter that is not identifiable why, and what would make it so."""
     if not lost:
         return ()
     reading, own = reading_of(problem, foreseen), frame_grams(foreseen)
@@ -64,10 +64,10 @@ def causes_of(foreseen: Foreseen, problem: Problem, lost: list[str]) -> tuple[st
     for name in lost:
         if name not in present:
             named = _named(name, foreseen.supposed.brdf)
-            sentences.append(f"{named} cannot be told: what shows of it is supposed to be 0")
+            sentences.append(f"{named} is not identifiable: what shows of it is supposed to be 0")
             continue
         after = [float(errors.relative[name]) for errors in mended]
-        enough = max(_TELLABLE, min(after))
+        enough = max(_IDENTIFIABLE, min(after))
         limit = min(enough, _HELPS * float(present[name]))
         helpful = [i for i in range(len(found)) if after[i] <= limit]
         groups.setdefault(tuple(helpful), []).append(name)
@@ -89,7 +89,7 @@ _NAMED = {"sigma": "roughness", "mu": "refractive index"}
 
 
 def _named(name: str, brdf: Parametric) -> str:
-    """Say in words what a glossy material has, and by its own name what another one has."""
+    """Name a parameter in words for a glossy material, by its own name for any other."""
     return _NAMED.get(name, name) if isinstance(brdf, Glossy) else name
 
 
@@ -122,7 +122,7 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
     degree = highest_degree_told(foreseen)
     about = "no energy" if degree < 2 else "too little energy"
     above = f"this light has {about} above degree {degree} that would show above the noise"
-    add(above, "a lamp", every, with_lamp)
+    add(above, "a source", every, with_lamp)
     if lowest > _NONE_GRAZING:
         cut = f"every sample's exit cosine is above {lowest:.2f}, so that no grazing angle shows it"
         grazing = _seen(outgoing, (_GRAZING, lowest))
@@ -138,11 +138,12 @@ def _sentence(named: dict[str, str], errors: dict, causes: list[str]) -> str:
     listed = [f"{word} ({_spread(float(errors[name]))})" for name, word in named.items()]
     words = " and ".join([", ".join(listed[:-1]), listed[-1]] if listed[1:] else listed)
     causes = causes or ["too few or too noisy samples"]
-    return f"{words} cannot be told: {', and '.join(causes)}"
+    verb = "are" if listed[1:] else "is"
+    return f"{words} {verb} not identifiable: {', and '.join(causes)}"
 
 
 def _advice(names: list[str], tried: list[_Trial]) -> str:
-    """Name what would help, with the errors that it leaves of the worst of some parameters."""
+    """Name what would help, with the error that it leaves of the worst parameter."""
     words = []
     for mend, errors in tried:
         left = None if errors is None else max(float(errors[name]) for name in names)
@@ -151,16 +152,16 @@ def _advice(names: list[str], tried: list[_Trial]) -> str:
 
 
 def _samples_needed(reading: Reading, own: np.ndarray, name: str) -> int | None:
-    """How many times as many samples would tell a parameter; None where that is beyond reason."""
+    """Find how many times as many samples a parameter needs; None beyond ``_MOST_SAMPLES``."""
     for times in (2, 3, 5, 10, 20, _MOST_SAMPLES):
         errors = reading.errors(reading.information(times * own))
-        if float(errors.relative[name]) <= _TELLABLE:
+        if float(errors.relative[name]) <= _IDENTIFIABLE:
             return times
     return None
 
 
 def _seen(outgoing: Float[np.ndarray, "view 3"], cosines: tuple[float, float]) -> SurfaceSamples:
-    """Samples of a ball: what cameras in some directions see of it between two exit cosines."""
+    """Make samples of a ball, as cameras in some directions see it between two exit cosines."""
     normals = fibonacci_sphere(8 * _SAMPLES // max(1, len(outgoing)) + 64)
     seen = normals @ outgoing.T
     which, view = np.nonzero((seen >= cosines[0]) & (seen <= cosines[1]))

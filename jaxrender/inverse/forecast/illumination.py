@@ -1,8 +1,8 @@
-"""How far the light can be had back from photographs of a known material (T 2.4.2, 6.4.3).
+"""Which degrees of the light photographs of a known material will identify (T 2.4.2, 6.4.3).
 
-The normal equations of the recovery are those of ``inverse.lighting``, made from the photographs
-that a supposed light would give; so the singular values are those of its operator, and the
-recoverable degree is the cut-off that it would choose.
+The normal equations are those of ``inverse.lighting``, made from the photographs that a supposed
+light would give.  So the singular values are those of its operator, and the recoverable degree is
+the cut-off that it would choose.
 """
 
 from typing import NamedTuple
@@ -44,7 +44,7 @@ _SILENT = 1e-6
 
 
 class LightForecast(NamedTuple):
-    """What a recovery of the light will say of each degree; ``size`` is the supposed light's."""
+    """The forecast of each degree of the light; ``size`` is that of the supposed light."""
 
     report: DegreeReport
     size: Float[np.ndarray, "degree"]
@@ -58,7 +58,7 @@ class LightForecast(NamedTuple):
 
     @property
     def recoverable_degree(self) -> int | None:
-        """The highest degree up to which all can be told; None where not even the mean."""
+        """The highest degree up to which all are identifiable; None where not even the mean is."""
         lost = np.flatnonzero(~(self.relative_error < RECOVERABLE))
         last = int(lost[0]) - 1 if lost.size else len(self.size) - 1
         return None if last < 0 else last
@@ -90,7 +90,7 @@ def forecast_light(
     while limit > 1 and coefficient_count(limit) > count / 2:
         limit -= 1
     if coefficient_count(limit) > count:
-        raise ValueError(f"{count} samples cannot tell light of degree {limit}: use more")
+        raise ValueError(f"{count} samples cannot determine light of degree {limit}: use more")
     truth = light_coefficients(light, limit)
     limit = min(limit, band_limit_of(len(truth)))
     few, each = thinned(situation, _SAMPLES)
@@ -131,13 +131,13 @@ def _sentences(brdf: Parametric, forecast: LightForecast) -> tuple[str, ...]:
         if np.min(forecast.singular_values(degree)) < _SILENT * strongest
     ]
     if last == limit:
-        found = [f"the light can be told to degree {limit}, the highest looked at"]
+        found = [f"the light is identifiable to degree {limit}, the highest looked at"]
     elif last is None:
-        found = ["not even the mean of the light can be told at this noise"]
+        found = ["not even the mean of the light is identifiable at this noise"]
     else:
-        found = [f"the light can be told up to degree {last}; beyond, noise is stronger than it"]
+        found = [f"the light is identifiable up to degree {last}; beyond, noise is stronger"]
         if not np.any(brdf.lobe_amplitude):
-            found[0] += ": a matt material passes next to nothing above degree 2 (T 2.65)"
+            found[0] += ": a diffuse material passes next to nothing above degree 2 (T 2.65)"
         elif last >= 0.7 / float(brdf.width):
             lobe = "roughness" if isinstance(brdf, Glossy) else "a lobe of width"
             found[0] += f": {lobe} {float(brdf.width):.3g} blurs what is finer"

@@ -1,14 +1,15 @@
 """Fisher information of photographs about a material, a few numbers for each photograph.
 
-To first order in kd, ks and the numbers of the lobe each sample is a combination of a few columns a
-channel: D, S, and the derivatives of S by each number.  Their weighted inner products G_fc over the
-samples of photograph f say all that it says of the material, whatever the number of samples, and
-add up over photographs:
+To first order in kd, ks and the numbers of the lobe, each sample combines a few columns a channel.
+They are D, S, and the derivatives of S by each number.  Their weighted inner products G_fc over the
+samples of photograph f hold all of its information, whatever the number of samples.  They add up
+over photographs:
 
 I = sum_fc T_c' G_fc T_c,    T_c = d(kd_c, ks_c, ks_c number, ...) / d(unknowns)
 
-So hundreds of candidate photographs are weighed at once.  An unknown exposure of a photograph is
-projected off.  The twin, from all samples, is ``inverse.uncertainty``.
+So hundreds of candidate photographs are compared at once.  The inverse of I is the Cramer-Rao bound
+of the covariance.  An unknown exposure of a photograph is projected off.  The twin, from all
+samples, is ``inverse.uncertainty``.
 """
 
 from dataclasses import replace
@@ -24,12 +25,15 @@ from jaxrender.inverse.uncertainty import to_parameters
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 
-# What the bounds of the numbers alone tell about their search variables, as in ``uncertainty``.
+# The information on search variables by the bounds of their numbers, as in ``uncertainty``.
 _PRIOR = 3 / np.pi**2
 
 
 class Errors(NamedTuple):
-    """Relative standard errors by name (of mu - 1 for mu; the worst channel), and log det I."""
+    """Cramer-Rao bounds of relative errors by name, and log det I.
+
+    Those of mu are relative to mu - 1, those of kd and ks of the worst channel.
+    """
 
     relative: dict[str, Float[np.ndarray, "*candidate"]]
     log_determinant: Float[np.ndarray, "*candidate"]
@@ -42,10 +46,10 @@ class Errors(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How information about columns becomes information about the unknowns of a material.
+    """Turns information about columns into information about the unknowns of a material.
 
-    ``unit`` is the step of each unknown that changes what it stands for (``unknowns``) by its own
-    size above its origin.
+    ``unit`` is the step of each unknown that changes its parameter (``unknowns``) by that
+    parameter's size above its origin.
     """
 
     by_unknown: Float[np.ndarray, "channel column unknown"]
@@ -72,7 +76,7 @@ class Reading(NamedTuple):
         return total
 
     def errors(self, information: Float[np.ndarray, "*candidate unknown unknown"]) -> Errors:
-        """Invert the information, with a prior that only shows where there is none."""
+        """Invert the information, with a prior that counts only where there is none."""
         information = information + np.diag(self.prior)
         diagonal = np.diagonal(information, axis1=-2, axis2=-1)
         scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1))
@@ -93,7 +97,7 @@ class Reading(NamedTuple):
 
 
 def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
-    """Prepare to weigh photographs of a supposed material; what is held at a bound counts not."""
+    """Prepare to compare photographs of a supposed material, without what is held at a bound."""
     brdf = foreseen.supposed.brdf
     unknowns = problem.unknowns
     # With known gains; those that are not are projected off photograph by photograph.
@@ -189,7 +193,7 @@ def columns_of(foreseen: Foreseen) -> Float[np.ndarray, "sample channel column"]
 def grams_by_frame(
     weighted: Float[np.ndarray, "*candidate sample channel column"], frame: np.ndarray
 ) -> Float[np.ndarray, "*candidate frame channel column column"]:
-    """Do so for weighted columns, of several candidates at once."""
+    """Add up the inner products of weighted columns, of several candidates at once."""
     of_frame = [weighted[..., frame == number, :, :] for number in range(int(frame.max()) + 1)]
     products = [np.einsum("...sca,...scb->...cab", part, part) for part in of_frame]
     return np.stack(products, axis=-4)

@@ -1,8 +1,8 @@
-"""What photographs alone will tell of material and light, both unknown (T 2.4.3, 6.4.4).
+"""Which of material and light photographs will identify, both unknown (T 2.4.3, 6.4.4).
 
-The joint system of ``inverse.factorization`` at the supposed answer: its curvature, with the light
-eliminated, is the information about gloss, sigma, mu and where the lamps stand.  In each channel
-only the product of light and reflectance shows; that gauge is fixed by kd + ks = 1.
+This is the joint system of ``inverse.factorization`` at the supposed answer.  Its curvature, with
+the light eliminated, is the Fisher information about ks / kd, sigma, mu and the directions of the
+sources.  In each channel only the product of light and reflectance shows; kd + ks = 1 is the gauge.
 """
 
 from typing import NamedTuple
@@ -40,11 +40,11 @@ GAUGES = ("red", "green", "blue")
 
 
 class JointForecast(NamedTuple):
-    """What a factorization will say of the material, in the gauge kd + ks = 1 in each channel.
+    """The forecast of a factorization's material, in the gauge kd + ks = 1 in each channel.
 
-    ``singular_values`` are those of the operator from changes of the logarithms (of ks / kd, sigma,
-    mu - 1) to the photographs in units of their noise, what light can make up for taken off.
-    ``gauge`` names the directions that no photograph tells.
+    The operator takes changes of log(ks / kd), log sigma and log(mu - 1) to the photographs in
+    units of their noise, the light being fitted too.  ``singular_values`` are its own.  ``gauge``
+    names the directions that no photograph determines.
     """
 
     parameters: Uncertain
@@ -56,7 +56,7 @@ class JointForecast(NamedTuple):
 
     @property
     def can_be_told(self) -> bool:
-        """Whether all of the material can be told, up to the gauge."""
+        """Whether all of the material is identifiable, up to the gauge."""
         return all(self.identifiable.values())
 
 
@@ -68,7 +68,7 @@ class SupposedAnswer(NamedTuple):
     light: Float[np.ndarray, "part channel"]
 
     def measured(self, supposed: Supposed, each: float) -> Measured:
-        """What the joint model itself would measure, with the penalty of a factorization.
+        """Predict what would be measured, with the penalty of a factorization.
 
         Each sample stands for ``each`` samples, with the noise of ``supposed``.
         """
@@ -84,14 +84,14 @@ class SupposedAnswer(NamedTuple):
 def forecast_joint(
     situation: Situation, supposed: Supposed, band_limit: int = _BAND_LIMIT
 ) -> JointForecast:
-    """Predict the error bars of a factorization; gloss, sigma and mu all unknown.
+    """Predict the error bars of a factorization; ks / kd, sigma and mu are all unknown.
 
-    All samples of the situation count, as in a factorization; a part stands for the others.  A
-    material that is all gloss has no share of it that is sought, only its shape.
+    All samples of the situation count, as in a factorization; a part stands for the others.  Of a
+    purely specular material only the shape of the lobe is unknown.
 
-    Raises ``ValueError`` where ks is supposed to be zero, or kd in some channels only (then gloss
-    has no logarithm), for light that differs from photograph to photograph, and for too few
-    samples.
+    Raises ``ValueError`` where ks is supposed to be zero, or kd in some channels only (log(ks / kd)
+    is infinite there).  The same holds for light that differs from photograph to photograph, and
+    for too few samples.
     """
     brdf = supposed.brdf
     kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
@@ -128,7 +128,7 @@ def forecast_joint(
     parameters = _parameters(guess, errors, brdf)
     names = [*(brdf.amplitude_names if mixed_lobes else ()), *brdf.numbers]
     identifiable = {name: within_reach(parameters, name) for name in names}
-    # What remains of the material's curvature when the lamps' directions answer, too.
+    # The material's curvature when the sources' directions are fitted, too.
     own = np.linalg.inv(few) - np.eye(len(few)) / _PRIOR_VARIANCE
     singular = np.sqrt(np.maximum(np.linalg.eigvalsh(own)[::-1], 0))
     gauge = tuple(
@@ -159,7 +159,7 @@ def supposed_answer(situation: Situation, brdf: Parametric, band_limit: int) -> 
 def _divided(
     light: KnownLight, sigma: float, band_limit: int
 ) -> tuple[Float[np.ndarray, "coefficient channel"], DirectionalSources]:
-    """Split a light as a factorization finds it: slow coefficients, and its strongest lamps."""
+    """Split a light as a factorization finds it: slow coefficients, and its strongest sources."""
     directions = np.asarray(light.directional.directions, float)
     irradiance = np.asarray(light.directional.irradiance, float)
     none = DirectionalSources.none(irradiance.shape[1])
@@ -169,7 +169,7 @@ def _divided(
     parts = take(light.environment, candidates(light.environment, sigma), _MOST_LAMPS, sigma)
     strong = np.asarray(parts.sources.irradiance).sum(axis=1)
     total = np.asarray(parts.environment.nodes().irradiance).sum()
-    # What is under a thousandth of the light no photograph would show to be a lamp.
+    # Below a thousandth of the light no photograph would show that it is a source.
     kept = strong > 1e-3 * total
     slow = light_coefficients(KnownLight(parts.environment, none), band_limit)
     found = np.asarray(parts.sources.directions)[kept]
@@ -219,9 +219,9 @@ def _sentences(
         if not told:
             worst = relative_error(parameters, name)
             found.append(
-                f"{name} cannot be told with the light unknown: standard error "
+                f"{name} is not identifiable with the light unknown: standard error "
                 f"{100 * worst:.0f} % of its value; {missing_under_unknown_light(brdf, name)}"
             )
     if all(identifiable.values()):
-        found.append("light and material can both be told, up to the gauge")
+        found.append("light and material are both identifiable, up to the gauge")
     return tuple(found)

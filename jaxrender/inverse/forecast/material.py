@@ -1,8 +1,8 @@
 """The error bars that a fit of the material under known light will have (T 2.4.2, 6.4.2).
 
-They are those of ``inverse.uncertainty`` at the end of a fit, with the photographs that the
-supposed material would give in the place of measured ones: the covariance of least squares depends
-on what is measured only through where the fit ends.
+They are those of ``inverse.uncertainty`` at the end of a fit, which are the Cramer-Rao bounds.  The
+photographs that the supposed material would give take the place of measured ones.  For the
+covariance of least squares depends on what is measured only through where the fit ends.
 """
 
 from typing import NamedTuple
@@ -41,12 +41,11 @@ from jaxrender.shapes import Float
 
 
 class MaterialForecast(NamedTuple):
-    """What a fit will say of the material.
+    """The forecast of a fit of the material.
 
-    ``singular_values`` are those of the operator from relative changes of the unknowns (the
-    parameters named ``unknowns``) to the photographs in units of their noise, descending;
-    ``weakest`` the change that shows least.  ``highest_degree`` is that to which the light shows
-    through the lobe above the noise.
+    The operator takes relative changes of the parameters named ``unknowns`` to the photographs in
+    units of their noise.  ``singular_values`` are its own, descending; ``weakest`` is the change
+    that shows least.  Up to ``highest_degree`` the light shows through the lobe above the noise.
     """
 
     parameters: Uncertain
@@ -73,8 +72,8 @@ def forecast_material(
     """Predict the error bars of a fit, what will be identifiable, and why not.
 
     All is free where no ``unknowns`` are given.  Parameters that are fixed are taken to be fixed at
-    what is supposed of them.  ``split`` is that of the fit; ``explain`` looks for what would mend
-    what cannot be told.
+    what is supposed of them.  ``split`` is that of the fit.  ``explain`` looks for remedies where a
+    parameter is not identifiable.
     Raises ``ValueError`` for a supposed material outside the bounds of the search.
     """
     brdf = foreseen.supposed.brdf
@@ -170,7 +169,7 @@ def _closing(
         sentences.append(evidence.sentence())
     if problem.unknowns.free_scale:
         sentences.append(
-            "gauge: the scale between light and photographs is unknown, so of kd and ks only the "
-            "ratios are told"
+            "gauge: the scale between light and photographs is unknown, so only the ratios of kd "
+            "and ks are identifiable"
         )
     return tuple(sentences)

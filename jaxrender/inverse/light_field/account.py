@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxrender.shapes import Bool, Float, Int
 
-# Light of a degree is told to be poorly known from this relative error on.
+# Light of a degree is said to be uncertain above this relative error.
 _POORLY = 0.25
 # A fit this much worse than its noise (chi-squared for one degree of freedom) is no factorization.
 _CONTRADICTED = 3.0

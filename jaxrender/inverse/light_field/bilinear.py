@@ -1,9 +1,9 @@
 """Light times BRDF, both unknown: least squares of B_lmpq = Lambda_l L_lm rho_lpq (T 2.59).
 
-Either factor is a linear problem once the other is known, and in either every unknown stands alone;
-so the normal equations of both together are two diagonals and a rectangle between them.  Taking the
-BRDF out (a Schur complement) leaves a matrix of the size of the light, whose inverse is also the
-covariance.  One light coefficient is held: the product does not know its scale.  Host, float64.
+Either factor is a linear problem once the other is known, with a diagonal matrix.  So the normal
+equations of both together are two diagonals and a rectangle between them.  Eliminating the BRDF (a
+Schur complement) leaves a matrix of the size of the light, whose inverse is also the covariance.
+One light coefficient is held, since the product does not determine the scale.  Host, float64.
 """
 
 from typing import NamedTuple
@@ -22,9 +22,9 @@ _ROUNDING = 1e-12
 class Bilinear(NamedTuple):
     """Measured coefficients of some degrees, flat (l, m) first, and what they are products of.
 
-    ``wavelengths`` is Lambda_l of each row, ``unknown`` the place of rho_lpq in the vector of BRDF
-    unknowns (shared where reciprocity says so), ``weights`` 1 / variance, zero where there is no
-    such coefficient, ``held`` the light coefficient that keeps its value.
+    ``wavelengths`` is Lambda_l of each row.  ``unknown`` is the place of rho_lpq in the vector of
+    BRDF unknowns, shared by reciprocity.  ``weights`` are 1 / variance, zero where there is no such
+    coefficient.  ``held`` is the light coefficient that keeps its value.
     """
 
     values: Float[np.ndarray, "row outgoing_degree order"]

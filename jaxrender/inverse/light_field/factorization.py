@@ -5,16 +5,14 @@
 where rho~ = rho cos t_i cos t_o about the *normal* and B~ = B cos t_o: only these are reciprocal,
 rho~_lpq = rho~_plq (ERRATA 11).  Of one degree the field is a product, so it gives the light and
 the BRDF of that degree up to a factor t_l.  Reciprocity then ties degrees together: where rho~_lpq
-does not vanish, t_l / t_p follows.  T 2.68 ties every degree to 0 through rho~_l00 = rho~_0l0
-(there with a Lambda_l^-1 that is lost in its middle lines: ERRATA 10); here degrees are tied by
-whichever p and q say most, in a chain if need be, and what is left over is fitted to all m, p, q
-at once by least squares.
+does not vanish, t_l / t_p follows.  T 2.68 ties every degree to 0 through rho~_l00 = rho~_0l0.
+(Its middle lines have lost a Lambda_l^-1: ERRATA 10.)  Here degrees are tied by the p and q that
+are surest, in a chain if need be.  Then all m, p, q are fitted at once by least squares.
 
 The gauge is T's: L_00 = Lambda_0^-1, in every channel.  Degrees that no chain ties to degree 0
-form components with a factor of their own, which the field cannot tell: a mirror's family f(l)
-(T 3.26).  A degree that the light does not contain has no BRDF coefficients but those that
-reciprocity knows from others; if one of those is not zero, the light's are known to be zero.
-Host, float64.
+form components with a factor of their own, which the field does not determine: a mirror's family
+f(l) (T 3.26).  Where the light lacks a degree, reciprocity alone gives BRDF coefficients, from
+other degrees.  If one of those is not zero, the light's are known to be zero.  Host, float64.
 """
 
 from typing import NamedTuple

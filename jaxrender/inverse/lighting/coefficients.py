@@ -1,9 +1,9 @@
 """The light as harmonic coefficients, from photographs of a known material (T 6.4.3, 6.15, 6.16).
 
 Linear least squares in L_lm for l <= l*, from normal equations that are streamed once.  The
-cut-off regularises: l* is given, or ``auto``, the highest degree whose predicted standard error is
-below 1/4 of its size.  Roughness sets it (the lobe passes e^-1 of degree 1 / sigma, so l* ~ 1 /
-sigma), and so does the noise: what the model leaves unexplained counts as noise.  Optionally a
+cut-off regularises.  l* is given, or ``auto``: the highest degree whose predicted standard error is
+below 1/4 of its size.  It depends on roughness (the lobe passes e^-1 of degree 1 / sigma, so l* ~ 1
+/ sigma) and on the noise.  What the model leaves unexplained counts as noise.  Options are a
 penalty on detail, growing as l(l+1), and non-negative light (``positivity``).
 
 With the operator's transfer ``none`` the result is the light filtered by the lobe; with any other,
@@ -54,12 +54,11 @@ DEFAULT_LIGHT = LightSettings()
 
 
 class RecoveredLight(NamedTuple):
-    """Coefficients with their error bars, and what each degree rests on.
+    """Coefficients with their error bars, and the evidence for each degree.
 
-    Standard errors are infinite for what the photographs do not tell at all (there the
-    coefficients are 0).  They count the noise, scaled up where the residual exceeds it; of the
-    bias of a cut-off or penalty they know nothing, and of positivity nothing either, which can only
-    make them smaller.
+    Standard errors are infinite for coefficients that the photographs do not determine at all;
+    those are 0.  They count the noise, scaled up where the residual exceeds it.  They leave out the
+    bias of a cut-off or penalty, and positivity, which can only make them smaller.
     """
 
     coefficients: Float[np.ndarray, "coefficient channel"]
@@ -147,7 +146,7 @@ class _Nodes(NamedTuple):
 def _solve(
     channel: ChannelEquations, penalty: Float[np.ndarray, "coefficient"], noise_known: bool
 ) -> _Solution:
-    """Solve one channel, leaving out the directions that no measurement tells anything about."""
+    """Solve one channel, without the directions that no measurement determines."""
     values, vectors = np.linalg.eigh(channel.gram + np.diag(penalty))
     told = values > len(penalty) * NO_INFORMATION * values.max()
     inverse = np.where(told, 1 / np.where(told, values, 1), 0)
@@ -199,16 +198,18 @@ def _nodes(band_limit: int) -> _Nodes:
 
 
 def _reasons(band_limit: int, settings: LightSettings, report: DegreeReport) -> tuple[str, ...]:
-    """Say in words what limits the light."""
+    """Say what limits the light."""
     highest, last = report.recoverable_degree, len(report.size) - 1
     error = report.relative_error
     reasons = [
-        f"degree {highest} is the highest that can be told: relative standard error "
+        f"degree {highest} is the highest that is identifiable: relative standard error "
         f"{100 * error[highest]:.2g} %"
         + (f", {100 * error[highest + 1]:.2g} % one degree further" if highest < last else "")
     ]
     if settings.band_limit == "auto" and highest == last:
-        reasons.append(f"the cut-off is the highest degree asked for, {last}: more could be told")
+        reasons.append(
+            f"the cut-off is the highest degree asked for, {last}: higher ones may be too"
+        )
     if band_limit > highest:
         lost = np.flatnonzero(error[: band_limit + 1] >= 0.25)
         reasons.append(f"of degree {lost[0]} to {band_limit} there is more noise than light")

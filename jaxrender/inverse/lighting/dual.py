@@ -1,12 +1,12 @@
 """The light in angle and in frequency at once, from a known material (T 6.17 to 6.21).
 
-Subtract the diffuse light, and what is left is a picture of the light in a blurred mirror:
+Without the diffuse light, the photographs are a picture of the light in a blurred mirror:
 
 L_slow(R) = U - sum_lm W_lm L_lm,   U = B / g,   W_lm = K_d Y~_lm / g                (T 6.17, 6.18)
 
 with g = K_s V(R) h_0 the share of the light that the lobe passes on (the thesis: K_s F).  The
-diffuse light needs the L_lm of low degree, which are moments of L_slow, so (T 6.21; not 6.23, which
-takes F out of a sum that it varies in: ERRATA 46, 47)
+diffuse light needs the L_lm of low degree, which are moments of L_slow.  So (T 6.21; T 6.23 takes F
+out of a sum in which it varies: ERRATA 46, 47)
 
 sum_l'm' Q_lm,l'm' L_l'm' = P_lm,   P = E'U,   Q = f_l delta + E'W
 
@@ -88,7 +88,8 @@ def recover_dual(
     """Recover L_slow on a grid of reflected directions; ``weights`` are 1 / noise.
 
     Without weights all samples are equally sure, and standard errors are relative.
-    Raises ``ValueError`` for unknown rules, a material without gloss, and no usable sample.
+    Raises ``ValueError`` for unknown rules, no usable sample, and a material without a specular
+    part.
     """
     _check(operator, settings)
     weights = np.ones(radiance.shape) if weights is None else np.asarray(weights)
@@ -284,8 +285,8 @@ def _check(operator: LightOperator, settings: DualSettings) -> None:
         )
     if not np.all(np.asarray(operator.ks) > 0):
         raise ValueError(
-            f"ks={np.asarray(operator.ks)}: a material without gloss shows no mirror image; use "
-            "recover_coefficients"
+            f"ks={np.asarray(operator.ks)}: a material without a specular part shows no mirror "
+            "image; use recover_coefficients"
         )
 
 
@@ -300,6 +301,6 @@ def _reasons(
     if condition > 1e3:
         reasons.append(
             f"the consistency equations have the condition {condition:.2g}: diffuse light and the "
-            "mirror image cannot be told apart"
+            "mirror image cannot be distinguished"
         )
     return tuple(reasons)

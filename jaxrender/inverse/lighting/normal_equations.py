@@ -4,8 +4,8 @@ For each channel, with weights w (1 / standard deviation of the noise) and rows 
 
 gram = sum w^2 a a',   moment = sum w^2 a B,   energy = sum w^2 B^2
 
-A capture larger than the memory is worked off block by block and ``joined``.  Everything that
-follows, any cut-off, penalty or constraint, needs these numbers only.
+A capture larger than the memory is added up block by block and ``joined``.  Any cut-off, penalty or
+constraint needs these numbers only.
 """
 
 from functools import partial
@@ -77,7 +77,7 @@ class NormalEquations(NamedTuple):
 
 
 class DegreeReport(NamedTuple):
-    """What the photographs say of each degree, all lower ones being unknown too.
+    """The evidence of the photographs for each degree, all lower ones being unknown too.
 
     ``singular_values`` are those of the weighted columns of each degree with the lower degrees
     projected off, per coefficient, descending within a degree.  ``size`` is the root mean square

@@ -2,13 +2,13 @@
 
 nu' = nu + lambda (nu_0 / kappa_0) kappa                                                 (T 6.24)
 
-nu is the root mean square of the weighted residuals, kappa the integral over the sphere of the
-square of the light where it is negative, nu_0 and kappa_0 their values for the unregularised light.
+nu is the root mean square of the weighted residuals.  kappa is the integral over the sphere of the
+squared light where it is negative.  nu_0 and kappa_0 are their values for the unregularised light.
 (The thesis adds up pixels of a latitude-longitude image as they are, which counts the poles more.)
 
-Both are convex and quadratic by pieces, so Newton's method with the set of negative nodes as its
-only nonlinearity ends after a few exact solves; the hard constraint, light non-negative at the
-nodes, is the limit of such penalties with multipliers (augmented Lagrangian).  Host side, NumPy.
+Both are convex and quadratic by pieces.  The set of negative nodes is the only nonlinearity, so
+Newton's method ends after a few exact solves.  The hard constraint is light that is non-negative at
+the nodes: the limit of such penalties with multipliers (augmented Lagrangian).  Host side, NumPy.
 """
 
 import abc
@@ -117,8 +117,8 @@ def negative_energy(misfit: Misfit, light: Float[np.ndarray, "unknown"]) -> floa
 def soft_positive(misfit: Misfit, strength: float = 1.0) -> Positive:
     """Minimise T 6.24 with lambda = ``strength`` from the unregularised light.
 
-    The gradient of nu is that of chi^2 over 2 nu times the count, so the minimum is that of
-    chi^2 + stiffness x kappa for the stiffness belonging to nu there, found by repetition.
+    The gradient of nu is that of chi^2 over 2 nu times the count.  So the minimum is that of
+    chi^2 + stiffness x kappa, for the stiffness that belongs to nu there, found by repetition.
     """
     light = misfit.unregularised()
     rms, negative = misfit.rms(light), negative_energy(misfit, light)

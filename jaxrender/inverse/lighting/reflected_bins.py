@@ -1,8 +1,8 @@
 """Samples sorted by the direction they reflect, many to a bin (T 6.17, 6.18).
 
-U = B / g and W = K_d Y~ / g are averaged over a latitude-longitude grid of reflected directions R.
-Each sample is split bilinearly between four texels and weighs as its confidence, the inverse
-variance of its L_slow, (g / noise)^2, with g = K_s V(R) h_0.  Host side, NumPy float64.
+U = B / g and W = K_d Y~ / g are averaged over a latitude-longitude grid of reflected directions R,
+with g = K_s V(R) h_0.  Each sample is split bilinearly between four texels.  Its weight is its
+confidence (g / noise)^2, the inverse variance of its L_slow.  Host side, NumPy float64.
 """
 
 from collections.abc import Iterator

@@ -1,14 +1,14 @@
-"""Directions that no sample reflects: two honest rules for the moments of an image with holes.
+"""Directions that no sample reflects: two rules for the moments of an image with holes.
 
 ``smooth``
-    the discrete Laplace equation on the sphere with the observed bins as boundary, a membrane:
-    linear in them, and never beyond the range of its neighbours
+    the discrete Laplace equation on the sphere with the observed bins as boundary, a membrane: it
+    is linear in them, and each bin stays within the range of its neighbours
 ``left-out``
-    the moments are fitted by least squares to the observed bins alone; unobserved bins are 0.  Only
-    light of no higher degree than the moments is fitted without bias
+    the moments are fitted by least squares to the observed bins alone; unobserved bins are 0.  It
+    has no bias only for light of no higher degree than the moments
 
-Each rule makes of (grid, observed, band limit) the matrix E of T 6.21, such that moments = E'image
-of the observed bins, and a function that fills an image.  Host side, NumPy float64.
+From grid, observed bins and band limit each rule makes the matrix E of T 6.21, such that moments =
+E'image of the observed bins, and a function that fills an image.  Host side, NumPy float64.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Which lamps a light needs: found by pursuit while they pay, dropped and merged where not."""
+"""Which sources a light needs: they are added by pursuit while they pay, else dropped or merged."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,18 +9,18 @@ from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.state import State, Task, descend, measured, response_of
 from jaxrender.shapes import Bool, Float
 
-# Steps of a fit with other lamps than before.
+# Steps of a fit with other sources than before.
 STEPS_PER_ROUND = 6
 # A direction, and an energy in each channel.
-_UNKNOWNS_PER_LAMP = 5
+_UNKNOWNS_PER_SOURCE = 5
 # Directions tried, and samples that they are tried on.
 _CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
-# Lamps this near to each other, as part of the lobe's width, may be one.
+# Sources this near to each other, as part of the lobe's width, may be one.
 _NEIGHBOURS_PER_SIGMA = 1.0
 
 
-def add_lamps(task: Task, state: State, count: int) -> State:
-    """Add up to ``count`` lamps by pursuit, as long as each pays; the same state if none does."""
+def add_sources(task: Task, state: State, count: int) -> State:
+    """Add up to ``count`` sources by pursuit, as long as each pays; else return the same state."""
     count = min(count, int(np.count_nonzero(~state.active)))
     if count == 0:
         return state
@@ -40,29 +40,29 @@ def add_lamps(task: Task, state: State, count: int) -> State:
     )
 
 
-def without_idle_lamps(task: Task, state: State) -> State:
-    """Switch off lamps whose energy the noise could have made up; fit the light again."""
+def without_idle_sources(task: Task, state: State) -> State:
+    """Switch off sources whose energy may be noise alone, and fit the light again."""
     assert state.joint is not None
     solved, slow = state.joint.solved, task.response.slow_count
     inverse = np.linalg.inv(np.asarray(solved.normal)[:, slow:, slow:])
     covariance = np.einsum("crp,crq->cpq", inverse, inverse)
     energies = np.asarray(solved.light)[slow:].T
-    idle = _idle_lamps(energies, covariance, state.active, _worth(measured(task, state)))
+    idle = _idle_sources(energies, covariance, state.active, _worth(measured(task, state)))
     if not idle.any():
         return state
     return descend(task, state._replace(active=state.active & ~idle), STEPS_PER_ROUND)
 
 
-def _idle_lamps(
+def _idle_sources(
     energies: Float[np.ndarray, "channel source"],
     covariance: Float[np.ndarray, "channel source source"],
     active: Bool[np.ndarray, "source"],
     worth: float,
 ) -> Bool[np.ndarray, "source"]:
-    """Mark lamps not worth their unknowns, one after the other, the least first.
+    """Mark sources not worth their unknowns, one after the other, the least first.
 
-    Lamps in a crowd are idle each by itself, as the others would make up for it, but not together:
-    once one is gone, energies and covariance of the rest are those given that it is dark.
+    Each source in a crowd is idle by itself, as the others can replace it, but all together are
+    not.  Once a source is dark, energies and covariance of the rest are those without it.
     """
     idle = np.zeros(len(active), bool)
     while (active & ~idle).any():
@@ -80,23 +80,23 @@ def _idle_lamps(
 
 
 def with_neighbours_merged(task: Task, state: State) -> State:
-    """Make one lamp of those within a lobe's reach of each other, where that costs next to nothing.
+    """Make one source of those within a lobe's reach of each other, where chi-squared allows it.
 
-    A lamp between two candidates is found twice.
+    The pursuit finds a source between two candidates twice.
     """
     assert state.joint is not None
     directions = np.asarray(state.guess.directions)
     energies = np.asarray(state.joint.solved.light)[task.response.slow_count :].sum(axis=1)
     reach = np.cos(_NEIGHBOURS_PER_SIGMA * float(jnp.exp(state.guess.sigma)))
     merged, active = np.array(directions), state.active.copy()
-    for lamp in np.argsort(-energies):
-        if not active[lamp]:
+    for source in np.argsort(-energies):
+        if not active[source]:
             continue
-        near = active & (directions @ directions[lamp] > reach)
+        near = active & (directions @ directions[source] > reach)
         mean = energies[near] @ directions[near]
-        merged[lamp] = mean / np.linalg.norm(mean)
+        merged[source] = mean / np.linalg.norm(mean)
         active[near] = False
-        active[lamp] = True
+        active[source] = True
     fewer = int(np.count_nonzero(state.active) - np.count_nonzero(active))
     if not fewer:
         return state
@@ -108,5 +108,5 @@ def with_neighbours_merged(task: Task, state: State) -> State:
 
 
 def _worth(data: Measured) -> float:
-    """What a lamp must take off chi-squared: log N for each of its unknowns (Schwarz)."""
-    return _UNKNOWNS_PER_LAMP * float(np.log(np.asarray(data.radiance).size))
+    """Compute by how much a source must lower chi-squared: log N for each unknown (Schwarz)."""
+    return _UNKNOWNS_PER_SOURCE * float(np.log(np.asarray(data.radiance).size))
