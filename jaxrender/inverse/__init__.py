@@ -37,8 +37,8 @@
     the models nearest to a BRDF that is a table or a tree, with what they miss
 ``texture``
     reflectance site by site, under known and unknown light
-``shadowing``
-    what a concave object hides from itself
+``shadowing`` ``transfer_field``
+    what a concave object hides from itself; transfer vectors anywhere on it
 ``forecast`` ``next_best`` ``candidate_views``
     what photographs will tell, before they are taken, and which one more would tell most
 """

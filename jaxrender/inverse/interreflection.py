@@ -15,14 +15,14 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Lambertian
-from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples
+from jaxrender.brdf import Lambertian, Parametric
+from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, Model, Numbers, Rows
 from jaxrender.inverse.passes import Stop
-from jaxrender.inverse.shadowing import places_of
+from jaxrender.inverse.shadowing import hidden_fraction, places_of
 from jaxrender.lighting import LightNodes
-from jaxrender.reflection import integral_columns, visible_nodes
+from jaxrender.reflection import integral_columns, interpolated, visible_nodes
 from jaxrender.reflection.interreflection import Interreflection
 from jaxrender.shapes import AnyArray, Float
 
@@ -62,6 +62,39 @@ class Bounced(NamedTuple):
     rounds: int
     settled: bool
     kd_without: Float[np.ndarray, "channel"]
+
+    def irradiance(
+        self, mesh: Mesh, view: SurfaceView, frame: int
+    ) -> Float[np.ndarray, "pixel channel"]:
+        """Find what bounced light adds at the pixels of photograph ``frame`` that hit the mesh."""
+        field = self.at_vertices[frame if len(self.at_vertices) > 1 else 0]
+        places = view.face[view.hit], view.barycentric[view.hit]
+        return interpolated(field, mesh.faces, *places)
+
+
+class PossibleBounces(NamedTuple):
+    """What may bounce of light whose bounces are not modelled: averages over the samples."""
+
+    albedo: float
+    hidden_fraction: float
+
+    @property
+    def estimate(self) -> float:
+        """What bounces may add to the light, as a part of it."""
+        return self.albedo * self.hidden_fraction
+
+
+def possible_bounces(
+    brdf: Parametric, transfer: Float[AnyArray, "sample coefficient"]
+) -> PossibleBounces:
+    """Estimate how much light bounces between parts of an object.
+
+    What a place does not see of the light it sees of the object, which is about as bright as its
+    albedo.  ``transfer`` are the vectors of T 6.10.
+    """
+    gloss = np.asarray(brdf.ks) * float(brdf.energy)
+    albedo = float(np.clip(np.mean(np.pi * np.asarray(brdf.kd) + gloss), 0, 1))
+    return PossibleBounces(albedo, hidden_fraction(transfer))
 
 
 class _Round(NamedTuple):

@@ -28,12 +28,7 @@ from jaxrender.pipelines.scene import (
     settings_of,
     unknowns_of,
 )
-from jaxrender.pipelines.shadows import (
-    TransferField,
-    interreflection,
-    sentence_on,
-    with_bounces,
-)
+from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
 from jaxrender.reflection import (
     DualForward,
     ExactForward,
@@ -100,12 +95,13 @@ class MaterialRecovery(Recovery):
             images = [
                 np.asarray(render_view(material, view, light_of(k))) for k, view in enumerate(views)
             ]
-        if finding.transfer is not None and isinstance(finding.transfer.shape, Mesh):
-            mesh = finding.transfer.shape
-            images = [
-                with_bounces(image, finding.fit, (views[k], mesh, k))
-                for k, image in enumerate(images)
-            ]
+        bounced = finding.fit.bounced
+        if bounced is not None:
+            assert isinstance(finding.shape, Mesh)
+            images = [np.array(image) for image in images]
+            for k, view in enumerate(views):
+                more = bounced.irradiance(finding.shape, view, k)
+                images[k][view.hit] += np.asarray(material.kd) * more
         gain = gains if len(gains) > 1 else np.ones(len(images))
         return [scale * gain[k] * image for k, image in enumerate(images)]
 
@@ -130,10 +126,8 @@ def recover_material(
             # Those of the fit, and all pixels of the predicted images.
             places = observations.count
             places += sum(int(np.count_nonzero(p.view.hit)) for p in photographs)
-            transfer = TransferField.of(shape, light.diffuse_degrees, places)
-            assert observations.places is not None
-            vectors = transfer.at(observations.places, np.asarray(observations.samples.normals))
-            observations = observations._replace(transfer=vectors)
+            transfer = transfer_field(shape, light.diffuse_degrees, places)
+            observations = transfer.of_observations(observations)
     known = (observations, light)
     comparison, model = None, config.brdf.model
     if config.brdf.compare:

@@ -12,13 +12,14 @@ from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.photographs import Photograph
+from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.io.netcdf import Group, Variable
 from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
-from jaxrender.pipelines.shadows import TransferField, interreflection, sentence_on
+from jaxrender.pipelines.shadows import interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
 
 

@@ -25,7 +25,7 @@ from jaxrender.pipelines.scene import (
     known_light,
     shape_of,
 )
-from jaxrender.pipelines.shadows import TransferField
+from jaxrender.pipelines.shadows import transfer_field
 from jaxrender.pipelines.subject import Subject, subject_of
 from jaxrender.reflection import DualForward, ForwardModel, ShadowedDual, ShadowedModel
 
@@ -191,5 +191,5 @@ def _forward(
     dual = prepare_light(light, observed, subject.lobe, "auto", None).dual
     if shape.is_convex():
         return DualForward(dual)
-    field = TransferField.of(shape, light.diffuse_degrees, len(samples.normals))
+    field = transfer_field(shape, light.diffuse_degrees, len(samples.normals))
     return ShadowedDual(shape, dual, field.at)

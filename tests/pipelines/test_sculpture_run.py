@@ -13,12 +13,12 @@ import pytest
 from small_captures import KD, KS, MU, SIGMA, jaxrender, read_result
 
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, fibonacci_sphere, observe, sculpture
+from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.io import read_capture, read_image
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.pipelines import caches, shadows
 from jaxrender.pipelines.config import RecipeConfig, load_run_config, resolved_yaml
 from jaxrender.pipelines.scene import shape_of, true_material
-from jaxrender.pipelines.shadows import TransferField
 from jaxrender.pipelines.synth import purpose_of
 from jaxrender.reflection import integral_columns, radiance
 
@@ -148,7 +148,7 @@ def test_what_was_traced_is_traced_once(finished, monkeypatch):
     def refuse(*_):
         raise AssertionError("traced again")
 
-    monkeypatch.setattr(shadows, "transfer_vectors", refuse)
+    monkeypatch.setattr(shadows, "traced", refuse)
     fit(finished, "again")
     first, again = (read_result(finished / name)["brdf"] for name in ("out", "again"))
     assert first == again
@@ -180,8 +180,7 @@ def made_last(made):
     return np.arange(3.0) + len(made)
 
 
-def test_vertices_stand_for_the_places_between(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_vertices_stand_for_the_places_between():
     shape = sculpture(4, seed=1)
     rng = np.random.default_rng(0)
     face, weights = rng.integers(len(shape.faces), size=60), rng.dirichlet(np.ones(3), 60)

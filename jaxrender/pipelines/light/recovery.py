@@ -33,7 +33,7 @@ from jaxrender.pipelines.ranking import sentence_of
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
-from jaxrender.pipelines.shadows import TransferField
+from jaxrender.pipelines.shadows import transfer_field
 from jaxrender.reflection import (
     DualForward,
     DualLight,
@@ -147,7 +147,7 @@ class LightRecovery(Recovery):
         if self.shape.is_convex():
             return DualForward(self.light)
         pixels = sum(int(np.count_nonzero(p.view.hit)) for p in self.photographs)
-        field = TransferField.of(self.shape, self.light.band_limit, pixels)
+        field = transfer_field(self.shape, self.light.band_limit, pixels)
         return ShadowedDual(self.shape, self.light, field.at)
 
 
@@ -165,11 +165,8 @@ def recover_light(
     filtered = any(isinstance(asked.variant, Glossy) for asked in models)
     if filtered and observations.transfer is None and not shape.is_convex():
         with clock.stage("shadows"):
-            field = TransferField.of(shape, band_limit(config), observations.count)
-            assert observations.places is not None
-            normals = np.asarray(observations.samples.normals)
-            transfer = field.at(observations.places, normals)
-            observations = observations._replace(transfer=transfer)
+            field = transfer_field(shape, band_limit(config), observations.count)
+            observations = field.of_observations(observations)
     known, model, comparison = config.task == "lighting", config.brdf.model, None
     how = {
         "gauge": "per-channel" if known else config.brdf.gauge,

@@ -10,6 +10,7 @@ from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import Texture
+from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
 from jaxrender.lighting import positive_environment
@@ -19,7 +20,7 @@ from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
-from jaxrender.pipelines.shadows import TransferField
+from jaxrender.pipelines.shadows import transfer_field
 from jaxrender.pipelines.texture.files import (
     map_images,
     marks_image,
@@ -217,10 +218,8 @@ def recover_surface(
         with clock.stage("shadows"):
             places = observations.count
             places += sum(int(np.count_nonzero(p.view.hit)) for p in photographs)
-            field = TransferField.of(shape, light.diffuse_degrees, places)
-            assert observations.places is not None
-            vectors = field.at(observations.places, np.asarray(observations.samples.normals))
-            observations = observations._replace(transfer=vectors)
+            field = transfer_field(shape, light.diffuse_degrees, places)
+            observations = field.of_observations(observations)
     with clock.stage("texture"), fault_of(place):
         if light is None:
             surface = under_unknown_light(config, observations, sites)
