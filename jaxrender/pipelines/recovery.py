@@ -1,15 +1,30 @@
-"""What every task hands back to a run: a result as data, files, pictures, a report's contents."""
+"""The input of every task (``Evidence``), and its result (``Recovery``)."""
 
 import abc
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxrender.geometry import Shape
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Group
 from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
+
+
+class Evidence(NamedTuple):
+    """What a recovery starts from: photographs of a known shape, and the light if it is known.
+
+    ``pool`` are all usable pixels.  ``observations`` are those of them that the fit uses.
+    """
+
+    photographs: list[Photograph]
+    shape: Shape
+    light: KnownLight | None
+    pool: Observations
+    observations: Observations
 
 
 class Recovery(abc.ABC):

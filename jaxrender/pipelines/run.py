@@ -36,7 +36,7 @@ from jaxrender.pipelines.light import recover_light
 from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.recovery import Recovery
+from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import (
     ARRAYS,
     ARRAYS_FORMAT,
@@ -79,7 +79,7 @@ class Loaded(NamedTuple):
     light: KnownLight | None
     inputs: list[Path]
     shape: Shape
-    pool: Observations | None = None
+    pool: Observations
 
 
 def fit(
@@ -223,10 +223,9 @@ def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -
         assert loaded.light is not None
         known = (loaded.observations, loaded.light)
         return recover_material(config, known, seen, clock, progress, loaded.pool)
+    evidence = Evidence(*seen, loaded.light, loaded.pool, loaded.observations)
     if config.task == "brdf-spectrum":
-        assert loaded.light is not None
-        known = (loaded.observations, loaded.light)
-        return recover_spectrum(config, known, seen, clock, progress)
+        return recover_spectrum(config, evidence, clock, progress)
     if config.task == "texture":
         return recover_surface(config, (loaded.observations, loaded.light), seen, clock, progress)
     return recover_light(config, loaded.observations, seen, clock, progress)
