@@ -19,6 +19,8 @@
 ``photographs`` ``scene`` ``estimate`` ``own_words``
     photographs into observations; a scene and what of it is unknown; what was found of it, shown
     and saved; a material by the numbers of its own model
+``any_estimate``
+    what estimates of a material, a texture and a spectrum have in common
 ``known_light``
     the light split for the dual model, and as point masses for the integral
 ``brdf`` ``coarse_fit``
@@ -43,6 +45,7 @@
     what photographs will tell, before they are taken, and which one more would tell most
 """
 
+from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
 from jaxrender.inverse.estimate import Estimate
 from jaxrender.inverse.factorization import Factorization, FactorSettings, Known, factorize
@@ -65,6 +68,7 @@ from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
 from jaxrender.inverse.unknowns import Prior, Told, Unknown, Unknowns, unknowns_of
 
 __all__ = [
+    "AnyEstimate",
     "BRDFFit",
     "Candidate",
     "DualSettings",

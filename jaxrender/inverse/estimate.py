@@ -1,16 +1,15 @@
 """What a fit in Python found: printed, shown as a ball, and saved for other programs."""
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxrender.brdf import Parametric
-from jaxrender.errors import InputError
 from jaxrender.geometry import Orthographic, Sphere, look_at
 from jaxrender.imaging import NoiseModel
 from jaxrender.imaging.display import exposed, exposure_for, png_of
+from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.factorization import Factorization
 from jaxrender.inverse.outcomes import Outcome
@@ -27,14 +26,8 @@ _SIDE, _EYE = 192, np.array([2.0, -3.0, 1.2])
 _ROWS = 128
 
 
-class Estimate(NamedTuple):
-    """What a fit found, by the material's own numbers, and how well it is known.
-
-    ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
-    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
-    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
-    the fit itself.
-    """
+class _Fields(NamedTuple):
+    """What an estimate of a material holds, in this order."""
 
     model: str
     material: Parametric
@@ -49,15 +42,20 @@ class Estimate(NamedTuple):
     relative_rms: float
     details: BRDFFit | Factorization
 
-    def __str__(self) -> str:
-        """Print a table of the numbers, and what is to be known about them."""
-        rows = [f"{self.model or type(self.material).__name__}: {self.outcome.sentence}"]
-        for name, value in self.values.items():
-            told = "" if self.identifiable.get(name, True) else "  not identifiable"
-            low, high = (_shown(self.interval90[name][..., end]) for end in (0, 1))
-            rows.append(f"  {name:<12} {_shown(value)}  90 %: {low} to {high}{told}")
-        rows.append(f"  residual {100 * self.relative_rms:.3g} %")
-        return "\n".join([*rows, *(f"  {reason}" for reason in self.reasons)])
+
+class Estimate(_Fields, AnyEstimate):
+    """What a fit found, by the material's own numbers, and how well it is known.
+
+    ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
+    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
+    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
+    the fit itself.
+    """
+
+    @property
+    def title(self) -> str:
+        """Name the model."""
+        return self.model or type(self.material).__name__
 
     def ball(self, side: int = _SIDE) -> Float[np.ndarray, "row column channel"]:
         """Render a ball of the material in the light, seen from a little above; [side, side, C].
@@ -79,45 +77,15 @@ class Estimate(NamedTuple):
         ball = self.ball()
         return png_of(exposed(ball, exposure_for(ball[ball.sum(axis=-1) > 0])))
 
-    def save(self, folder: str | Path) -> Path:
-        """Write ``estimate.json``, ``ball.png`` and pictures of the light; return the folder.
+    def _write(self, folder: Path) -> dict[str, Any]:
+        """Write ``ball.png`` and panoramas of the light (z-up EXR); lay out the light.
 
-        The JSON holds the numbers by their names, with errors and intervals, how the fit ended, and
-        the light: sources and coefficients as numbers, the rest as panoramas (z-up EXR) beside it.
-        Files of an earlier estimate are replaced.  Raises ``InputError`` where the folder cannot
-        be written to.
+        Sources and coefficients are numbers, the rest the names of the panoramas.
         """
-        folder = Path(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            lights = [_light(part, folder, k) for k, part in enumerate(self.light.parts)]
-            with replacing(folder / "ball.png") as aside:
-                aside.write_bytes(self._repr_png_())
-            with replacing(folder / "estimate.json") as aside:
-                content = json.dumps(self._plain() | {"light": lights}, indent=1, allow_nan=False)
-                aside.write_text(content + "\n", encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"{folder}: cannot be written to: {error.strerror}; choose another folder"
-            ) from None
-        return folder
-
-    def _plain(self) -> dict[str, Any]:
-        """Lay out the numbers and the account of them; None where a number is not finite."""
-        numbers = {
-            key: {name: _finite(plain(value)) for name, value in getattr(self, key).items()}
-            for key in ("values", "standard_error", "interval90")
-        }
-        return {
-            "model": self.model or type(self.material).__name__,
-            "outcome": self.outcome.value,
-            "meaning": self.outcome.sentence,
-            "reasons": list(self.reasons),
-            **numbers,
-            "identifiable": self.identifiable,
-            "relative_rms": float(self.relative_rms),
-            "noise": {"relative": float(self.noise.relative), "floor": float(self.noise.floor)},
-        }
+        lights = [_light(part, folder, k) for k, part in enumerate(self.light.parts)]
+        with replacing(folder / "ball.png") as aside:
+            aside.write_bytes(self._repr_png_())
+        return {"light": lights}
 
 
 def _light(part: Light, folder: Path, number: int) -> dict[str, Any]:
@@ -134,14 +102,3 @@ def _light(part: Light, folder: Path, number: int) -> dict[str, Any]:
     name = f"light_{number}.exr"
     write_environment(folder / name, environment)
     return {"environment": name}
-
-
-def _finite(value: Any) -> Any:
-    """Replace what JSON has no number for by None."""
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return value if np.isfinite(value) else None
-
-
-def _shown(values: float | Float[np.ndarray, "..."]) -> str:
-    return " ".join(f"{value:.4g}" for value in np.ravel(values))

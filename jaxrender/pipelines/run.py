@@ -208,9 +208,7 @@ def _recover(config: RunConfig, evidence: Evidence, clock: Clock, progress: Prog
     if config.task == "brdf":
         return recover_material(config, evidence, clock, progress)
     if config.task == "brdf-spectrum":
-        assert evidence.light is not None
-        known = (evidence.observations, evidence.light)
-        return recover_spectrum(config, known, seen, clock, progress)
+        return recover_spectrum(config, evidence, clock, progress)
     if config.task == "texture":
         known = (evidence.observations, evidence.light)
         return recover_surface(config, known, seen, clock, progress)

@@ -165,10 +165,7 @@ def trace(seen, config):
             "diffuse_problem": of("diffuse_problem"),
             "factor_diffuse": of("factor_diffuse", ends=True),
         },
-        brdf_spectrum: {
-            "fit_brdf_spectrum": of("fit_brdf_spectrum", SimpleNamespace(relative_rms=0.0)),
-            "SpectrumRecovery": of("SpectrumRecovery", ends=True),
-        },
+        brdf_spectrum: {"estimate_spectrum": of("estimate_spectrum", ends=True)},
         texture: {"write_maps": of("write_maps")},
     }
     with contextlib.ExitStack() as stack:
