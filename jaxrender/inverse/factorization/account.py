@@ -181,7 +181,7 @@ def _in_gauge(
 
 @stored()
 def _carried(
-    unknown: Float[Array, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]
+    unknown: Float[AnyArray, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]
 ) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:
     """Carry the unknowns over to a gauge; with the derivatives of all numbers in a row."""
     parts, channels = shape
@@ -200,6 +200,7 @@ def _carried(
     def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
         return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
 
+    unknown = jnp.asarray(unknown)
     return body_and_light(unknown), jax.jacfwd(flat)(unknown)
 
 
@@ -217,7 +218,7 @@ def _scene(
     covariance: Float[np.ndarray, "unknown unknown"],
     errors: Float[np.ndarray, "part channel"],
     told: Float[np.ndarray, "degree"],
-    gauge: Float[np.ndarray, "channel"],
+    gauge: Float[AnyArray, "channel"],
 ) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
     active = np.flatnonzero(state.active)
