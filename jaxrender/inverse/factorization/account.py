@@ -201,6 +201,7 @@ def _carried(
     def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
         return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
 
+    unknown = jnp.asarray(unknown)
     return body_and_light(unknown), jax.jacfwd(flat)(unknown)
 
 
@@ -226,7 +227,7 @@ def _scene(
     covariance: Float[np.ndarray, "unknown unknown"],
     errors: Float[np.ndarray, "part channel"],
     told: Float[np.ndarray, "degree"],
-    gauge: Float[np.ndarray, "channel"],
+    gauge: Float[AnyArray, "channel"],
 ) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
     active = np.flatnonzero(state.active)
