@@ -76,7 +76,9 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     Raises ``ValueError`` for a name that there is none of.
     """
     kind, model = _parametric(name)
-    numbers = {n.name: n.typical for n in model.numbers if n.part == "searched"}
+    numbers: dict[str, float | None] = {
+        number.name: number.typical for number in model.numbers if number.part == "searched"
+    }
     numbers[kind.shape.name] = kind.shape.of_width(_ANY_WIDTH)
     if kind.has_index():
         without = metal or not model.has_gloss

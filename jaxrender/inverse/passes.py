@@ -15,12 +15,10 @@ from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.search import search
 from jaxrender.inverse.uncertainty import Parameters, to_parameters
-from jaxrender.inverse.weights import robust_weights
+from jaxrender.inverse.weights import deviations, noise_settled, robust_weights
 from jaxrender.reflection import ViewFilter
 from jaxrender.shapes import Float
 
-# Noise is never taken to be less than this part of the mean radiance: exact data have none.
-_LEAST_NOISE = 1e-6
 # A descent gives up after so many steps.
 _STEPS = 20
 # A step that gains less than this of chi-squared / 2 came from within .02 standard errors of the
@@ -28,8 +26,6 @@ _STEPS = 20
 _LEAST_GAIN = 2e-4
 # Costs are compared up to this.
 _ROUNDING = 1e-9
-# The noise has settled when its standard deviation changes by less than this.
-_NOISE_SETTLED = 0.02
 # Reweighting rounds: the noise settles in two or three, a robust loss in a few more.
 _ROUNDS = {"squares": 3, "huber": 7, "cauchy": 7}
 
@@ -119,7 +115,7 @@ def fit_in_rounds(
     weighed = problem.without_priors
     for turn in range(_ROUNDS[settings.loss]):
         if noise is not None and predicted is not None:
-            weighed, weights = problem, _weights(noise, predicted, scale)
+            weighed, weights = problem, 1 / deviations(noise, predicted, scale)
             weights *= share * robust_weights((radiance - predicted) * weights, settings.loss)
         data = Data(radiance, weights, np.asarray(observations.frame))
         fit = search(weighed, model, data, starts, settings.method, few)
@@ -129,7 +125,8 @@ def fit_in_rounds(
         if settled is None:
             settled = estimate_noise((radiance - predicted)[even], predicted[even])
         noise = settled
-        if turn > 0 and settings.loss == "squares" and _close(before, settled, predicted):
+        settles = turn > 0 and settings.loss == "squares" and before is not None
+        if settles and noise_settled(before, settled, predicted):
             break
     return Stop(fit, problem, model, data, observations, settled)
 
@@ -176,7 +173,7 @@ def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:
     """What a pass has left unexplained, in standard deviations of its noise."""
     radiance, predicted = np.asarray(stop.data.radiance), np.asarray(stop.fit.predicted)
     scale = float(np.sqrt(np.mean(radiance**2)))
-    return (radiance - predicted) * _weights(stop.noise, predicted, scale)
+    return (radiance - predicted) / deviations(stop.noise, predicted, scale)
 
 
 def values_of(stop: Stop) -> Parameters:
@@ -200,22 +197,3 @@ def _cost(problem: Problem, model: Model, data: Data, point: Float[np.ndarray, "
 def _not_converged(stop: Stop) -> Stop:
     solution = stop.fit.solution._replace(converged=jnp.zeros((), bool))
     return stop._replace(fit=stop.fit._replace(solution=solution))
-
-
-def _weights(
-    noise: NoiseModel, predicted: Float[np.ndarray, "sample channel"], scale: float
-) -> Float[np.ndarray, "sample channel"]:
-    """Weigh by the predicted, not the measured radiance: the latter would favour dark noise."""
-    deviation = np.asarray(noise.standard_deviation(np.maximum(predicted, 0)))
-    return 1 / np.hypot(deviation, _LEAST_NOISE * scale)
-
-
-def _close(
-    before: NoiseModel | None, after: NoiseModel, predicted: Float[np.ndarray, "sample channel"]
-) -> bool:
-    if before is None:
-        return False
-    level = np.sqrt(np.mean(predicted**2, keepdims=True))
-    one, other = (float(noise.standard_deviation(level).item()) for noise in (before, after))
-    ratio = one / max(other, 1e-300)
-    return bool(abs(np.log(max(ratio, 1e-300))) < _NOISE_SETTLED)
