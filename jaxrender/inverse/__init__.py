@@ -5,17 +5,19 @@
 ``solvers`` ``blas``
     the only place that knows the optimisation libraries; BLAS kept to one thread
 ``unknowns``
-    which parameters are free, within what bounds, and how they enter (linearly or not)
+    which parameters are free, within what bounds, with what prior, and how they enter
 ``observations``
     usable pixels as measurements, and how a subset of them is drawn
-``elimination``
-    variable projection: the linear unknowns solved for inside each step
+``elimination`` ``search`` ``descent``
+    variable projection: the linear unknowns solved for inside each step; the search for the others;
+    a descent with halved steps
 ``models``
     the exact integral behind the same interface as the dual model's table
-``passes``
-    one pass of a fit: least squares, noise and robust weights in turn
-``uncertainty`` ``conditioning`` ``account`` ``variants``
-    intervals; what rests on grazing angles; what is identifiable and why not; what on the model
+``passes`` ``weights``
+    one pass of a fit: least squares, noise and robust weights in turn; noise as weights
+``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
+    intervals; what rests on grazing angles; what is identifiable and why not, in words; what rests
+    on the model
 ``photographs`` ``scene`` ``estimate`` ``own_words``
     photographs into observations; a scene and what of it is unknown; what was found of it, shown
     and saved; a material by the numbers of its own model
@@ -23,8 +25,9 @@
     what estimates of a material, a texture and a spectrum have in common
 ``known_light``
     the light split for the dual model, and as point masses for the integral
-``brdf`` ``coarse_fit``
-    the whole recovery of a BRDF under known light (T 6.4.2); where it begins without frequency view
+``brdf`` ``material_task`` ``frequency_fit`` ``coarse_fit``
+    the whole recovery of a BRDF under known light (T 6.4.2); what it works on; how it begins, in
+    the frequency view and without
 ``comparison`` ``interreflection``
     several models judged by held-out samples; the bounces of a diffuse concave object (T 6.6)
 ``lighting``
