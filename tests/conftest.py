@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from jax._src.api_util import donation_vector
 from jax._src.interpreters import mlir
 from jaxtyping import install_import_hook
 
@@ -58,6 +59,8 @@ def pytest_runtest_teardown():
     """After a test that leaves much, every compiled program is let go."""
     if _HELD.exists() and int(_HELD.read_text().split()[1]) * mmap.PAGESIZE > _MUCH:
         jax.clear_caches()
+        # JAX forgets this one, whose keys hold functions, and with them all that these have seen.
+        donation_vector.cache_clear()
         gc.collect()
         # The C library keeps what is freed until it is told to give it back.
         ctypes.CDLL(None).malloc_trim(0)
