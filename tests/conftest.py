@@ -8,13 +8,15 @@ from pathlib import Path
 
 import jax
 import pytest
+from jax._src.api_util import donation_vector
 from jax._src.interpreters import mlir
 from jaxtyping import install_import_hook
 
 # Compiled programs and traces are most of what a process of tests holds, and each program holds
 # some of the 65,530 memory maps that Linux lets a process have.  All are let go at this many bytes,
 # which leaves the largest test room below 2 GB; the cache of compiled programs gives them back.
-_HELD, _MUCH = Path("/proc/self/statm"), 1.2e9
+# What stays after that may grow, and each time costs more than a second.
+_LIMIT, _LEAST_GROWTH = 1.2e9, 0.2e9
 
 # Most of the tests' time goes into compiling.  XLA's older emitters of loops do it a third faster
 # (what they make is slower where much is integrated, and quicker elsewhere), and a seventh comes
@@ -53,14 +55,26 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
+_limit = _LIMIT
+
+
+def _resident_bytes():
+    held = Path("/proc/self/statm")
+    return int(held.read_text().split()[1]) * mmap.PAGESIZE if held.exists() else 0
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown():
     """After a test that leaves much, every compiled program is let go."""
-    if _HELD.exists() and int(_HELD.read_text().split()[1]) * mmap.PAGESIZE > _MUCH:
+    global _limit
+    if _resident_bytes() > _limit:
         jax.clear_caches()
+        # JAX forgets this one, whose keys hold functions, and with them all that these have seen.
+        donation_vector.cache_clear()
         gc.collect()
         # The C library keeps what is freed until it is told to give it back.
         ctypes.CDLL(None).malloc_trim(0)
+        _limit = max(_LIMIT, _resident_bytes() + _LEAST_GROWTH)
 
 
 @pytest.fixture(scope="module", autouse=True)

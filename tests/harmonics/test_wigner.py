@@ -64,14 +64,19 @@ def test_equals_the_sum_of_factorials(angle):
             np.testing.assert_allclose(own[m + degree, n + degree], expected, atol=FLOAT64)
 
 
-def test_orthogonal_to_degree_128():
-    table = np.asarray(small_d(np.array([0.3, 0.8]), 128))
+# One table of 68 MB at a time.
+@pytest.mark.parametrize("angle", [0.3, 0.8, np.pi / 2])
+def test_orthogonal_to_degree_128(angle):
+    table = quarter_turn(128) if angle == np.pi / 2 else small_d(np.array(angle), 128)
     for degree in (1, 64, 127, 128):
-        unit = np.eye(2 * degree + 1)
-        for one in block(table, degree):
-            np.testing.assert_allclose(one @ one.T, unit, atol=FLOAT64)
-        turn = block(quarter_turn(128), degree)
-        np.testing.assert_allclose(turn @ turn.T, unit, atol=FLOAT64)
+        own = block(table, degree)
+        np.testing.assert_allclose(own @ own.T, np.eye(2 * degree + 1), atol=FLOAT64)
+
+
+def test_each_angle_has_its_table():
+    angles = np.array([0.3, 0.8])
+    for angle, own in zip(angles, small_d(angles, 64)):
+        np.testing.assert_allclose(own, small_d(np.array(angle), 64), atol=FLOAT64)
 
 
 def test_entries_beyond_the_degree_are_zero():
