@@ -27,7 +27,6 @@ from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import (
     RunConfig,
     SpectrumConfig,
-    TextureConfig,
     load_recipe,
     load_run_config,
     resolved_yaml,
@@ -56,8 +55,8 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
-from jaxrender.pipelines.texture import recover_surface
-from jaxrender.pipelines.texture.sites import regions_of, sites_of
+from jaxrender.pipelines.texture import recover_texture
+from jaxrender.pipelines.texture.asked import asked_sites
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -227,7 +226,7 @@ def _find(config: RunConfig, loaded: Loaded, clock: Clock, progress: Progress) -
     if config.task == "brdf-spectrum":
         return recover_spectrum(config, evidence, clock, progress)
     if config.task == "texture":
-        return recover_surface(config, (loaded.observations, loaded.light), seen, clock, progress)
+        return recover_texture(config, evidence, clock, progress)
     return recover_light(config, loaded.observations, seen, clock, progress)
 
 
@@ -295,9 +294,7 @@ def _would_fit(config: RunConfig, loaded: Loaded) -> str:
             f"{loaded.observations.count} samples of {len(loaded.photographs)} photographs"
         )
     if config.task == "texture":
-        texture = config.texture or TextureConfig()
-        sites = sites_of(loaded.shape, loaded.photographs, texture)
-        regions_of(texture.regions, sites)  # refuses a picture that the fit would refuse
+        sites = asked_sites(config, loaded.shape, loaded.photographs)
         return (
             f"dry run: would recover the material of {sites.sentence}, from "
             f"{loaded.observations.count} pixels of {len(loaded.photographs)} photographs"
