@@ -26,7 +26,6 @@ from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import (
     RunConfig,
     SpectrumConfig,
-    TextureConfig,
     load_recipe,
     load_run_config,
     resolved_yaml,
@@ -55,8 +54,8 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
-from jaxrender.pipelines.texture import recover_surface
-from jaxrender.pipelines.texture.sites import regions_of, sites_of
+from jaxrender.pipelines.texture import recover_texture
+from jaxrender.pipelines.texture.asked import asked_sites
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -202,17 +201,18 @@ def _check_samples(config: RunConfig, evidence: Evidence) -> None:
         )
 
 
+_TASKS = {
+    "brdf": recover_material,
+    "lighting": recover_light,
+    "factorize": recover_light,
+    "texture": recover_texture,
+    "brdf-spectrum": recover_spectrum,
+}
+
+
 def _recover(config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress) -> Recovery:
     """Do the task of the config."""
-    seen = (evidence.photographs, evidence.shape)
-    if config.task == "brdf":
-        return recover_material(config, evidence, clock, progress)
-    if config.task == "brdf-spectrum":
-        return recover_spectrum(config, evidence, clock, progress)
-    if config.task == "texture":
-        known = (evidence.observations, evidence.light)
-        return recover_surface(config, known, seen, clock, progress)
-    return recover_light(config, evidence, clock, progress)
+    return _TASKS[config.task](config, evidence, clock, progress)
 
 
 def _write(
@@ -283,9 +283,7 @@ def _would_fit(config: RunConfig, evidence: Evidence) -> str:
             f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
         )
     if config.task == "texture":
-        texture = config.texture or TextureConfig()
-        sites = sites_of(evidence.shape, evidence.photographs, texture)
-        regions_of(texture.regions, sites)  # refuses a picture that the fit would refuse
+        sites = asked_sites(config, evidence.shape, evidence.photographs)
         return (
             f"dry run: would recover the material of {sites.sentence}, from "
             f"{evidence.observations.count} pixels of {len(evidence.photographs)} photographs"

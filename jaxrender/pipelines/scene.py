@@ -21,7 +21,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel, response_named
-from jaxrender.inverse import FitSettings, KnownLight, Unknowns, unknowns
+from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
 from jaxrender.inverse.photographs import Reading
 from jaxrender.inverse.unknowns import Told
 from jaxrender.io import (
@@ -104,8 +104,8 @@ def lobe_of(brdf: BrdfConfig) -> Parametric:
     return lobe_named(brdf.model, metal=metal, **brdf.chosen())
 
 
-def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
-    """Make the unknowns of the solver from the free parameters."""
+def material_of(config: RunConfig) -> UnknownMaterial:
+    """Translate what is known of the material; ``InputError`` for what cannot be."""
     brdf, model = config.brdf, MODELS[config.brdf.model]
     known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}
     told = {
@@ -118,17 +118,18 @@ def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
         for name, parameter in known.items()
         if parameter is not None
     }
+    material = UnknownMaterial(model.name, lobe_of(brdf), told, brdf.ks_per_channel)
     try:
-        return unknowns.unknowns_of(
-            lobe_of(brdf),
-            told,
-            matt=model.name == "lambertian",
-            ks_per_channel=brdf.ks_per_channel,
-            free_gains=photographs if config.solve.free_exposure else 0,
-            free_scale=config.lighting.free_scale,
-        )
+        material.unknowns()
     except ValueError as error:
         raise InputError(f"brdf.{error}") from error
+    return material
+
+
+def unknowns_of(config: RunConfig, photographs: int) -> Unknowns:
+    """Translate which parameters are free into the solver's unknowns."""
+    gains = photographs if config.solve.free_exposure else 0
+    return material_of(config).unknowns(gains, config.lighting.free_scale)
 
 
 def settings_of(config: RunConfig) -> FitSettings:

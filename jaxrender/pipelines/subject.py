@@ -5,15 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxrender.brdf import Parametric, material_named
+from jaxrender.brdf import Microfacet, Parametric, material_named
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import surface_sites
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
+from jaxrender.inverse.texture import texture_columns
 from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun
-from jaxrender.pipelines.texture.surface import facets_of, lobes_of
+from jaxrender.pipelines.scene import lobe_of
 from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
 from jaxrender.shapes import Float
 
@@ -106,7 +107,8 @@ class TexturedSubject(Subject):
         self.shape, self.size = shape, (int(size[0]), int(size[1]))
         self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))
         self.ks, self.region = np.nan_to_num(ks.ravel()), region.ravel()
-        variant = facets_of(run.config.brdf)
+        variant = lobe_of(run.config.brdf)
+        assert isinstance(variant, Microfacet)
         self.lobes = [
             variant.with_roughness(float(s), None if variant.mu is None else float(m))
             for s, m in zip(sigmas, mus)
@@ -139,7 +141,7 @@ class TexturedSubject(Subject):
             samples = SurfaceSamples(view.normals[view.hit][rows], view.outgoing[view.hit][rows])
             own = SurfacePlaces(*(part[rows] for part in places))
             widths = None if self.sigma is None else self.sigma[site[rows]]
-            columns = lobes_of(lobe, samples, model, own, widths)
+            columns = texture_columns(lobe, samples, model, own, widths)
             kd, ks = self.kd[site[rows]], self.ks[site[rows]][:, None]
             values[rows] = kd * columns.diffuse + ks * columns.specular
         image = np.zeros((*view.hit.shape, values.shape[1]))

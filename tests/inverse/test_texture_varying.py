@@ -15,7 +15,7 @@ from jaxrender.brdf import Lambertian, Microfacet
 from jaxrender.inverse import Observations
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
-from jaxrender.inverse.texture import SigmaField, recover_texture
+from jaxrender.inverse.texture import SigmaField, TextureSettings, recover_texture
 from jaxrender.inverse.unknowns import Unknown
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import (
@@ -87,7 +87,7 @@ def test_what_cannot_vary_is_refused(scene):
     with pytest.raises(ValueError, match="sigma is fixed, and to vary"):
         recover_texture(*args, unknowns=fixed, field=field)
     with pytest.raises(ValueError, match="on the integral alone"):
-        recover_texture(*args, field=field, exact=False)
+        recover_texture(*args, field=field, settings=TextureSettings(exact_samples=0))
 
 
 @pytest.mark.slow

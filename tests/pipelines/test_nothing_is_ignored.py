@@ -25,6 +25,7 @@ from jaxrender.geometry import Mesh, Sphere
 from jaxrender.inverse import BRDFFit, Factorization
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.photographs import Reading, read_photographs, trace_photographs
+from jaxrender.inverse.texture import TextureEstimate, regions, unknown_light
 from jaxrender.io import read_capture, write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import brdf_spectrum, material, run, scene
@@ -32,7 +33,6 @@ from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.light import asked
 from jaxrender.pipelines.light import recovery as light
 from jaxrender.pipelines.output import FolderState
-from jaxrender.pipelines.texture import known_light, unknown_light
 from jaxrender.pipelines.texture import recovery as texture
 
 USUAL = (
@@ -155,9 +155,9 @@ def trace(seen, config):
             "LightRecovery": of("LightRecovery", ends=True),
         },
         asked.factorization: {"in_units_of": of("in_units_of", found)},
-        known_light: {
+        regions: {
             "recover_texture": of("recover_texture", ends=True),
-            "forward_under": of("forward_under", SimpleNamespace(final=None)),
+            "forward_under": of("forward_under", SimpleNamespace(final=lambda index: None)),
             "fit_texture": of("fit_texture", ends=True),
         },
         unknown_light: {
@@ -166,7 +166,6 @@ def trace(seen, config):
             "factor_diffuse": of("factor_diffuse", ends=True),
         },
         brdf_spectrum: {"estimate_spectrum": of("estimate_spectrum", ends=True)},
-        texture: {"write_maps": of("write_maps")},
     }
     with contextlib.ExitStack() as stack:
         for module, functions in stands.items():
@@ -175,7 +174,9 @@ def trace(seen, config):
             run.fit(config)
         if config.task == "texture":
             written, dark = object.__new__(texture.TextureRecovery), SimpleNamespace(light=None)
-            vars(written).update(config=config, surface=dark, sites=None, known=dark)
+            maps = mock.NonCallableMock(TextureEstimate, light=None, write_maps=of("write_maps"))
+            lit = SimpleNamespace(estimate=maps)
+            vars(written).update(config=config, lit=lit, evidence=dark)
             written.write_images(Path())
     return hash(str(record.calls))
 

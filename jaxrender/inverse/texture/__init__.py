@@ -22,6 +22,13 @@
     ``harmonic_columns``)
 ``maps``
     site values as images
+``from_photographs`` ``estimate``
+    a texture from a scene and its photographs; what was found, printed and saved
+``sites`` ``regions`` ``unknown_light``
+    which texel or vertex each pixel shows; under known light each region by itself; light and
+    texture both unknown
+``prediction`` ``columns``
+    the photographs predicted by a recovered texture; what K_d = 1 and K_s = 1 would send
 """
 
 from jaxrender.inverse.texture.account import TextureFit
@@ -31,6 +38,7 @@ from jaxrender.inverse.texture.alternation import (
     alternate,
     confidence,
 )
+from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.diffuse_light import (
     DiffuseFactors,
     DiffuseProblem,
@@ -38,6 +46,7 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
     texture_under,
 )
+from jaxrender.inverse.texture.estimate import LightCoefficients, RegionLobe, TextureEstimate
 from jaxrender.inverse.texture.fit import fit_texture, fit_texture_by_region
 from jaxrender.inverse.texture.forward import (
     Forward,
@@ -45,6 +54,7 @@ from jaxrender.inverse.texture.forward import (
     dual_forward,
     exact_forward,
 )
+from jaxrender.inverse.texture.from_photographs import estimate_texture
 from jaxrender.inverse.texture.glossy_light import (
     GlossyLight,
     GlossyProblem,
@@ -60,6 +70,8 @@ from jaxrender.inverse.texture.measurements import (
     by_site,
     whole_sites,
 )
+from jaxrender.inverse.texture.prediction import LitTexture
+from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
@@ -70,7 +82,9 @@ from jaxrender.inverse.texture.site_systems import (
     solve_freely,
     solve_sites,
 )
+from jaxrender.inverse.texture.sites import Regions, SurfaceSites, sites_of
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.unknown_light import UnknownLightSettings, under_unknown_light
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.texture.view_dependent import solve_view_dependent
 from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
@@ -84,8 +98,12 @@ __all__ = [
     "GlossyLight",
     "GlossyProblem",
     "GlossyTexture",
+    "LightCoefficients",
+    "LitTexture",
     "Lobe",
     "ModelOf",
+    "RegionLobe",
+    "Regions",
     "SigmaField",
     "SigmaMap",
     "SiteData",
@@ -93,9 +111,12 @@ __all__ = [
     "SiteObservations",
     "SiteSums",
     "SpecularPrior",
+    "SurfaceSites",
     "Texture",
+    "TextureEstimate",
     "TextureFit",
     "TextureSettings",
+    "UnknownLightSettings",
     "alternate",
     "by_shares",
     "by_site",
@@ -103,6 +124,7 @@ __all__ = [
     "diffuse_problem",
     "dilated",
     "dual_forward",
+    "estimate_texture",
     "exact_forward",
     "factor_diffuse",
     "fit_texture",
@@ -113,11 +135,15 @@ __all__ = [
     "recover_texture",
     "site_errors",
     "site_sums",
+    "sites_of",
     "solve_freely",
     "solve_sites",
     "solve_surface",
     "solve_view_dependent",
     "spread_of",
+    "texture_columns",
     "texture_under",
+    "under_known_light",
+    "under_unknown_light",
     "whole_sites",
 ]

@@ -59,7 +59,12 @@ def fit_texture(
     if field is not None:
         model = forward.final(some.index)
         searched = let_vary(searched, (measured, some), model, field, settings)
-    elif forward.exact is not None and settings.method == "joint" and unknowns.names:
+    elif (
+        forward.exact is not None
+        and settings.exact_samples
+        and settings.method == "joint"
+        and unknowns.names
+    ):
         few = whole_sites(some, settings.exact_samples, settings.seed)
         data = weighted(few, searched.noise, prediction_for(few, some, searched))
         model = forward.exact(few.index)

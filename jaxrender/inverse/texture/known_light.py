@@ -41,24 +41,26 @@ def recover_texture(
     *,
     unknowns: Unknowns | None = None,
     settings: TextureSettings | None = None,
-    exact: bool = True,
     shape: Shape | None = None,
     field: SigmaField | None = None,
 ) -> TextureFit:
     """Recover K_d and K_s of every site of an object.
 
     ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
-    the Fresnel angle, the masking and, by ``mu=None``, a metal.  With ``exact`` sigma and mu are
-    refined on the integral, and the sites solved on the dual model whose slow light is integrated
-    over the lobe.  ``shape`` is asked for shadows where it is concave; the observations must then
-    have places.  With ``field`` sigma varies over the surface, which takes ``exact``.
+    the Fresnel angle, the masking and, by ``mu=None``, a metal.  Where ``settings`` have
+    ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on the dual
+    model whose slow light is integrated over the lobe.  ``shape`` is asked for shadows where it is
+    concave; the observations must then have places.  With ``field`` sigma varies over the surface,
+    which takes ``exact_samples`` too.
     """
     settings = settings or TextureSettings()
-    unknowns = unknowns or unknowns_of(variant)
+    unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
     if field is not None:
         check_variation(unknowns, settings)
         if not exact:
-            raise ValueError("a sigma that varies is found on the integral alone: leave exact on")
+            raise ValueError(
+                "a sigma that varies is found on the integral alone: give exact_samples above 0"
+            )
     measured = by_site(observations, site, count)
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)

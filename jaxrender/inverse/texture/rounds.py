@@ -36,7 +36,8 @@ class TextureSettings(NamedTuple):
     """How a texture is fitted.
 
     ``noise`` is estimated where it is None.  ``search_samples`` are drawn for sigma and mu (whole
-    sites), ``exact_samples`` for their refinement by the exact model where there is one.
+    sites), ``exact_samples`` for their refinement by the exact model where there is one; 0: no
+    exact model is used.
     """
 
     noise: NoiseModel | None = None

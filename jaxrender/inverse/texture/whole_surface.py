@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.models import LinearisedModel, Model
+from jaxrender.inverse.models import Columns, LinearisedModel, Model
 from jaxrender.inverse.texture.alternation import alternate, confidence
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
@@ -113,6 +113,17 @@ class Texture(NamedTuple):
     def relative_error(self) -> Float[np.ndarray, "site"]:
         """The largest standard error of a site's K_d beside its value: how bad it may be."""
         return _relative_error(self.kd, self.kd_error)
+
+    def radiance(
+        self, columns: Columns, site: Int[np.ndarray, "sample"]
+    ) -> Float[np.ndarray, "sample channel"]:
+        """Evaluate B = K_d(x) D + K_s(x) S of samples that show the given sites (T 6.13).
+
+        A site that is unknown, or -1, is black.
+        """
+        kd, ks = (np.nan_to_num(values) for values in (self.kd, self.ks))
+        found = kd[site] * columns.diffuse + ks[site][:, None] * columns.specular
+        return np.where((site >= 0)[:, None], found, 0)
 
     def with_sites(self, chosen: Bool[np.ndarray, "site"], other: "Texture") -> "Texture":
         """Replace the chosen sites by those of another texture."""

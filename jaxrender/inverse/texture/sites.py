@@ -1,5 +1,6 @@
 """Which texel or vertex each pixel shows, and which material each of them belongs to."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,6 @@ from jaxrender.geometry.texels import (
 )
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import read_image
-from jaxrender.pipelines.config import TextureConfig
 from jaxrender.shapes import Bool, Float, Int
 
 # Pixels that an automatic size leaves to a texel on average, and the sizes that it chooses from.
@@ -25,11 +25,20 @@ _PIXELS_PER_TEXEL, _SMALLEST, _LARGEST = 12, 4, 1024
 _MOST_REGIONS = 16
 
 
-class SurfaceSites(NamedTuple):
-    """The sites of a capture: of each observation, of every pixel by photograph, and their image.
+class Regions(NamedTuple):
+    """The materials of a surface: the number of each site's material, and what each is called."""
 
-    ``image`` is (rows, columns), None where the sites are a mesh's vertices; -1 stands for no site.
-    ``places`` are the means of the points that were seen of each site, NaN where none was.
+    of_site: Int[np.ndarray, "site"]
+    names: tuple[str, ...]
+
+
+class SurfaceSites(NamedTuple):
+    """The texels or vertices of a surface, and where photographs show them.
+
+    ``of_observation`` numbers the site of each usable pixel of all photographs, one after the
+    other, and ``of_photograph`` that of every pixel; -1 stands for no site.  ``image`` is (rows,
+    columns), None where the sites are a mesh's vertices.  ``places`` are the means of the points
+    that were seen of each site, NaN where none was.
     """
 
     of_observation: Int[np.ndarray, "sample"]
@@ -38,6 +47,7 @@ class SurfaceSites(NamedTuple):
     image: tuple[int, int] | None
     shape: Shape
     places: Float[np.ndarray, "site 3"]
+    regions: Regions
 
     @property
     def kind(self) -> str:
@@ -66,32 +76,61 @@ class SurfaceSites(NamedTuple):
             return neighbouring_vertices(self.shape, used)
         return neighbouring_texels(self.image, used, self.wraps)
 
+    def of_region(self, number: int) -> Int[np.ndarray, "sample"]:
+        """Number the site of each observation of one region; -1 for all others."""
+        site = self.of_observation
+        own = (site >= 0) & (self.regions.of_site[site] == number)
+        return np.where(own, site, -1)
 
-def sites_of(shape: Shape, photographs: list[Photograph], config: TextureConfig) -> SurfaceSites:
-    """Find the site of every pixel of every photograph.
+    def with_regions(self, picture: str | Path) -> "SurfaceSites":
+        """Tell materials apart by the colours of a picture over the texture coordinates.
 
-    Raises ``InputError`` for settings of texels where the sites are a mesh's vertices.
+        Raises ``ValueError`` where sites are vertices, ``InputError`` for a picture that cannot be
+        read or has more than 16 colours.
+        """
+        if self.image is None:
+            raise ValueError(
+                "a picture of regions needs texture coordinates, which the mesh has not; give a "
+                "mesh with texture coordinates, or leave the picture out"
+            )
+        pixels = read_image(Path(picture)).pixels
+        colours, label = np.unique(pixels.reshape(-1, 3), axis=0, return_inverse=True)
+        if len(colours) > _MOST_REGIONS:
+            raise InputError(
+                f"{picture}: {len(colours)} colours; a picture of regions has one flat colour for "
+                f"each material, at most {_MOST_REGIONS}: save it without smoothing, as PNG"
+            )
+        of_site = texel_sites(texel_coordinates(self.image), pixels.shape[:2])
+        names = tuple(
+            "#" + "".join(f"{round(255 * min(c, 1.0)):02x}" for c in colour) for colour in colours
+        )
+        return self._replace(regions=Regions(label.reshape(-1)[of_site], names))
+
+
+def sites_of(
+    shape: Shape, photographs: Sequence[Photograph], rows: int | None = None
+) -> SurfaceSites:
+    """Find the site of every pixel of every photograph; all sites are of one material.
+
+    A sphere has texels by latitude and longitude, a mesh those of its texture coordinates, or its
+    vertices where it has none.  ``rows`` of texels are made; None: as many as leave every texel a
+    dozen pixels on average.  A sphere's texture is twice as wide as high, a mesh's is square.
+    Raises ``ValueError`` for other shapes.
     """
-    image = _image_size(shape, photographs, config)
+    image = _image_size(shape, photographs, rows)
     found = [surface_sites(shape, photograph.view, image) for photograph in photographs]
-    if found[0].image is None:
-        _refuse_what_needs_texels(config)
     usable = [s.of_pixel[p.selection.usable] for s, p in zip(found, photographs)]
     site, count = np.concatenate(usable), found[0].count
     points = np.concatenate([p.view.points[p.selection.usable] for p in photographs])
-    pictures = tuple(one.of_pixel for one in found)
-    places = _middles(points, site, count)
-    return SurfaceSites(site, pictures, count, found[0].image, shape, places)
-
-
-def _refuse_what_needs_texels(config: TextureConfig) -> None:
-    for name in ("size", "regions", "dilate"):
-        value = getattr(config, name)
-        if value != TextureConfig.model_fields[name].default:
-            raise InputError(
-                f"texture.{name}: found {value}, but the mesh has no texture coordinates, so that "
-                "each vertex has a material; remove it, or give a mesh with texture coordinates"
-            )
+    return SurfaceSites(
+        site,
+        tuple(one.of_pixel for one in found),
+        count,
+        found[0].image,
+        shape,
+        _middles(points, site, count),
+        Regions(np.zeros(count, int), ("",)),
+    )
 
 
 def _middles(
@@ -104,29 +143,11 @@ def _middles(
         return np.stack(sums, axis=-1) / seen[:, None]
 
 
-def regions_of(path: Path | None, sites: SurfaceSites) -> tuple[Int[np.ndarray, "site"], list[str]]:
-    """Number the material of every site by the colours of a picture; also what to call each."""
-    if path is None:
-        return np.zeros(sites.count, int), [""]
-    assert sites.image is not None
-    pixels = read_image(path).pixels
-    colours, label = np.unique(pixels.reshape(-1, 3), axis=0, return_inverse=True)
-    if len(colours) > _MOST_REGIONS:
-        raise InputError(
-            f"{path}: {len(colours)} colours; a picture of regions has one flat colour for each "
-            f"material, at most {_MOST_REGIONS}: save it without smoothing, as PNG"
-        )
-    of_site = texel_sites(texel_coordinates(sites.image), pixels.shape[:2])
-    names = ["#" + "".join(f"{round(255 * min(c, 1.0)):02x}" for c in colour) for colour in colours]
-    return label.reshape(-1)[of_site], names
-
-
 def _image_size(
-    shape: Shape, photographs: list[Photograph], config: TextureConfig
+    shape: Shape, photographs: Sequence[Photograph], rows: int | None
 ) -> tuple[int, int]:
     aspect = 2 if isinstance(shape, Sphere) else 1
-    rows = config.size
-    if rows == "auto":
+    if rows is None:
         usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
         wanted = np.sqrt(max(usable, 1) / (_PIXELS_PER_TEXEL * aspect))
         rows = int(np.clip(2.0 ** np.floor(np.log2(max(wanted, 1))), _SMALLEST, _LARGEST))

@@ -1,0 +1,307 @@
+"""A recovered texture: every site, the lobe of each material, the light if it was found as well."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.geometry import Mesh
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.own_words import plain
+from jaxrender.inverse.scene import UnknownMaterial
+from jaxrender.inverse.texture.maps import dilated, image_of_sites
+from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.varying import SigmaMap
+from jaxrender.inverse.texture.whole_surface import Texture
+from jaxrender.io import write_image, write_mesh
+from jaxrender.shapes import Bool, Float
+
+# How narrow half a 90 % interval must be beside the value (DESIGN 5).
+IDENTIFIABLE_WITHIN = 0.25
+# Where an interval is symmetric in the logarithm of value - origin.
+_ORIGIN = {"sigma": 0.0, "mu": 1.0}
+_LARGEST_LOG = 20.0
+_MAPS = ("kd", "ks", "kd_error", "ks_error")
+# Texels by which saved maps are continued beyond what was seen, so that seams do not show.
+_REACH = 2
+
+
+class RegionLobe(NamedTuple):
+    """One material's lobe, and how many of its sites were seen.
+
+    ``number`` and ``name`` are those of ``SurfaceSites.regions``.  Errors are None where they are
+    not known; mu is NaN where there is none.
+    """
+
+    number: int
+    name: str
+    sites: int
+    sigma: float
+    mu: float
+    sigma_error: float | None
+    mu_error: float | None
+    outcome: Outcome
+
+    def interval90(self, name: str) -> Float[np.ndarray, "2"] | None:
+        """Return the 90 % interval of ``sigma`` or ``mu``; None where the error is not known."""
+        value, error = getattr(self, name), getattr(self, f"{name}_error")
+        return None if error is None else _interval(name, value, error)
+
+    def tells(self, name: str) -> bool:
+        """Whether the interval of ``sigma`` or ``mu`` is narrow enough to speak of a value."""
+        size = getattr(self, name) - _ORIGIN[name]
+        return bool(NORMAL_90 * getattr(self, f"{name}_error") <= IDENTIFIABLE_WITHIN * size)
+
+
+class LightCoefficients(NamedTuple):
+    """A light that was recovered with a texture; standard errors are None where not known."""
+
+    coefficients: Float[np.ndarray, "coefficient channel"]
+    standard_error: Float[np.ndarray, "coefficient channel"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class TextureEstimate(AnyEstimate):
+    """A recovered texture, and how well it is known.
+
+    ``values`` have kd [site, channel] and ks [site], NaN where nothing was seen; sigma and mu of
+    the lobe, one for each of ``lobes`` where there are several, and [site] where sigma varies.  Of
+    matt paint they have kd alone.  What is not to be trusted is marked in ``texture``.
+    ``ambiguity`` says up to what the values are known, and is "" where they are absolute;
+    ``gauge`` says in what units the light is.  ``light`` is a light that was found, and
+    ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.
+    """
+
+    material: UnknownMaterial
+    texture: Texture
+    lobes: tuple[RegionLobe, ...]
+    sites: SurfaceSites
+    noise: NoiseModel
+    outcome: Outcome
+    reasons: tuple[str, ...]
+    gauge: str = "given"
+    ambiguity: str = ""
+    light: LightCoefficients | None = None
+    variation: SigmaMap | None = None
+
+    @property
+    def title(self) -> str:
+        """Name the model."""
+        return f"texture of {self.material.model or type(self.material.lobe).__name__}"
+
+    @property
+    def matt(self) -> bool:
+        """Whether the paint was taken to have no gloss."""
+        return self.material.model == "lambertian"
+
+    @property
+    def lobe_names(self) -> tuple[str, ...]:
+        """The numbers of the lobe: sigma and mu, sigma alone of a metal, none of matt paint."""
+        if self.matt:
+            return ()
+        return ("sigma", "mu") if self.material.lobe.mu is not None else ("sigma",)
+
+    @property
+    def relative_rms(self) -> float:
+        """What is left unexplained, beside the radiance."""
+        return self.texture.relative_rms
+
+    @property
+    def values(self) -> dict[str, Float[np.ndarray, "..."]]:
+        """The maps of kd and ks, and the numbers of the lobe."""
+        found = {name: getattr(self.texture, name) for name in self._amplitudes}
+        for name in self.lobe_names:
+            found[name] = _alone([getattr(lobe, name) for lobe in self.lobes])
+        return found if self.variation is None else found | {"sigma": self.variation.sigma}
+
+    @property
+    def standard_error(self) -> dict[str, Float[np.ndarray, "..."]]:
+        """Standard errors of those values whose errors are known, infinite where unseen."""
+        found = {name: getattr(self.texture, f"{name}_error") for name in self._amplitudes}
+        for name in self.lobe_names:
+            errors = [getattr(lobe, f"{name}_error") for lobe in self.lobes]
+            if None not in errors:
+                found[name] = _alone(errors)
+        return found if self.variation is None else found | {"sigma": self.variation.error}
+
+    @property
+    def interval90(self) -> dict[str, Float[np.ndarray, "... 2"]]:
+        """90 % intervals of the same; those of kd and ks end at zero."""
+        values, found = self.values, {}
+        for name, error in self.standard_error.items():
+            if name in _ORIGIN:
+                found[name] = _interval(name, values[name], error)
+                continue
+            low, high = (np.maximum(values[name] + s * NORMAL_90 * error, 0) for s in (-1, 1))
+            found[name] = np.stack([low, high], axis=-1)
+        return found
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        """Whether free sigma and mu are told, of all materials."""
+        known, unknowns = self.standard_error, self.material.unknowns()
+        return {
+            name: all(lobe.tells(name) for lobe in self.lobes)
+            for name in self.lobe_names
+            if name in known and unknowns[name].free
+        }
+
+    @property
+    def seen(self) -> Bool[np.ndarray, "site"]:
+        """Which sites were seen."""
+        return np.asarray(self.texture.seen > 0)
+
+    @property
+    def sentence(self) -> str:
+        """Say what the sites are, and what became of them."""
+        seen, texture = self.seen, self.texture
+        kd, ks = (np.count_nonzero(m & seen) for m in (texture.kd_marked, texture.ks_marked))
+        return (
+            f"{self.sites.sentence}; {np.count_nonzero(seen)} seen, {np.count_nonzero(~seen)} not; "
+            f"kd is marked at {kd} of those seen, ks at {ks}"
+        )
+
+    def brdf_of(self, lobe: RegionLobe) -> Microfacet:
+        """Build the lobe of a material; its amplitudes do not matter."""
+        variant = facets_of(self.material)
+        return variant.with_roughness(lobe.sigma, None if variant.mu is None else lobe.mu)
+
+    def images(self) -> dict[str, Float[np.ndarray, "row column channel"]]:
+        """Lay values and errors of texels out as images, NaN where unseen or unlit."""
+        assert self.sites.image is not None
+        images = {}
+        for name in _MAPS:
+            values = getattr(self.texture, name)
+            # What was seen but never lit has a value that means nothing: its error is infinite.
+            error = getattr(self.texture, f"{name.removesuffix('_error')}_error")
+            known = _finite(values) & _finite(error) & self.seen
+            images[name] = image_of_sites(values, self.sites.image, known)
+        if self.variation is not None:
+            known = np.isfinite(self.variation.sigma)
+            for name, values in zip(("sigma", "sigma_error"), self.variation):
+                images[name] = image_of_sites(values, self.sites.image, known)
+        return images
+
+    def marks(self) -> Float[np.ndarray, "row column channel"]:
+        """Lay out as an image where K_d and K_s are not to be trusted, and what was not seen."""
+        assert self.sites.image is not None
+        marks = np.stack([self.texture.kd_marked, self.texture.ks_marked, ~self.seen], axis=-1)
+        return image_of_sites(marks.astype(float), self.sites.image)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Name the files that ``write_maps`` writes, by what they hold."""
+        if self.sites.image is None:
+            return {"vertices": "textures/vertices.ply"}
+        names = _MAPS if self.variation is None else (*_MAPS, "sigma", "sigma_error")
+        return {name: f"textures/{name}.exr" for name in names} | {"marks": "textures/marks.png"}
+
+    def write_maps(self, folder: Path, reach: int = _REACH) -> None:
+        """Write the maps into ``folder/textures``, or the mesh with a number for each vertex.
+
+        Maps are continued ``reach`` texels beyond what was seen and are 0 from there on;
+        ``marks.png`` is red where K_d is not to be trusted, green where K_s is not, blue where
+        nothing was seen.  Unseen vertices have NaN.
+        """
+        (folder / "textures").mkdir(exist_ok=True)
+        if self.sites.image is None:
+            assert isinstance(self.sites.shape, Mesh)
+            write_mesh(folder / self.files["vertices"], self.sites.shape, self._columns())
+            return
+        for name, image in self.images().items():
+            filled = dilated(image, reach, self.sites.wraps)
+            write_image(folder / self.files[name], np.nan_to_num(filled))
+        write_image(folder / self.files["marks"], self.marks())
+
+    @property
+    def _amplitudes(self) -> tuple[str, ...]:
+        return ("kd",) if self.matt else ("kd", "ks")
+
+    @property
+    def _maps(self) -> tuple[str, ...]:
+        """The maps are saved as images or as a mesh."""
+        return self._amplitudes if self.variation is None else (*self._amplitudes, "sigma")
+
+    def _rows(self) -> list[str]:
+        rows, seen = [f"  {self.sentence}"], self.seen
+        for name in self._maps:
+            value, error = (part[name][seen] for part in (self.values, self.standard_error))
+            middle = " ".join(f"{v:.4g}" for v in np.ravel(np.nanmedian(value, axis=0)))
+            spread = " ".join(f"{v:.2g}" for v in np.ravel(np.nanmedian(error, axis=0)))
+            rows.append(f"  {name:<12} median {middle}  its standard error {spread}")
+        rows += super()._rows()
+        if self.ambiguity and self.ambiguity not in self.reasons:
+            rows.append(f"  {self.ambiguity}")
+        return rows
+
+    def _write(self, folder: Path) -> dict[str, Any]:
+        """Write the maps; name them, and lay out the light that was found."""
+        self.write_maps(folder)
+        light = [] if self.light is None else [{"coefficients": plain(self.light.coefficients)}]
+        return {
+            "maps": self.files,
+            "sites": self.sentence,
+            "regions": list(self.sites.regions.names),
+            "gauge": self.gauge,
+            "ambiguity": self.ambiguity,
+            "light": light,
+        }
+
+    def _columns(self) -> dict[str, np.ndarray]:
+        """List what a mesh's vertices have."""
+        texture = self.texture
+        columns = {"ks": texture.ks, "ks_error": texture.ks_error}
+        for channel, letter in enumerate("rgb"):
+            columns[f"kd_{letter}"] = texture.kd[:, channel]
+            columns[f"kd_error_{letter}"] = texture.kd_error[:, channel]
+        columns |= {"kd_marked": texture.kd_marked, "ks_marked": texture.ks_marked}
+        if self.variation is not None:
+            columns |= {"sigma": self.variation.sigma, "sigma_error": self.variation.error}
+        return columns
+
+
+def facets_of(material: UnknownMaterial) -> Microfacet:
+    """Pick the lobe of a material of facets, or of matt paint; ``ValueError`` for other models."""
+    if not isinstance(material.lobe, Microfacet):
+        name = material.model or type(material.lobe).__name__
+        raise ValueError(
+            f"{name}: a texture fits facets (microfacet, ggx, beckmann) or lambertian; choose one"
+        )
+    return material.lobe
+
+
+def worst_outcome(outcomes: list[Outcome]) -> Outcome:
+    """Pick the outcome that a reader has to know of."""
+    order = (
+        Outcome.NOT_CONVERGED,
+        Outcome.AT_BOUND,
+        Outcome.NOT_IDENTIFIABLE,
+        Outcome.CONVERGED,
+    )
+    return next(outcome for outcome in order if outcome in outcomes)
+
+
+def _interval(
+    name: str, value: float | Float[np.ndarray, "..."], error: float | Float[np.ndarray, "..."]
+) -> Float[np.ndarray, "... 2"]:
+    """Return the 90 % interval, symmetric in the logarithm of sigma or of mu - 1."""
+    size = np.asarray(value) - _ORIGIN[name]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # An error beyond all measure need not be said to the digit.
+        log = np.minimum(NORMAL_90 * np.asarray(error) / size, _LARGEST_LOG)
+        factor = np.where(size > 0, np.exp(log), 1.0)
+    return np.stack([_ORIGIN[name] + size / factor, _ORIGIN[name] + size * factor], axis=-1)
+
+
+def _alone(values: list[float]) -> Float[np.ndarray, "*region"]:
+    """One number for one region, an array for several."""
+    return np.asarray(values[0] if len(values) == 1 else values)
+
+
+def _finite(values: Float[np.ndarray, "site *channel"]) -> Bool[np.ndarray, "site"]:
+    finite: np.ndarray = np.isfinite(np.asarray(values))
+    return np.asarray(finite.reshape(len(values), -1).all(axis=1))

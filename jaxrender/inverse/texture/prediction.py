@@ -1,0 +1,134 @@
+"""Photographs predicted by a recovered texture, with the model that its sites were solved by."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.geometry import SurfacePlaces, SurfaceSamples, SurfaceView
+from jaxrender.inverse.known_light import KnownLight, prepare_light
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.texture.columns import texture_columns
+from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
+from jaxrender.inverse.texture.unknown_light import model_under
+from jaxrender.inverse.transfer_field import TransferField
+from jaxrender.reflection import (
+    FACETS,
+    DualForward,
+    ForwardModel,
+    ShadowedDual,
+    ShadowedModel,
+    dual_light,
+)
+from jaxrender.shapes import Bool, Float, Int
+
+# The model of the light of one photograph, by its number.
+ModelOf = Callable[[int], ForwardModel | ShadowedModel]
+
+
+class LitTexture(NamedTuple):
+    """A texture under the light that it was recovered under.
+
+    ``observations`` are those that it was recovered from, and ``light`` None where that was
+    recovered as well.  ``exact`` says whether the sites were solved on slow light integrated over
+    the lobe.  ``transfer`` are the transfer vectors of a concave shape.
+    """
+
+    estimate: TextureEstimate
+    observations: Observations
+    light: KnownLight | None
+    exact: bool = True
+    transfer: TransferField | None = None
+
+    def predict(
+        self, views: Sequence[SurfaceView]
+    ) -> list[Float[np.ndarray, "row column channel"]]:
+        """Render every photograph, given what its camera sees, by the dual model."""
+        pixels = _Pixels.of(views, self.estimate.sites.of_photograph)
+        values = np.zeros((len(pixels.site), self.estimate.texture.kd.shape[1]))
+        for lobe in self.estimate.lobes:
+            own = pixels.site >= 0
+            own &= self.estimate.sites.regions.of_site[pixels.site] == lobe.number
+            model_of = self._model_of(lobe)
+            for number, rows in self._by_light(pixels, own):
+                samples = SurfaceSamples(*(part[rows] for part in pixels.samples))
+                places = SurfacePlaces(*(part[rows] for part in pixels.places))
+                site = pixels.site[rows]
+                columns = texture_columns(
+                    self.estimate.brdf_of(lobe),
+                    samples,
+                    model_of(number),
+                    places,
+                    self._widths(site),
+                )
+                values[rows] = self.estimate.texture.radiance(columns, site)
+        images = []
+        for number, view in enumerate(views):
+            image = np.zeros((*view.hit.shape, values.shape[1]))
+            image[view.hit] = np.maximum(values[pixels.frame == number], 0)
+            images.append(image)
+        return images
+
+    def _by_light(
+        self, pixels: "_Pixels", own: Bool[np.ndarray, "pixel"]
+    ) -> list[tuple[int, Int[np.ndarray, "row"]]]:
+        """List photographs that have a light of their own, or one for all, with their pixels."""
+        if self.light is None or self.light.per_frame is None:
+            return [(0, np.flatnonzero(own))]
+        return [
+            (number, np.flatnonzero(own & (pixels.frame == number)))
+            for number in range(len(self.estimate.sites.of_photograph))
+        ]
+
+    def _model_of(self, lobe: RegionLobe) -> ModelOf:
+        """Split the light as it was split for the sites of this lobe."""
+        light, field = self.light, self.transfer
+        if light is None:
+            assert self.estimate.light is not None
+            found = model_under(self.estimate.light)
+            return lambda number: found
+        brdf, transfer = self.estimate.brdf_of(lobe).as_metal(), "exit-cosine"
+        if self.estimate.variation is not None:
+            brdf = brdf.with_roughness(float(np.nanmin(self.estimate.variation.sigma)))
+        if field is None and self.exact:
+            # As the sites were solved.
+            transfer = FACETS
+        prepared = prepare_light(light, self.observations, brdf, "auto", None, transfer=transfer)
+
+        def model(number: int) -> ForwardModel | ShadowedModel:
+            sources = light.sources_of(number)
+            dual = dual_light(prepared.split, sources, prepared.dual.band_limit)
+            if field is None:
+                return DualForward(dual, transfer)
+            return ShadowedDual(field.shape, dual, field.at)
+
+        return model
+
+    def _widths(self, site: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"] | None:
+        """Look up sigma where it varies; the mean where it is not known, which nothing uses."""
+        if self.estimate.variation is None:
+            return None
+        sigma = self.estimate.variation.sigma
+        return np.nan_to_num(sigma, nan=float(np.nanmean(sigma)))[site]
+
+
+class _Pixels(NamedTuple):
+    """All pixels of all photographs that show the object, one after the other."""
+
+    samples: SurfaceSamples
+    places: SurfacePlaces
+    frame: Int[np.ndarray, "pixel"]
+    site: Int[np.ndarray, "pixel"]
+
+    @classmethod
+    def of(
+        cls, views: Sequence[SurfaceView], sites: Sequence[Int[np.ndarray, "row column"]]
+    ) -> "_Pixels":
+        hits = [view.hit for view in views]
+        samples = SurfaceSamples(
+            np.concatenate([view.normals[hit] for view, hit in zip(views, hits)]),
+            np.concatenate([view.outgoing[hit] for view, hit in zip(views, hits)]),
+        )
+        frame = np.repeat(np.arange(len(views)), [int(hit.sum()) for hit in hits])
+        site = np.concatenate([own[hit] for own, hit in zip(sites, hits)])
+        return cls(samples, SurfacePlaces.of_views(views), frame, site)

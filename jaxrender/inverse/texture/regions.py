@@ -1,0 +1,158 @@
+"""A texture under known light whose materials lie in regions: each region by itself (T 6.13)."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import Microfacet
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.models import MatteModel
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.scene import UnknownMaterial
+from jaxrender.inverse.shadowing import concave, with_transfer
+from jaxrender.inverse.texture.account import TextureFit
+from jaxrender.inverse.texture.estimate import (
+    RegionLobe,
+    TextureEstimate,
+    facets_of,
+    worst_outcome,
+)
+from jaxrender.inverse.texture.fit import fit_texture
+from jaxrender.inverse.texture.forward import Forward, ModelOf
+from jaxrender.inverse.texture.known_light import forward_under, recover_texture
+from jaxrender.inverse.texture.measurements import by_site
+from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
+from jaxrender.inverse.unknowns import Told, unknowns_of
+from jaxrender.shapes import Bool, Int
+
+# A lobe that nothing asks about: matt paint has none.
+_NO_LOBE = 0.1
+
+
+class _Found(NamedTuple):
+    """What was found of one region."""
+
+    lobe: RegionLobe
+    fit: TextureFit
+
+
+def under_known_light(
+    observations: Observations,
+    sites: SurfaceSites,
+    light: KnownLight,
+    material: UnknownMaterial,
+    settings: TextureSettings | None = None,
+    control_points: int = 0,
+) -> TextureEstimate:
+    """Recover the texture of each region by itself, and put them together.
+
+    ``observations`` are all usable pixels of the photographs that ``sites`` are of.  With
+    ``control_points`` sigma varies slowly over each region.  Raises ``ValueError`` for models that
+    are not of facets, for settings that matt paint has no use for, and where nothing can be told,
+    such as for sites that are seen only once.
+    """
+    settings, variant = settings or TextureSettings(), facets_of(material)
+    matt = material.model == "lambertian"
+    if matt:
+        _check_matt(settings, control_points)
+    if concave(sites.shape) is not None:
+        observations = with_transfer(observations, sites.shape, light.diffuse_degrees)
+    regions, found = sites.regions, []
+    texture, variation = None, None
+    for number, name in enumerate(regions.names):
+        site = sites.of_region(number)
+        if not (site >= 0).any():
+            continue
+        if matt:
+            fit = _matt(observations, site, sites, light, variant, settings)
+        else:
+            field = _field(sites, site, control_points) if control_points else None
+            fit = recover_texture(
+                observations,
+                site,
+                sites.count,
+                light,
+                variant,
+                unknowns=material.unknowns(),
+                settings=settings,
+                shape=concave(sites.shape),
+                field=field,
+            )
+        own = regions.of_site == number
+        texture = fit.texture if texture is None else texture.with_sites(own, fit.texture)
+        variation = _joined(variation, fit.variation, own)
+        seen = int(np.count_nonzero(fit.texture.seen))
+        sigma_error, mu_error = (None, None) if matt else (fit.sigma_error, fit.mu_error)
+        lobe = RegionLobe(number, name, seen, fit.sigma, fit.mu, sigma_error, mu_error, fit.outcome)
+        found.append(_Found(lobe, fit))
+    if texture is None:
+        raise ValueError("no observation has a site: do the cameras see the textured surface?")
+    return TextureEstimate(
+        material,
+        texture,
+        tuple(one.lobe for one in found),
+        sites,
+        max(found, key=lambda one: one.lobe.sites).fit.noise,
+        worst_outcome([one.lobe.outcome for one in found]),
+        tuple(reason for one in found for reason in _reasons(one)),
+        variation=variation,
+    )
+
+
+def _reasons(found: _Found) -> list[str]:
+    where = f" in region {found.lobe.name}" if found.lobe.name else ""
+    return [f"{reason}{where}" for reason in found.fit.reasons]
+
+
+def _check_matt(settings: TextureSettings, control_points: int) -> None:
+    usual = TextureSettings()
+    for name in ("method", "starts", "exact_samples"):
+        if getattr(settings, name) != getattr(usual, name):
+            raise ValueError(
+                f"{name}={getattr(settings, name)!r}: matt paint is found without a search and "
+                "without refinement; leave it out"
+            )
+    if control_points:
+        raise ValueError(
+            f"control_points={control_points}: matt paint has no sigma that could vary; leave it "
+            "out, or choose a model with gloss"
+        )
+
+
+def _field(sites: SurfaceSites, site: Int[np.ndarray, "sample"], control_points: int) -> SigmaField:
+    """Spread control points over the sites of a region, no more than these are."""
+    own = np.zeros(sites.count, bool)
+    own[site[site >= 0]] = True
+    places = np.where(own[:, None], sites.places, np.nan)
+    return SigmaField.over(places, min(control_points, int(own.sum())))
+
+
+def _joined(
+    before: SigmaMap | None, own: SigmaMap | None, chosen: Bool[np.ndarray, "site"]
+) -> SigmaMap | None:
+    """Add a region's sigma to those of the regions before it."""
+    if own is None or before is None:
+        return own
+    return SigmaMap(*(np.where(chosen, new, old) for new, old in zip(own, before)))
+
+
+def _matt(
+    observations: Observations,
+    site: Int[np.ndarray, "sample"],
+    sites: SurfaceSites,
+    light: KnownLight,
+    variant: Microfacet,
+    settings: TextureSettings,
+) -> TextureFit:
+    """Divide by the irradiance (T 6.1.1, class 1), each site by all its observations."""
+    reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
+    forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
+    without_gloss = Forward(*(_without_gloss(forward.final) for _ in range(2)))
+    unknowns = unknowns_of(variant.as_metal(), {"sigma": Told(fixed=_NO_LOBE)})
+    return fit_texture(by_site(observations, site, sites.count), without_gloss, unknowns, settings)
+
+
+def _without_gloss(model_of: ModelOf) -> ModelOf:
+    return lambda index: MatteModel(model_of(index))

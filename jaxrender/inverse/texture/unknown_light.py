@@ -1,0 +1,340 @@
+"""Texture and light both unknown (T 6.1.1): what photographs tell, and up to what.
+
+A matte object's (class 6) texture is told up to a factor that depends on the normal alone and has
+the few degrees of irradiance; a stated prior picks one.  A glossy object's (class 7) light shows in
+what moves with the view, so that only one scale is open.  Noise that is not given is estimated from
+what is left, and all of it repeated.
+"""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import SurfaceSamples
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.any_estimate import NORMAL_90
+from jaxrender.inverse.models import Columns
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.scene import UnknownMaterial
+from jaxrender.inverse.texture.columns import texture_columns
+from jaxrender.inverse.texture.diffuse_light import (
+    DiffuseFactors,
+    DiffuseProblem,
+    diffuse_problem,
+    factor_diffuse,
+)
+from jaxrender.inverse.texture.estimate import (
+    IDENTIFIABLE_WITHIN,
+    LightCoefficients,
+    RegionLobe,
+    TextureEstimate,
+    facets_of,
+)
+from jaxrender.inverse.texture.glossy_light import (
+    GlossyLight,
+    GlossyProblem,
+    GlossyTexture,
+    recover_glossy,
+)
+from jaxrender.inverse.texture.measurements import by_site
+from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.whole_surface import TRUSTED_ERROR, TRUSTED_MISFIT, Texture
+from jaxrender.lighting import DirectionalSources
+from jaxrender.reflection import DualForward, DualLight
+from jaxrender.shapes import Float, Int
+
+# Degrees of an unknown light: what irradiance has, and what glossy lobes pass: of sigma .16 and
+# above, and to 1.6 / sigma of narrower ones.  What they do not pass costs time, but no accuracy.
+_MATTE_BAND_LIMIT, _GLOSSY_BAND_LIMIT = 2, 10
+_BAND_LIMIT_TIMES_SIGMA, _HIGHEST_BAND_LIMIT = 1.6, 16
+# The width of a lobe that nothing asks about: matt paint has none.
+_NO_LOBE = 0.1
+# The noise that is assumed until it has been estimated.
+_FIRST_NOISE = NoiseModel(0.01, 0.0)
+# What picks a matt object's texture, unless said otherwise.
+_PRIOR = "total-variation"
+# An answer that leaves more than this unexplained is none.
+_MUCH_LEFT = 0.2
+_MATTE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
+_GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
+_SCALE_ALONE = (
+    "light and texture are both unknown: light times reflectance is all that photographs tell, so "
+    f"the scale is a choice ({_GLOSSY_GAUGE})"
+)
+
+
+class UnknownLightSettings(NamedTuple):
+    """How a texture and the light are found together.
+
+    ``noise`` is estimated where it is None.  ``band_limit`` is the highest degree of the light;
+    None: 2 for matt paint, and as far as the lobe passes it for gloss.  ``exact`` finds gloss on
+    the integral.  ``prior`` picks the texture of matt paint: ``total-variation`` (where it is None)
+    expects paint of few colours, ``variance`` an even one.
+    """
+
+    noise: NoiseModel | None = None
+    band_limit: int | None = None
+    exact: bool = True
+    prior: str | None = None
+
+
+def under_unknown_light(
+    observations: Observations,
+    sites: SurfaceSites,
+    material: UnknownMaterial,
+    settings: UnknownLightSettings | None = None,
+) -> TextureEstimate:
+    """Recover light and texture, of one material.
+
+    ``observations`` are all usable pixels of the photographs that ``sites`` are of.  Raises
+    ``ValueError`` for concave shapes, for models that are not of facets, for several regions, for
+    settings that the material has no use for, and where nothing can be told.
+    """
+    settings = settings or UnknownLightSettings()
+    facets_of(material)
+    if not sites.shape.is_convex():
+        raise ValueError(
+            "the shape is concave, and shadows under unknown light are not modelled: give the "
+            "light, or a convex shape"
+        )
+    if len(sites.regions.names) > 1:
+        raise ValueError(
+            f"{len(sites.regions.names)} regions: under unknown light the surface has one lobe; "
+            "give the light, or leave the regions out"
+        )
+    matt = material.model == "lambertian"
+    if matt and not settings.exact:
+        raise ValueError("exact=False: matt paint has no gloss to find; leave it out")
+    if not matt and settings.prior is not None:
+        raise ValueError(
+            f"prior={settings.prior!r}: gloss shows in what moves with the view, not by a prior; "
+            "leave it out, or choose lambertian"
+        )
+    once = _matt if matt else _glossy
+    estimate = once(observations, sites, material, settings, settings.noise or _FIRST_NOISE)
+    columns = _columns(estimate, observations.samples)
+    if settings.noise is None:
+        noise = _noise_left(observations, estimate, columns)
+        estimate = once(observations, sites, material, settings, noise)
+        columns = _columns(estimate, observations.samples)
+    return _judged(estimate, columns, observations)
+
+
+def model_under(light: LightCoefficients) -> DualForward:
+    """Make the model of a light that was recovered as coefficients."""
+    return DualForward(DualLight(jnp.asarray(light.coefficients), DirectionalSources.none()))
+
+
+def _glossy(
+    observations: Observations,
+    sites: SurfaceSites,
+    material: UnknownMaterial,
+    settings: UnknownLightSettings,
+    noise: NoiseModel,
+) -> TextureEstimate:
+    limit = settings.band_limit
+    problem = GlossyProblem(
+        by_site(observations, sites.of_observation, sites.count),
+        observations,
+        facets_of(material),
+        _GLOSSY_BAND_LIMIT if limit is None else limit,
+        (float(noise.relative), float(noise.floor)),
+        settings.exact,
+    )
+    unknowns = material.unknowns()
+    found = recover_glossy(problem, unknowns)
+    wanted = min(math.ceil(_BAND_LIMIT_TIMES_SIGMA / found.light.sigma), _HIGHEST_BAND_LIMIT)
+    if limit is None and wanted > problem.band_limit:
+        found = recover_glossy(problem._replace(band_limit=wanted), unknowns)
+    found = _in_gauge(found)
+    light, seen = found.light, problem.measured.seen
+    outcome, reasons = _told(light)
+    lobe = RegionLobe(
+        0,
+        "",
+        int(np.count_nonzero(seen)),
+        light.sigma,
+        float("nan") if light.mu is None else light.mu,
+        light.sigma_error,
+        light.mu_error,
+        outcome,
+    )
+    return TextureEstimate(
+        material,
+        _unjudged(found.kd, found.ks, found.kd_error, found.ks_error, seen),
+        (lobe,),
+        sites,
+        noise,
+        outcome,
+        reasons,
+        _GLOSSY_GAUGE,
+        _SCALE_ALONE,
+        LightCoefficients(light.coefficients, light.standard_error),
+    )
+
+
+def _in_gauge(found: GlossyTexture) -> GlossyTexture:
+    """Scale so that the mean of kd + ks over sites and channels is 1."""
+    scale = float(np.nanmean(found.kd) + np.nanmean(found.ks))
+    light = found.light._replace(
+        coefficients=found.light.coefficients * scale,
+        covariance=found.light.covariance * scale**2,
+    )
+    return GlossyTexture(light, *(part / scale for part in found[1:]))
+
+
+def _told(light: GlossyLight) -> tuple[Outcome, tuple[str, ...]]:
+    """Say which of sigma, mu and the light's degrees are not told; degree 0 sets kd against ks."""
+    reasons = []
+    widths = {"sigma": light.sigma_error / light.sigma}
+    if light.mu is not None and light.mu_error is not None:
+        widths["mu"] = light.mu_error / (light.mu - 1)
+    lost = [name for name, width in widths.items() if not NORMAL_90 * width <= IDENTIFIABLE_WITHIN]
+    if lost:
+        reasons.append(
+            f"{' and '.join(lost)}: what moves with the view does not tell; light and ks rest on "
+            "sigma and mu, fix them if they are known"
+        )
+    errors = NORMAL_90 * light.relative_error_by_degree
+    dim = np.flatnonzero(~(errors <= IDENTIFIABLE_WITHIN))
+    if dim.size:
+        numbers = ", ".join(map(str, dim))
+        reasons.append(f"the light of degree {numbers} is not told by what moves with the view")
+    if dim.size and dim[0] == 0:
+        reasons.append("so the ratio of kd to ks is not told: it rests on the light of degree 0")
+    if lost or (dim.size and dim[0] == 0):
+        return Outcome.NOT_IDENTIFIABLE, tuple(reasons)
+    return (Outcome.CONVERGED if light.converged else Outcome.NOT_CONVERGED), tuple(reasons)
+
+
+def _matt(
+    observations: Observations,
+    sites: SurfaceSites,
+    material: UnknownMaterial,
+    settings: UnknownLightSettings,
+    noise: NoiseModel,
+) -> TextureEstimate:
+    measured = by_site(observations, sites.of_observation, sites.count)
+    problem = diffuse_problem(
+        measured,
+        np.asarray(observations.samples.normals),
+        sites.neighbours(measured.seen > 0),
+        _MATTE_BAND_LIMIT if settings.band_limit is None else settings.band_limit,
+        (float(noise.relative), float(noise.floor)),
+    )
+    prior = settings.prior or _PRIOR
+    found = factor_diffuse(problem, prior)
+    outcome = Outcome.NOT_IDENTIFIABLE if found.untold.any() else Outcome.CONVERGED
+    if not found.converged:
+        outcome = Outcome.NOT_CONVERGED
+    seen, none = problem.measured.seen, np.zeros(sites.count)
+    lobe = RegionLobe(
+        0, "", int(np.count_nonzero(seen)), _NO_LOBE, float("nan"), None, None, outcome
+    )
+    sentence = _ambiguity(found, prior)
+    return TextureEstimate(
+        material,
+        _unjudged(found.texture, none, _errors(problem, found), none, seen),
+        (lobe,),
+        sites,
+        noise,
+        outcome,
+        (sentence,),
+        _MATTE_GAUGE,
+        sentence,
+        LightCoefficients(found.light, None),
+    )
+
+
+def _ambiguity(found: DiffuseFactors, prior: str) -> str:
+    untold, every = int(found.untold.sum(axis=1).max()), found.untold.shape[1]
+    return (
+        "light and texture are both unknown: photographs of a matte object tell its texture up to "
+        "a factor that depends on the normal alone and has no degrees above those of irradiance "
+        f"(T 6.1.1, class 6); {untold} of {every} directions of the light are not told, and these "
+        f"values are those that the prior '{prior}' picks ({_MATTE_GAUGE})"
+    )
+
+
+def _errors(problem: DiffuseProblem, found: DiffuseFactors) -> Float[np.ndarray, "site channel"]:
+    """Compute standard errors under the light that was picked."""
+    weights, measured = problem.log_error**-2, problem.measured
+    total = np.stack([np.bincount(measured.site, w, measured.count) for w in weights.T], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(total > 0, np.nan_to_num(found.texture) / np.sqrt(total), np.inf)
+
+
+def _unjudged(
+    kd: Float[np.ndarray, "site channel"],
+    ks: Float[np.ndarray, "site"],
+    kd_error: Float[np.ndarray, "site channel"],
+    ks_error: Float[np.ndarray, "site"],
+    seen: Int[np.ndarray, "site"],
+) -> Texture:
+    """Lay out a texture whose misfit and marks are still open."""
+    nothing, marks = np.full(len(seen), np.nan), np.zeros(len(seen), bool)
+    kd, ks, kd_error, ks_error = map(np.asarray, (kd, ks, kd_error, ks_error))
+    return Texture(kd, ks, kd_error, ks_error, nothing, seen, marks, marks, 0.0)
+
+
+def _columns(estimate: TextureEstimate, samples: SurfaceSamples) -> Columns:
+    assert estimate.light is not None
+    lobe = estimate.brdf_of(estimate.lobes[0])
+    return texture_columns(lobe, samples, model_under(estimate.light))
+
+
+def _noise_left(
+    observations: Observations, estimate: TextureEstimate, columns: Columns
+) -> NoiseModel:
+    """Estimate the noise, making up for what each site's material has fitted away."""
+    radiance, site = np.asarray(observations.radiance), estimate.sites.of_observation
+    predicted = estimate.texture.radiance(columns, site)
+    seen = np.where(site >= 0, estimate.texture.seen[site], 0)
+    channels = radiance.shape[1]
+    measured, fitted = seen * channels, channels + 1
+    told = (measured > fitted) & (predicted > 0).all(axis=1)
+    inflation = np.sqrt(measured[told] / (measured[told] - fitted))[:, None]
+    return estimate_noise((radiance - predicted)[told] * inflation, predicted[told])
+
+
+def _judged(
+    estimate: TextureEstimate, columns: Columns, observations: Observations
+) -> TextureEstimate:
+    """Add each site's misfit and marks, and what is left unexplained of all."""
+    radiance, texture = np.asarray(observations.radiance), estimate.texture
+    site = estimate.sites.of_observation
+    off = (radiance - texture.radiance(columns, site))[site >= 0]
+    known = site[site >= 0]
+    level = np.maximum(radiance[site >= 0] - off, 0)
+    deviation = np.asarray(estimate.noise.standard_deviation(level)) + 1e-12
+    squares = np.sum((off / deviation) ** 2, axis=1)
+    channels = radiance.shape[1]
+    freedom = np.maximum(texture.seen * channels - channels - 1, 1)
+    total = np.bincount(known, squares, estimate.sites.count)
+    misfit = np.where(texture.seen > 0, np.sqrt(total / freedom), np.nan)
+    energy = float(np.sum(radiance[site >= 0] ** 2))
+    error = texture.relative_error
+    left = float(np.sqrt(np.sum(off**2) / energy)) if energy > 0 else 0.0
+    if left > _MUCH_LEFT:
+        assert estimate.light is not None
+        limit = int(np.sqrt(len(estimate.light.coefficients))) - 1
+        much = (
+            f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} "
+            "is too soft for what lit the object, such as lamps, or the surface is not as "
+            "supposed; give the light, or another band limit"
+        )
+        reasons = (much, *estimate.reasons)
+        estimate = replace(estimate, outcome=Outcome.NOT_CONVERGED, reasons=reasons)
+    return replace(
+        estimate,
+        texture=texture._replace(
+            misfit=misfit,
+            kd_marked=~(error <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT),
+            ks_marked=~(NORMAL_90 * texture.ks_error <= IDENTIFIABLE_WITHIN * texture.ks),
+            relative_rms=left,
+        ),
+    )

@@ -1,0 +1,54 @@
+"""A recovered texture as the arrays of ``result.nc``."""
+
+import numpy as np
+
+from jaxrender.inverse.texture import TextureEstimate
+from jaxrender.io.netcdf import Group, Variable
+from jaxrender.pipelines.arrays import light_group
+
+# What a site has: units, meaning.
+_SITE = {
+    "kd": ("1/sr", "diffuse BRDF"),
+    "kd_error": ("1/sr", "standard error of kd"),
+    "ks": ("1", "specular reflectance"),
+    "ks_error": ("1", "standard error of ks"),
+    "misfit": ("1", "rms of a site's residuals over the noise"),
+    "seen": ("1", "observations of a site"),
+    "kd_marked": ("1", "whether kd is not to be trusted"),
+    "ks_marked": ("1", "whether ks is the prior's more than its own"),
+    "region": ("1", "number of the region, -1 for none"),
+    "sigma": ("radian", "width of the lobe"),
+    "sigma_error": ("radian", "standard error of sigma"),
+}
+
+
+def texture_groups(estimate: TextureEstimate) -> dict[str, Group]:
+    """Lay out every site's values, errors and marks, sigma and mu, and a recovered light."""
+    texture, sites = estimate.texture, estimate.sites
+    names, size = (("row", "column"), sites.image)
+    if size is None:
+        names, size = ("vertex",), (sites.count,)
+    values = {name: getattr(texture, name) for name in _SITE if name in texture._fields}
+    values["region"] = sites.regions.of_site
+    if estimate.variation is not None:
+        values |= zip(("sigma", "sigma_error"), estimate.variation)
+    variables = {}
+    for name, found in values.items():
+        inner = ("channel",) if np.ndim(found) == 2 else ()
+        shaped = np.reshape(found, (*size, *np.shape(found)[1:]))
+        variables[name] = Variable((*names, *inner), shaped, *_SITE[name])
+    groups = {"texture": Group(variables), "lobe": Group(_lobe(estimate))}
+    if estimate.light is not None:
+        coefficients, errors = estimate.light
+        groups["light"] = light_group(coefficients, slow_error=errors)
+    return groups
+
+
+def _lobe(estimate: TextureEstimate) -> dict[str, Variable]:
+    variables = {}
+    for name in ("sigma", "mu", "sigma_error", "mu_error"):
+        given = [getattr(lobe, name) for lobe in estimate.lobes]
+        numbers = [np.nan if value is None else value for value in given]
+        units = "radian" if name.startswith("sigma") else "1"
+        variables[name] = Variable(("region",), numbers, units, f"{name} of each region's lobe")
+    return variables
