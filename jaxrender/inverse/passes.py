@@ -125,8 +125,9 @@ def fit_in_rounds(
         if settled is None:
             settled = estimate_noise((radiance - predicted)[even], predicted[even])
         noise = settled
-        settles = turn > 0 and settings.loss == "squares" and before is not None
-        if settles and noise_settled(before, settled, predicted):
+        if turn == 0 or settings.loss != "squares" or before is None:
+            continue
+        if noise_settled(before, settled, predicted):
             break
     return Stop(fit, problem, model, data, observations, settled)
 

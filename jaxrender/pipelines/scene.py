@@ -23,7 +23,7 @@ from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel, response_named
 from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
 from jaxrender.inverse.photographs import Reading
-from jaxrender.inverse.unknowns import Told
+from jaxrender.inverse.unknowns import Prior, Told
 from jaxrender.io import (
     Capture,
     read_capture,
@@ -113,7 +113,7 @@ def material_of(config: RunConfig) -> UnknownMaterial:
             parameter.fixed,
             parameter.bounds,
             None if parameter.start is None else float(np.mean(parameter.start)),
-            None if parameter.prior is None else unknowns.Prior(*parameter.prior),
+            None if parameter.prior is None else Prior(*parameter.prior),
         )
         for name, parameter in known.items()
         if parameter is not None
