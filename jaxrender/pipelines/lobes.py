@@ -80,7 +80,7 @@ def model_of(specification: str, option: str = "--brdf ") -> Lobe:
     parameters: dict[str, Any] = _typical(model)
     for pair in filter(None, (part.strip() for part in rest.split(","))):
         name, _, text = (part.strip() for part in pair.partition("="))
-        parameters[name] = _value(place, model, (name, text))
+        parameters[name] = _value(place, model, name, text)
     if model == _MIRROR:
         if parameters:
             raise InputError(f"{place}: a mirror has no parameters; leave them out")
@@ -124,9 +124,8 @@ def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:
     return max(0, last - 1)
 
 
-def _value(place: str, model: str, given: tuple[str, str]) -> Any:
+def _value(place: str, model: str, name: str, text: str) -> Any:
     """Read a parameter's value: a number, or a word where the model wants one."""
-    name, text = given
     types = (
         {field.name: field.type for field in dataclasses.fields(BRDFS[model])}
         if (model in BRDFS)

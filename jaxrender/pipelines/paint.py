@@ -56,13 +56,13 @@ def render_painted(
     recipe: RecipeConfig,
     lobe: Parametric,
     view: SurfaceView,
-    seen: tuple[Shape, ForwardModel | ShadowedModel],
+    shape: Shape,
+    light: ForwardModel | ShadowedModel,
 ) -> Float[np.ndarray, "row column channel"]:
     """Render B = K_d(x) D + K_s(x) S (T 6.13) for a shape and light, the lobe being everywhere.
 
     Where sigma varies the lobe has that of the place.
     """
-    shape, light = seen
     channels = len(recipe.brdf.number("kd"))
     none, full = np.zeros(channels), np.ones(channels)
     gloss = lobe.with_amplitudes(none, full)

@@ -133,7 +133,7 @@ def _write_capture(
         if recipe.texture is None:
             exact = np.asarray(render_view(material, view, light))
         else:
-            exact = render_painted(recipe, material, view, (shape, light))
+            exact = render_painted(recipe, material, view, shape, light)
         write_image(folder / name, _photograph(view, exact, noise, rng))
         frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
         progress.advance((number + 1) / len(cameras))

@@ -23,7 +23,7 @@ from jaxrender.inverse.texture import (
     recover_glossy,
     solve_view_dependent,
 )
-from jaxrender.inverse.texture.harmonic_columns import diffuse_basis, harmonic_columns
+from jaxrender.inverse.texture.harmonic_columns import LobeColumns, diffuse_basis, harmonic_columns
 from jaxrender.spectra import light_coefficients
 
 FIXED = microfacet_unknowns(sigma=Unknown((SIGMA,)), mu=Unknown((MU,)))
@@ -87,13 +87,13 @@ def test_diffuse_constants_have_no_part_in_the_light(shot, glossy):
     measured = glossy[0].measured
     extra = np.random.default_rng(1).uniform(0, 0.2, (SITES, 3))
     samples = SurfaceSamples(*(jnp.asarray(a)[measured.index] for a in shot.samples))
-    columns = harmonic_columns(samples, LOBE, (5, False))
+    columns = harmonic_columns(samples, LOBE, 5, False)
     guess = SiteMaterial(np.zeros((SITES, 3)), ks / 0.2)
     weights = np.ones_like(measured.radiance)
     lights = [
         solve_view_dependent(
-            (columns, columns), SiteData(radiance, weights, measured.site, SITES), guess
-        )[0]
+            LobeColumns(columns, columns), SiteData(radiance, weights, measured.site, SITES), guess
+        ).coefficients
         for radiance in (measured.radiance, measured.radiance + extra[measured.site])
     ]
     np.testing.assert_allclose(lights[0], lights[1], rtol=1e-5, atol=1e-6)
@@ -115,7 +115,7 @@ def test_roughness_and_index_are_found_on_model_made_data(shot, truth):
 
 
 def _columns(samples):
-    return diffuse_basis(samples, 5), harmonic_columns(samples, LOBE, (5, False))
+    return diffuse_basis(samples, 5), harmonic_columns(samples, LOBE, 5, False)
 
 
 @pytest.mark.slow

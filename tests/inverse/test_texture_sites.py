@@ -181,7 +181,7 @@ def test_confidence_is_that_of_the_thesis():
 def test_alternation_with_one_weight_ends_at_the_joint_solution():
     data, columns, _ = problem(7)
     sums = site_sums(data, columns)
-    found = alternate(sums, sums, jnp.asarray(0.3), (20000, 1e-12))
+    found = alternate(sums, sums, jnp.asarray(0.3), 20000, 1e-12)
     joint = solve_sites(sums, NO_PRIOR)
     assert bool(found.converged)
     assert int(found.steps) > 3
@@ -200,7 +200,7 @@ def test_alternation_with_the_thesis_weights_recovers_exact_data_and_marks_the_u
     for one in trust:
         weights = jnp.broadcast_to(jnp.sqrt(one)[:, None], radiance.shape)
         sums.append(site_sums(SiteData(radiance, weights, data.site, SITES), columns))
-    found = alternate(*sums, jnp.asarray(0.3), (20000, 1e-13))
+    found = alternate(*sums, jnp.asarray(0.3), 20000, 1e-13)
     np.testing.assert_allclose(found.material.kd, kd, atol=1e-6)
     np.testing.assert_allclose(found.material.ks[1:], ks[1:], atol=1e-6)
     assert np.flatnonzero(found.specular_unseen).tolist() == [0]

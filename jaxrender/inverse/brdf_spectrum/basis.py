@@ -134,11 +134,10 @@ def _rows(basis: SpectrumBasis, light: Array, normals: Array, outgoing: Array) -
 def _pair_rows(basis: SpectrumBasis, incoming: Array, outgoing: Array) -> Array:
     arrive, leave = (real_basis(d, basis.band_limit) for d in (incoming, outgoing))
     # Of opposite orders together: Y_lq(i) Y_pq(o) cos(q (phi_o - phi_i)).
-    flat = _flat(basis)
-    rows = _pair_products(arrive, leave, flat)
+    rows = _pair_products(basis, arrive, leave)
     if basis.reciprocal:
         rows = jnp.where(
-            _different(basis)[None, :], rows + _pair_products(leave, arrive, flat), rows
+            _different(basis)[None, :], rows + _pair_products(basis, leave, arrive), rows
         )
         rows = rows / outgoing[:, 2:]
     return rows
@@ -154,14 +153,9 @@ def _products(basis: SpectrumBasis, local: Array, around: Array, cosine: Array) 
     return jnp.where(_different(basis)[None, :, None], rows + swapped, rows) / cosine
 
 
-def _flat(basis: SpectrumBasis) -> tuple[np.ndarray, ...]:
+def _pair_products(basis: SpectrumBasis, arrive: Array, leave: Array) -> Array:
     degree, outgoing, order = basis.indices
     first, second = degree * (degree + 1), outgoing * (outgoing + 1)
-    return first, second, order
-
-
-def _pair_products(arrive: Array, leave: Array, flat: tuple[np.ndarray, ...]) -> Array:
-    first, second, order = flat
     same = arrive[:, first + order] * leave[:, second + order]
     opposite = arrive[:, first - order] * leave[:, second - order]
     return jnp.where(order[None, :] > 0, same + opposite, same)

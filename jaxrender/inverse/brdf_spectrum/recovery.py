@@ -77,6 +77,13 @@ class NormalEquations(NamedTuple):
         return np.abs(self.vector[:, 0]) / self.matrix[:, 0, 0]
 
 
+class LobeValues(NamedTuple):
+    """rho cos t_i of pairs of directions, with its standard error."""
+
+    values: Float[np.ndarray, "pair channel"]
+    standard_error: Float[np.ndarray, "pair channel"]
+
+
 class BRDFSpectrum(NamedTuple):
     """Recovered coefficients with the covariance of their errors.
 
@@ -103,11 +110,11 @@ class BRDFSpectrum(NamedTuple):
 
     def transfer(
         self, incoming: Float[AnyArray, "pair 3"], outgoing: Float[AnyArray, "pair 3"]
-    ) -> tuple[Float[np.ndarray, "pair channel"], Float[np.ndarray, "pair channel"]]:
+    ) -> LobeValues:
         """Evaluate rho cos t_i for local directions above the horizon, and its standard error."""
         rows = np.asarray(self.basis.pair_rows(incoming, outgoing))
         variance = np.einsum("su,cuv,sv->sc", rows, self.covariance, rows, optimize=True)
-        return rows @ self.values, np.sqrt(np.maximum(variance, 0))
+        return LobeValues(rows @ self.values, np.sqrt(np.maximum(variance, 0)))
 
     def radiance(
         self, light: Coefficients, samples: SurfaceSamples
@@ -163,7 +170,8 @@ def normal_equations(
             basis,
             jnp.asarray(light),
             chunk,
-            (np.pad(weights[first:last], short), np.pad(target[first:last], short)),
+            np.pad(weights[first:last], short),
+            np.pad(target[first:last], short),
         )
         matrix, vector, squares = (np.asarray(part) for part in parts)
         total = total.joined(NormalEquations(matrix, vector, squares, size))
@@ -225,9 +233,8 @@ def fit_brdf_spectrum(
 
 @jax.jit(static_argnames="basis")
 def _sums(
-    basis: SpectrumBasis, light: Array, samples: SurfaceSamples, weighted: tuple[Array, Array]
+    basis: SpectrumBasis, light: Array, samples: SurfaceSamples, weights: Array, target: Array
 ) -> tuple[Array, Array, Array]:
-    weights, target = weighted
     rows = basis.rows(light, samples) * weights[:, None, :]
     with jax.default_matmul_precision("highest"):
         matrix = jnp.einsum("suc,svc->cuv", rows, rows)

@@ -46,7 +46,7 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
     texture_under,
 )
-from jaxrender.inverse.texture.estimate import LightCoefficients, RegionLobe, TextureEstimate
+from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
 from jaxrender.inverse.texture.fit import fit_texture, fit_texture_by_region
 from jaxrender.inverse.texture.forward import (
     Forward,
@@ -86,7 +86,7 @@ from jaxrender.inverse.texture.sites import Regions, SurfaceSites, sites_of
 from jaxrender.inverse.texture.specular_prior import spread_of
 from jaxrender.inverse.texture.unknown_light import UnknownLightSettings, under_unknown_light
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
-from jaxrender.inverse.texture.view_dependent import solve_view_dependent
+from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_view_dependent
 from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
 
 __all__ = [

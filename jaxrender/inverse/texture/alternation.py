@@ -57,14 +57,15 @@ def alternate(
     diffuse: SiteSums,
     specular: SiteSums,
     start: Float[Array, ""],
-    limits: tuple[int, float] = (1000, 1e-8),
+    most: int = 1000,
+    tolerance: float = 1e-8,
 ) -> Alternation:
     """Solve for K_d and K_s in turn, from one K_s everywhere.
 
-    ``diffuse`` and ``specular`` are the sums of the same observations weighted by W_d and by W_s;
-    ``limits`` the most rounds, and the change relative to the mean below which it ends.
+    ``diffuse`` and ``specular`` are the sums of the same observations weighted by W_d and by W_s.
+    It ends after ``most`` rounds, or where a round changes K_s by less than ``tolerance`` of the
+    mean.
     """
-    most, tolerance = limits
     lit, shiny = jnp.mean(diffuse.dd, axis=1), jnp.sum(specular.ss, axis=1)
     unlit = lit <= _UNSEEN * jnp.mean(lit)
     unseen = (shiny <= _UNSEEN * jnp.mean(shiny)) | unlit

@@ -16,6 +16,7 @@ from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaMap
+from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.inverse.texture.whole_surface import Texture
 from jaxrender.io import write_image, write_mesh
 from jaxrender.shapes import Bool, Float
@@ -55,13 +56,6 @@ class RegionLobe(NamedTuple):
         """Whether the interval of ``sigma`` or ``mu`` is narrow enough to speak of a value."""
         size = getattr(self, name) - _ORIGIN[name]
         return bool(NORMAL_90 * getattr(self, f"{name}_error") <= IDENTIFIABLE_WITHIN * size)
-
-
-class LightCoefficients(NamedTuple):
-    """A light that was recovered with a texture; standard errors are None where not known."""
-
-    coefficients: Float[np.ndarray, "coefficient channel"]
-    standard_error: Float[np.ndarray, "coefficient channel"] | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ def fit_texture(
     searched = search_in_rounds(some, model, unknowns, starts, settings)
     if field is not None:
         model = forward.final(some.index)
-        searched = let_vary(searched, (measured, some), model, field, settings)
+        searched = let_vary(searched, measured, some, model, field, settings)
     elif (
         forward.exact is not None
         and settings.exact_samples
@@ -75,7 +75,7 @@ def fit_texture(
     lobe = lobe._replace(field=field)
     noise = NoiseModel(searched.noise.relative * scatter, searched.noise.floor * scatter)
     texture = solve_surface(
-        measured, forward.final, lobe, searched.problem.prior, (noise, settings.method)
+        measured, forward.final, lobe, searched.problem.prior, noise, settings.method
     )
     return account_of(texture, lobe, searched, noise)
 

@@ -28,6 +28,7 @@ from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.texture.harmonic_columns import (
     HarmonicColumns,
+    LobeColumns,
     diffuse_basis,
     diffuse_under,
     harmonic_columns,
@@ -139,14 +140,14 @@ def recover_glossy(
         point = np.asarray(with_one_ks(columns_at, data, point))
     some = whole_sites(problem.measured, problem.samples, 0)
     data, columns_at = _weighted(some, problem.noise), _columns_at(problem, unknowns, some)
-    start, kd = in_turn(data, columns_at(jnp.asarray(point)), point)
-    fit = search_view_dependent(columns_at, data, kd, start)
-    end, kd, mean = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
+    guess = in_turn(data, columns_at(jnp.asarray(point)), point)
+    fit = search_view_dependent(columns_at, data, guess.kd, guess.state)
+    guess = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
     # K_d counts where the surface turns within a site: once more with what it is by now.
-    fit = search_view_dependent(columns_at, data, kd, end, fit)
-    _, _, mean = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
+    fit = search_view_dependent(columns_at, data, guess.kd, guess.state, fit)
+    guess = guess_sites(data, columns_at(jnp.asarray(fit.state.point)), fit.state)
     # The light goes down as K_s and K_d go up.
-    recovered = _recovered(unknowns, fit, mean / mean_ks)
+    recovered = _recovered(unknowns, fit, guess.mean / mean_ks)
     brdf = problem.variant.with_roughness(recovered.sigma, recovered.mu)
     material, error = _texture(problem, brdf, recovered)
     parts = (np.asarray(part) for part in (*material, *error))
@@ -158,8 +159,9 @@ def _columns_at(
 ) -> HarmonicColumns:
     samples = _samples(problem, part)
     basis = diffuse_basis(samples, problem.band_limit)
-    how = (problem.band_limit, problem.exact)
-    return HarmonicColumns(basis, samples, problem.variant, unknowns, how)
+    return HarmonicColumns(
+        basis, samples, problem.variant, unknowns, problem.band_limit, problem.exact
+    )
 
 
 def _recovered(unknowns: Unknowns, fit: ViewDependentFit, scale: float) -> GlossyLight:
@@ -192,20 +194,24 @@ def _texture(
     """Solve every site under the light found, a chunk at a time."""
     measured, light = problem.measured, jnp.asarray(found.coefficients)
     sites, sums, variances = [], [], []
-    how = (problem.band_limit, problem.exact)
     for chunk in in_chunks(measured, _CHUNK):
         data = _weighted(chunk.measured, problem.noise, chunk.filled)
         samples = _samples(problem, chunk.measured)
-        columns = diffuse_basis(samples, problem.band_limit), harmonic_columns(samples, brdf, how)
-        lit = Columns(diffuse_under(columns[0], light), jnp.matmul(columns[1], light))
+        columns = LobeColumns(
+            diffuse_basis(samples, problem.band_limit),
+            harmonic_columns(samples, brdf, problem.band_limit, problem.exact),
+        )
+        diffuse = diffuse_under(columns.diffuse, light)
+        lit = Columns(diffuse, jnp.matmul(columns.specular, light))
         part = site_sums(data, lit)
         count = len(chunk.sites)
         sites.append(chunk.sites)
         sums.append(SiteSums(*(a[:count] for a in part)))
         free, _ = solve_freely(part)
-        spread = _variance_by_light(data, (columns, lit.diffuse), free, found.covariance)
+        spread = _variance_by_light(data, columns, diffuse, free, found.covariance)
         variances.append(spread[:count])
-    material, errors, _ = solve_with_spread(sums)
+    solved = solve_with_spread(sums)
+    material, errors = solved.material, solved.errors
     index = np.concatenate(sites)
     errors = SiteMaterial(np.sqrt(errors.kd**2 + np.concatenate(variances)), errors.ks)
     return _spread_out(material, index, measured.count, np.nan), _spread_out(
@@ -216,19 +222,19 @@ def _texture(
 @eqx.filter_jit
 def _variance_by_light(
     data: SiteData,
-    lit: tuple[tuple[Array, Array], Float[AnyArray, "sample channel"]],
+    columns: LobeColumns,
+    diffuse: Float[AnyArray, "sample channel"],
     material: SiteMaterial,
     covariance: Float[AnyArray, "channel coefficient coefficient"],
 ) -> Float[Array, "site channel"]:
     """Compute the variance of K_d that is due to the light's: of K_d E + K_s S, over E."""
-    (basis, columns), diffuse = lit
     site = jnp.asarray(data.site)
     ks = jnp.maximum(jnp.asarray(material.ks), 0)[site][:, None]
     squares = jnp.asarray(data.weights) ** 2
 
     def of_channel(inputs: tuple) -> Float[Array, "site"]:
         square, kd, irradiance, block = inputs
-        rows = jnp.maximum(kd, 0)[site][:, None] * basis + ks * columns
+        rows = jnp.maximum(kd, 0)[site][:, None] * columns.diffuse + ks * columns.specular
         total = over_sites(square * irradiance, data)
         mean = over_sites(square[:, None] * rows, data)
         mean = mean / jnp.where(total > 0, total, jnp.inf)[:, None]

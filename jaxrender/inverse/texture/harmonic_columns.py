@@ -1,5 +1,7 @@
 """Radiance of both lobes under each harmonic: what light given by coefficients is multiplied by."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 
@@ -17,15 +19,21 @@ _DIFFUSE_BAND_LIMIT = 8
 _POLAR_NODES = 24
 
 
+class LobeColumns(NamedTuple):
+    """Radiance of the diffuse and of the specular lobe under each harmonic."""
+
+    diffuse: Float[Array, "sample coefficient"]
+    specular: Float[Array, "sample coefficient"]
+
+
 @eqx.filter_jit
 def harmonic_columns(
-    samples: SurfaceSamples, brdf: Microfacet, how: tuple[int, bool]
+    samples: SurfaceSamples, brdf: Microfacet, band_limit: int, exact: bool = True
 ) -> Float[Array, "sample coefficient"]:
-    """Evaluate the lobe's radiance under each harmonic to a band limit.
+    """Evaluate the specular lobe's radiance under each harmonic to a band limit.
 
-    ``how`` is the band limit, and whether by the integral itself or as h_l(t_o) Y_lm(R).
+    ``exact`` evaluates the integral itself; otherwise it is h_l(t_o) Y_lm(R).
     """
-    band_limit, exact = how
     if exact:
         return polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)[:, 1]
     passed = transfer_of_samples(brdf, samples.exit_cosines, band_limit, "exit-cosine")
@@ -56,14 +64,14 @@ class HarmonicColumns(eqx.Module):
     samples: SurfaceSamples
     variant: Microfacet
     unknowns: Unknowns
-    how: tuple[int, bool] = eqx.field(static=True)
+    band_limit: int = eqx.field(static=True)
+    exact: bool = eqx.field(static=True)
 
-    def __call__(
-        self, point: Float[Array, "unknown"]
-    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
+    def __call__(self, point: Float[Array, "unknown"]) -> LobeColumns:
         """Evaluate them."""
         lobe = self._lobe_at(point)
-        return self.diffuse, harmonic_columns(self.samples, lobe, self.how)
+        specular = harmonic_columns(self.samples, lobe, self.band_limit, self.exact)
+        return LobeColumns(self.diffuse, specular)
 
     def _lobe_at(self, point: Float[Array, "unknown"]) -> Microfacet:
         return self.variant.with_numbers(self.unknowns.unpack(point).numbers)

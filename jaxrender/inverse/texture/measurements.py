@@ -71,7 +71,7 @@ def by_site(
     Raises ``ValueError`` for a site beyond ``count``, or where no observation has a site.
     """
     index = np.arange(len(site))
-    return _sorted(observations, (site, index, np.ones(len(site))), count)
+    return _sorted(observations, site, index, np.ones(len(site)), count)
 
 
 def by_shares(
@@ -87,11 +87,16 @@ def by_shares(
     """
     index = np.broadcast_to(np.arange(len(sites))[:, None], sites.shape)
     kept = shares > 0
-    return _sorted(observations, (sites[kept], index[kept], shares[kept]), count)
+    return _sorted(observations, sites[kept], index[kept], shares[kept], count)
 
 
-def _sorted(observations: Observations, parts: tuple, count: int) -> SiteObservations:
-    site, index, share = parts
+def _sorted(
+    observations: Observations,
+    site: Int[np.ndarray, "part"],
+    index: Int[np.ndarray, "part"],
+    share: Float[np.ndarray, "part"],
+    count: int,
+) -> SiteObservations:
     if site.size and site.max() >= count:
         raise ValueError(f"site {site.max()} of {count} sites, numbered from 0: raise the count")
     used = site >= 0

@@ -88,13 +88,16 @@ def search_in_rounds(
 
 def let_vary(
     searched: Searched,
-    measured: tuple[SiteObservations, SiteObservations],
+    whole: SiteObservations,
+    some: SiteObservations,
     model: Model,
     field: SigmaField,
     settings: TextureSettings,
 ) -> Searched:
-    """Go on from one sigma for all; the noise and the spread of K_s become less for it."""
-    whole, some = measured
+    """Go on from one sigma for all; the noise and the spread of K_s become less for it.
+
+    ``some`` are those observations of the ``whole`` surface that were searched.
+    """
     site = np.full(int(whole.index.max()) + 1, -1)
     site[whole.index] = whole.site
     one = searched.problem.unknowns
@@ -117,8 +120,8 @@ def let_vary(
 def _spread(
     model: Model, data: SiteData, fit: LobeFit, unknowns: Unknowns | VaryingSigma
 ) -> SpecularPrior:
-    material, precision, _ = free_textures(unknowns, model, data, fit.point)
-    return spread_of(np.asarray(material.ks, float), np.asarray(precision, float))
+    free = free_textures(unknowns, model, data, fit.point)
+    return spread_of(np.asarray(free.material.ks, float), np.asarray(free.precision, float))
 
 
 def _noise_left(
@@ -133,7 +136,7 @@ def _noise_left(
     """
     level = float(np.sqrt(np.mean(np.asarray(some.radiance) ** 2)))
     data = weighted(some, NoiseModel(1.0, 0.1 * level), np.asarray(fit.predicted))
-    predicted = np.asarray(free_textures(unknowns, model, data, fit.point)[2])
+    predicted = np.asarray(free_textures(unknowns, model, data, fit.point).predicted)
     measured = some.seen[some.site] * some.radiance.shape[1]
     fitted = some.radiance.shape[1] + 1
     told = measured > fitted

@@ -48,6 +48,14 @@ class LobeFit(NamedTuple):
     converged: Bool[Array, ""]
 
 
+class FreeTextures(NamedTuple):
+    """The texture without bounds or prior, the precision of each K_s, and what it predicts."""
+
+    material: SiteMaterial
+    precision: Float[Array, "site"]
+    predicted: Float[Array, "sample channel"]
+
+
 class TextureProblem(eqx.Module):
     """What is unknown of the lobe, the prior of K_s, and whether K_s is one for all sites."""
 
@@ -74,10 +82,9 @@ def predicted(
 
 
 def residuals(
-    point: Float[Array, "unknown"], args: tuple[TextureProblem, Model, SiteData]
+    point: Float[Array, "unknown"], problem: TextureProblem, model: Model, data: SiteData
 ) -> Float[Array, "residual"]:
     """Weighted residuals with the texture eliminated, and what the prior holds against it."""
-    problem, model, data = args
     material, columns = problem.material(model, data, point)
     left = jnp.asarray(data.weights) * (data.radiance - predicted(material, columns, data))
     precision = jnp.where(problem.shared, 0, jnp.asarray(problem.prior.precision))
@@ -138,15 +145,12 @@ def free_textures(
     model: Model,
     data: SiteData,
     point: Float[Array, "unknown"],
-) -> tuple[SiteMaterial, Float[Array, "site"], Float[Array, "sample channel"]]:
-    """Solve for the texture without bounds or prior.
-
-    Returned with the precision of each K_s and the radiance that is predicted.
-    """
+) -> FreeTextures:
+    """Solve for the texture without bounds or prior."""
     physical = unknowns.unpack(point)
     columns = model.columns(physical.numbers)
-    material, precision = solve_freely(site_sums(data, columns))
-    return material, precision, predicted(material, columns, data)
+    free = solve_freely(site_sums(data, columns))
+    return FreeTextures(free.material, free.precision, predicted(free.material, columns, data))
 
 
 @stored()
@@ -155,7 +159,7 @@ def lobe_information(
 ) -> Float[Array, "unknown unknown"]:
     """Compute the inverse covariance of the search variables, the texture being unknown."""
     with jax.default_matmul_precision("highest"):
-        jacobian = jax.jacfwd(residuals)(point, (problem, model, data))
+        jacobian = jax.jacfwd(residuals)(point, problem, model, data)
         return jacobian.T @ jacobian
 
 
@@ -171,7 +175,7 @@ def _search(
     size = jnp.sqrt(jnp.sum((jnp.asarray(data.weights) * data.radiance) ** 2))
     with jax.default_matmul_precision("highest"):
         # In units of what is measured, as the solvers ask for.
-        solution = solver(lambda p, args: residuals(p, args) / size, start, (problem, model, data))
+        solution = solver(lambda p, args: residuals(p, *args) / size, start, (problem, model, data))
         material, columns = problem.material(model, data, solution.point)
     return LobeFit(
         solution.point,

@@ -54,6 +54,13 @@ class SiteMaterial(NamedTuple):
     ks: Float[AnyArray, "site"]
 
 
+class FreeSites(NamedTuple):
+    """K_d and K_s without bounds or prior, and the precision of each K_s (0: not told)."""
+
+    material: SiteMaterial
+    precision: Float[Array, "site"]
+
+
 def site_sums(data: SiteData, columns: Columns) -> SiteSums:
     """Add up the inner products of each site's observations."""
     squares = jnp.asarray(data.weights) ** 2
@@ -96,14 +103,14 @@ def solve_sites(
     return SiteMaterial(jnp.maximum(kd, 0), ks)
 
 
-def solve_freely(sums: SiteSums) -> tuple[SiteMaterial, Float[Array, "site"]]:
-    """Solve without bounds or prior; returned with the precision of each K_s (0: not told)."""
+def solve_freely(sums: SiteSums) -> FreeSites:
+    """Solve without bounds or prior."""
     zero = jnp.zeros((), sums.dd.dtype)
     every = jnp.ones(sums.dd.shape, bool)
     slope, right = _piece(sums, SpecularPrior(zero, zero), every, False)
     ks = _quotient(right, slope)
     kd = _quotient(sums.db - sums.ds * ks[:, None], sums.dd)
-    return SiteMaterial(kd, ks), slope
+    return FreeSites(SiteMaterial(kd, ks), slope)
 
 
 def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:

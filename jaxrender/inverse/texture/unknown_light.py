@@ -29,7 +29,6 @@ from jaxrender.inverse.texture.diffuse_light import (
 )
 from jaxrender.inverse.texture.estimate import (
     IDENTIFIABLE_WITHIN,
-    LightCoefficients,
     RegionLobe,
     TextureEstimate,
     facets_of,
@@ -42,6 +41,7 @@ from jaxrender.inverse.texture.glossy_light import (
 )
 from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.inverse.texture.whole_surface import TRUSTED_ERROR, TRUSTED_MISFIT, Texture
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import DualForward, DualLight

@@ -1,10 +1,13 @@
 """Light from what moves with the view, linear in it once K_s(x), sigma and mu are given."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees
+from jaxrender.inverse.texture.harmonic_columns import LobeColumns
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.site_systems import SiteMaterial, over_sites
 from jaxrender.shapes import Array, Float
@@ -13,16 +16,21 @@ from jaxrender.shapes import Array, Float
 _SIZES = 3
 
 
+class LightCoefficients(NamedTuple):
+    """A recovered light; standard errors are None where they are not known."""
+
+    coefficients: Float[np.ndarray, "coefficient channel"]
+    standard_error: Float[np.ndarray, "coefficient channel"] | None
+
+
 def solve_view_dependent(
-    columns: tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]],
-    data: SiteData,
-    guess: SiteMaterial,
-) -> tuple[Float[np.ndarray, "coefficient channel"], Float[np.ndarray, "coefficient channel"]]:
+    columns: LobeColumns, data: SiteData, guess: SiteMaterial
+) -> LightCoefficients:
     """Solve for K_s L_lm with every site's diffuse constant eliminated; with standard errors.
 
-    ``columns`` are those of the diffuse and the specular lobe under each harmonic; ``guess`` is the
-    texture in units of the mean K_s, as far as it is known.  Its K_d counts only where the surface
-    turns within a site, so that E(n) is no constant there; zeros do to begin with.
+    ``guess`` is the texture in units of the mean K_s, as far as it is known.  Its K_d counts only
+    where the surface turns within a site, so that E(n) is no constant there.  Zeros do to begin
+    with.
     Coefficients of degree l are expected to be about s / l, where s is learned from the data;
     degree 0 is left free.
     """
@@ -44,14 +52,12 @@ def solve_view_dependent(
         scatter = max(left / max(freedom, 1), 1.0)
         found.append(light)
         errors.append(np.sqrt(scatter * np.diag(np.linalg.inv(system))))
-    return np.stack(found, axis=1), np.stack(errors, axis=1)
+    return LightCoefficients(np.stack(found, axis=1), np.stack(errors, axis=1))
 
 
 @jax.jit
 def _normal_equations(
-    columns: tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]],
-    data: SiteData,
-    guess: SiteMaterial,
+    columns: LobeColumns, data: SiteData, guess: SiteMaterial
 ) -> tuple[
     Float[Array, "channel coefficient coefficient"],
     Float[Array, "channel coefficient"],
@@ -60,11 +66,11 @@ def _normal_equations(
     """Add up each channel's equations with the sites' weighted means off."""
     weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
     site = jnp.asarray(data.site)
-    specular = jnp.asarray(guess.ks)[site][:, None] * columns[1]
+    specular = jnp.asarray(guess.ks)[site][:, None] * columns.specular
 
     def of_channel(inputs: tuple) -> tuple:
         weight, values, kd = inputs
-        mixed = specular + kd[site][:, None] * columns[0]
+        mixed = specular + kd[site][:, None] * columns.diffuse
         matrix = weight[:, None] * off_site_mean(mixed, weight, data)
         right = weight * off_site_mean(values[:, None], weight, data)[:, 0]
         with jax.default_matmul_precision("highest"):

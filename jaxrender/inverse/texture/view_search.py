@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, degrees
+from jaxrender.inverse.texture.harmonic_columns import LobeColumns
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.site_systems import over_sites
 from jaxrender.inverse.texture.specular_prior import spread_of
@@ -43,8 +44,8 @@ _GENEROSITY = 3.0
 # Damping, in parts of the diagonal: at the start, and when to give up.
 _FIRST_DAMPING, _MOST_DAMPING = 1e-4, 1e8
 
-# Both lobes' columns at a search point: [sample, coefficient] each.  A pytree, to be compiled once.
-ColumnsAt = Callable[[Float[Array, "unknown"]], tuple[Array, Array]]
+# Both lobes' columns at a search point.  A pytree, to be compiled once.
+ColumnsAt = Callable[[Float[Array, "unknown"]], LobeColumns]
 
 
 class State(NamedTuple):
@@ -157,9 +158,9 @@ def _sums(
     weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
     site = jnp.asarray(data.site)
 
-    def twice(at: Float[Array, "unknown"]) -> tuple[Array, tuple[Array, Array]]:
+    def twice(at: Float[Array, "unknown"]) -> tuple[Array, LobeColumns]:
         both = columns_at(at)
-        return both[1], both
+        return both.specular, both
 
     # One pass for the columns and their slopes.
     slopes, both = jax.jacfwd(twice, has_aux=True)(point)
@@ -171,8 +172,8 @@ def _sums(
             return weight[:, None] * off_site_mean(rows, weight, data)
 
         by_point = jnp.einsum("nkp,k->np", slopes, own_light)
-        lobe = left(jnp.concatenate([by_point, both[1]], axis=1))
-        base = jnp.pad(left(own_kd[site][:, None] * both[0]), ((0, 0), (len(point), 0)))
+        lobe = left(jnp.concatenate([by_point, both.specular], axis=1))
+        base = jnp.pad(left(own_kd[site][:, None] * both.diffuse), ((0, 0), (len(point), 0)))
         matrix = ks[site][:, None] * lobe + base
         moving = lobe[:, len(point) :] @ own_light
         residual = left(values[:, None])[:, 0] - matrix[:, len(point) :] @ own_light
@@ -212,29 +213,34 @@ def _cost(state: State, sums: _Sums, expected: _Expected) -> float:
     """Half of chi-squared, what was expected included, and the room that is left to the K_s."""
     light = np.sum(expected.light * state.light**2)
     spread = expected.ks * np.sum((state.ks - 1) ** 2)
-    room = np.sum(np.log(_sites(state, sums, expected)[0]))
+    room = np.sum(np.log(_sites(state, sums, expected).hub))
     return float(np.sum(sums.squares) + light + spread + room) / 2
 
 
 def _step(state: State, sums: _Sums, expected: _Expected, damping: float) -> State:
     """Solve the arrow: the hub of light, sigma and mu first, then every site's K_s."""
     system, moment = _hub_system(state, sums, expected)
-    hub, arms, pull = _sites(state, sums, expected)
+    sites = _sites(state, sums, expected)
     scale = np.sqrt(np.maximum(np.diag(system), 1e-300))
     damped = system / np.outer(scale, scale) + damping * np.eye(len(system))
     moved = np.linalg.solve(damped, moment / scale) / scale
     count = len(state.point)
     light = moved[count:].reshape(state.light.T.shape).T
-    return State(moved[:count], light, (pull - arms @ moved) / hub)
+    return State(moved[:count], light, (sites.pull - sites.arms @ moved) / sites.hub)
 
 
-def _sites(
-    state: State, sums: _Sums, expected: _Expected
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class _Sites(NamedTuple):
     """Each K_s's own precision, its products with all other unknowns, and its moment."""
+
+    hub: Float[np.ndarray, "site"]
+    arms: Float[np.ndarray, "site all"]
+    pull: Float[np.ndarray, "site"]
+
+
+def _sites(state: State, sums: _Sums, expected: _Expected) -> _Sites:
     hub = np.sum(sums.hub, axis=0) + expected.ks
     pull = np.sum(sums.pull, axis=0) - expected.ks * (state.ks - 1)
-    return np.where(hub > 0, hub, 1), _joined(state, sums.arm), pull
+    return _Sites(np.where(hub > 0, hub, 1), _joined(state, sums.arm), pull)
 
 
 def _joined(
@@ -288,10 +294,10 @@ def _covariance(
 
 
 def _in_gauge(
-    covariance: Float[np.ndarray, "all all"], state: State, sites: tuple[np.ndarray, ...]
+    covariance: Float[np.ndarray, "all all"], state: State, sites: _Sites
 ) -> Float[np.ndarray, "all all"]:
     """Turn to the light times the mean K_s of the sites: their scale against each other is free."""
-    hub, arms, _ = sites
+    hub, arms = sites.hub, sites.arms
     light = np.concatenate([np.zeros(len(state.point)), state.light.T.ravel()])
     # The mean K_s goes with the other unknowns by the arms, and has some noise of its own.
     turned = np.eye(len(light)) - np.outer(light, np.mean(arms / hub[:, None], axis=0))

@@ -1,5 +1,7 @@
 """Where the search for light, gloss and roughness begins: one K_s for all sites, then in turn."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,7 +10,7 @@ import numpy as np
 from jaxrender.harmonics import degrees
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.solvers import least_squares
-from jaxrender.inverse.texture.harmonic_columns import HarmonicColumns, diffuse_under
+from jaxrender.inverse.texture.harmonic_columns import HarmonicColumns, LobeColumns, diffuse_under
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
@@ -28,6 +30,22 @@ from jaxrender.shapes import AnyArray, Array, Float
 _TURNS = 4
 
 
+class Guess(NamedTuple):
+    """Where a search begins: light and K_s, K_d in units of the mean K_s, and that mean."""
+
+    state: State
+    kd: Float[np.ndarray, "site channel"]
+    mean: float
+
+
+class SpreadSolution(NamedTuple):
+    """The material of sites with its standard errors, and the spread that K_s shows."""
+
+    material: SiteMaterial
+    errors: SiteMaterial
+    prior: SpecularPrior
+
+
 @eqx.filter_jit
 def with_one_ks(
     columns_at: HarmonicColumns, data: SiteData, start: Float[AnyArray, "unknown"]
@@ -36,10 +54,10 @@ def with_one_ks(
 
     K_s varies, so that this is but where to begin.
     """
-    degree = jnp.asarray(degrees(columns_at.how[0]), jnp.asarray(data.radiance).dtype)
+    degree = jnp.asarray(degrees(columns_at.band_limit), jnp.asarray(data.radiance).dtype)
 
     def residuals(point: Float[Array, "unknown"], data: SiteData) -> Float[Array, "residual"]:
-        columns = columns_at(point)[1]
+        columns = columns_at(point).specular
         weights, radiance = jnp.asarray(data.weights), jnp.asarray(data.radiance)
 
         def of_channel(inputs: tuple) -> Float[Array, "sample"]:
@@ -58,37 +76,35 @@ def with_one_ks(
         return least_squares(residuals, jnp.asarray(start), data).point
 
 
-def in_turn(
-    data: SiteData, columns: tuple[Array, Array], point: Float[np.ndarray, "unknown"]
-) -> tuple[State, Float[np.ndarray, "site channel"]]:
-    """Find light and texture in turn at one sigma and mu: where to begin; and K_d."""
+def in_turn(data: SiteData, columns: LobeColumns, point: Float[np.ndarray, "unknown"]) -> Guess:
+    """Find light and texture in turn at one sigma and mu."""
     kd, ks = np.zeros((data.count, data.radiance.shape[1])), np.ones(data.count)
     for _ in range(_TURNS):
-        light, _ = solve_view_dependent(columns, data, SiteMaterial(kd, ks))
-        state, kd, _ = guess_sites(data, columns, State(point, light, ks))
-        ks = state.ks
-    return state, kd
+        light = solve_view_dependent(columns, data, SiteMaterial(kd, ks)).coefficients
+        guess = guess_sites(data, columns, State(point, light, ks))
+        kd, ks = guess.kd, guess.state.ks
+    return guess
 
 
-def guess_sites(
-    data: SiteData, columns: tuple[Array, Array], state: State
-) -> tuple[State, Float[np.ndarray, "site channel"], float]:
-    """Solve the sites under a light: K_s and K_d in units of the mean K_s, and that mean."""
+def guess_sites(data: SiteData, columns: LobeColumns, state: State) -> Guess:
+    """Solve the sites under a light."""
     light = jnp.asarray(state.light)
-    lit = diffuse_under(columns[0], light), columns[1] @ light
-    found, _, prior = solve_with_spread([site_sums(data, Columns(*lit))])
-    mean = _mean_of(prior)
-    ks = np.where(found.ks > 0, found.ks / mean, 1)
-    return State(state.point, state.light * mean, ks), np.asarray(found.kd) / mean, mean
+    lit = Columns(diffuse_under(columns.diffuse, light), columns.specular @ light)
+    found = solve_with_spread([site_sums(data, lit)])
+    material, mean = found.material, _mean_of(found.prior)
+    ks = np.where(material.ks > 0, material.ks / mean, 1)
+    state = State(state.point, state.light * mean, ks)
+    return Guess(state, np.asarray(material.kd) / mean, mean)
 
 
-def solve_with_spread(parts: list[SiteSums]) -> tuple[SiteMaterial, SiteMaterial, SpecularPrior]:
-    """Solve sites, their K_s held together by the spread that they show; with standard errors."""
+def solve_with_spread(parts: list[SiteSums]) -> SpreadSolution:
+    """Solve sites, their K_s held together by the spread that they show."""
     sums = SiteSums(*(jnp.concatenate(each) for each in zip(*parts)))
     free, precision = solve_freely(sums)
     prior = spread_of(np.asarray(free.ks), np.asarray(precision))
     material, errors = solve_sites(sums, prior), site_errors(sums, prior)
-    return SiteMaterial(*map(np.asarray, material)), SiteMaterial(*map(np.asarray, errors)), prior
+    solved = (SiteMaterial(*map(np.asarray, part)) for part in (material, errors))
+    return SpreadSolution(*solved, prior)
 
 
 def _mean_of(prior: SpecularPrior) -> float:

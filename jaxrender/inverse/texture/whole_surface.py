@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.models import Columns, LinearisedModel, Model
-from jaxrender.inverse.texture.alternation import alternate, confidence
+from jaxrender.inverse.texture.alternation import Confidence, alternate, confidence
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.search import predicted
@@ -134,6 +134,15 @@ class Texture(NamedTuple):
         return self._replace(**changed)
 
 
+class _Known(NamedTuple):
+    """The lobe of a chunk's samples with its covariance, and what to expect of K_s."""
+
+    unknowns: Unknowns | VaryingSigma
+    point: Float[AnyArray, "unknown"]
+    covariance: Float[AnyArray, "unknown unknown"]
+    prior: SpecularPrior
+
+
 class _Solved(NamedTuple):
     """What a chunk gives back, by site of the chunk."""
 
@@ -149,10 +158,10 @@ def solve_surface(
     model_of: ModelOf,
     lobe: Lobe,
     prior: SpecularPrior,
-    how: tuple[NoiseModel, str],
+    noise: NoiseModel,
+    method: str,
 ) -> Texture:
-    """Solve every site at the sigma and mu of ``lobe``; ``how`` is the noise and the method."""
-    noise, method = how
+    """Solve every site at the sigma and mu of ``lobe``, as ``TextureSettings.method`` says."""
     channels = measured.radiance.shape[1]
     kd = np.full((measured.count, channels), np.nan)
     ks, misfit = np.full(measured.count, np.nan), np.full(measured.count, np.nan)
@@ -166,9 +175,10 @@ def solve_surface(
         even = np.broadcast_to(np.sqrt(share)[:, None], part.radiance.shape)
         data = SiteData(part.radiance, even, part.site, part.count)
         variance = np.asarray([noise.relative**2, noise.floor**2 + (_LEAST_NOISE * scale) ** 2])
-        settings = (variance, method == "thesis")
-        known = lobe.of_sites(sites[part.site]), lobe.point, lobe.covariance, prior
-        solved = _solve(model_of(part.index), data, part.exit_cosines, known, settings)
+        unknowns = lobe.of_sites(sites[part.site])
+        known = _Known(unknowns, lobe.point, lobe.covariance, prior)
+        alternating, cosines = method == "thesis", part.exit_cosines
+        solved = _solve(model_of(part.index), data, cosines, known, variance, alternating)
         count = len(sites)
         kd[sites], ks[sites] = (np.asarray(a)[:count] for a in solved.material)
         kd_error[sites], ks_error[sites] = (np.asarray(a)[:count] for a in solved.errors)
@@ -206,18 +216,16 @@ def _solve(
     model: Model,
     data: SiteData,
     exit_cosines: Float[AnyArray, "sample"],
-    known: tuple[
-        Unknowns | VaryingSigma,
-        Float[AnyArray, "unknown"],
-        Float[AnyArray, "unknown unknown"],
-        SpecularPrior,
-    ],
-    settings: tuple[Float[AnyArray, "2"], bool],
+    known: _Known,
+    variance: Float[AnyArray, "2"],
+    alternating: bool,
 ) -> _Solved:
-    """Solve a chunk's sites: once to weigh by what is predicted, then with derivatives."""
-    unknowns, point, covariance, prior = known
-    variance, alternating = settings
-    point, share = jnp.asarray(point), jnp.asarray(data.weights)
+    """Solve a chunk's sites: once to weigh by what is predicted, then with derivatives.
+
+    ``variance`` is that of the noise: relative to the square of the radiance, and absolute.
+    """
+    unknowns, prior = known.unknowns, known.prior
+    point, share = jnp.asarray(known.point), jnp.asarray(data.weights)
 
     def weighted(guess: Float[Array, "sample channel"]) -> SiteData:
         weights = share * jax.lax.rsqrt(variance[0] * jnp.maximum(guess, 0) ** 2 + variance[1])
@@ -240,12 +248,12 @@ def _solve(
         own = site_errors(sums, prior)
         through = jax.jacfwd(material_at)(point)
         errors = SiteMaterial(
-            _with_lobe(jnp.asarray(own.kd), through.kd, covariance),
-            _with_lobe(jnp.asarray(own.ks), through.ks, covariance),
+            _with_lobe(jnp.asarray(own.kd), through.kd, known.covariance),
+            _with_lobe(jnp.asarray(own.ks), through.ks, known.covariance),
         )
         if alternating:
             trust = confidence(columns, exit_cosines)
-            material = _alternated(data, columns, (trust, share), prior)
+            material = _alternated(data, columns, trust, share, prior)
     off = predicted(material, columns, data) - data.radiance
     squares = jnp.sum(over_sites((jnp.asarray(data.weights) * off) ** 2, data), axis=1)
     precision = jnp.where(errors.ks > 0, 1 / errors.ks**2 - prior.precision, 0)
@@ -262,8 +270,13 @@ def _with_lobe(
     return jnp.sqrt(own**2 + carried)
 
 
-def _alternated(data: SiteData, columns, weights: tuple, prior: SpecularPrior) -> SiteMaterial:
-    trust, share = weights
+def _alternated(
+    data: SiteData,
+    columns: Columns,
+    trust: Confidence,
+    share: Float[Array, "sample channel"],
+    prior: SpecularPrior,
+) -> SiteMaterial:
     diffuse, specular = (
         site_sums(
             SiteData(data.radiance, share * jnp.sqrt(one)[:, None], data.site, data.count), columns
