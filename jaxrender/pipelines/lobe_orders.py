@@ -1,16 +1,18 @@
 """How many degrees of the light and of the viewer a lobe needs (T 5.5.1, 5.6.2).
 
-A lobe's spectrum is computed about its central direction, to more degrees until it holds all but a
-tolerated part of the lobe's energy; then the smallest P, and for it the smallest F, are kept.
+A lobe's spectrum is computed about its central direction.  Degrees are added until the spectrum
+holds all but a tolerated part of the lobe's energy.  Then the smallest P is kept, and for it the
+smallest F.
 
-Spectra are *weighted*, of the lobe times cos t_o, for every model but Phong's powers of R . w_i:
-facets without masking rise as 1 / cos t_o towards grazing exit and have no finite energy about R,
-and one rule for all keeps their orders comparable.  What a weighted map misses is divided by cos
-t_o and shows towards grazing: a sphere of sigma .2 under Grace Cathedral is off by 5 % where cos
-t_o is above .5 and by 22 % from there to .15 at a tolerance of 3 %, by 1.6 and 12 % at 1 %.
+Spectra are *weighted*: they are of the lobe times cos t_o, for every model but Phong's powers of
+R . w_i.  Facets without masking rise as 1 / cos t_o towards grazing exit, and have no finite energy
+about R.  One rule for all models keeps their orders comparable.  The error of a weighted map is
+divided by cos t_o, so it shows towards grazing.  An example is a sphere of sigma .2 under Grace
+Cathedral.  At a tolerance of 3 % it is off by 5 % where cos t_o is above .5, and by 22 % from there
+to .15.  At 1 % it is off by 1.6 and 12 %.
 
-The clamped cosine is radially symmetric about the normal, and an unclipped Phong lobe without base
-about R: both are exact with P = 0.
+The clamped cosine is radially symmetric about the normal.  An unclipped Phong lobe without a base
+is so about R.  Both are exact with P = 0.
 """
 
 from typing import NamedTuple
@@ -47,7 +49,10 @@ class OrdersGoal(NamedTuple):
     light: int | None = None
 
     def check(self, carried: int = _MOST_LIGHT) -> None:
-        """Raise ``InputError`` for what no light, or none that carries a degree, is cut by."""
+        """Raise ``InputError`` for a tolerance or degrees that cannot be.
+
+        ``carried`` is the highest degree of the light.
+        """
         if not 0 < self.tolerance < 1:
             raise InputError(
                 f"--tolerance {self.tolerance:g}: give a part of the energy between 0 and 1, "
@@ -77,15 +82,15 @@ class LobeOrders(NamedTuple):
 
     @property
     def least_missing(self) -> float:
-        """What part of the energy even all degrees that were tried leave out."""
+        """The part of the energy that all degrees tried leave out."""
         return float(missing_energy(self.spectrum)[-1, -1])
 
 
 def lobe_orders(lobe: Lobe, goal: OrdersGoal, carried: int = _STEPS[-1][0]) -> LobeOrders:
-    """Choose (F, P) for a lobe under light that carries a degree (T 5.6.2).
+    """Choose (F, P) for a lobe under light of degrees up to ``carried`` (T 5.6.2).
 
-    Where no degrees that are tried suffice, those are chosen that miss no more than the tolerance
-    beyond what the highest of them miss.  Raises ``InputError`` for a mirror.
+    Where no degrees tried suffice, the chosen ones miss at most the tolerance more than the highest
+    ones do.  Raises ``InputError`` for a mirror.
     """
     if lobe.brdf is None:
         raise InputError(
@@ -106,7 +111,7 @@ def lobe_orders(lobe: Lobe, goal: OrdersGoal, carried: int = _STEPS[-1][0]) -> L
 
 
 def spectrum_of_lobe(lobe: Lobe, band_limits: tuple[int, int]) -> CentralSpectrum:
-    """Compute rho_lpq about the lobe's central direction, weighted but for Phong and Lambert."""
+    """Compute rho_lpq about the lobe's central direction; it is weighted, except Phong's."""
     brdf = lobe.brdf
     if isinstance(brdf, Lambertian):
         scale = float(np.ravel(brdf.kd)[0])

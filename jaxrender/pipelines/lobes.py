@@ -1,8 +1,8 @@
 """Lobes named on a command line: ``phong:exponent=32``, ``microfacet:sigma=0.1,mu=1.5``.
 
-A specification is a model's name, and its parameters after a colon.  What comes of it is the lobe's
-spectrum about one central direction, at amplitude one and seen head-on: the normal for
-``lambertian``, the reflected direction for all others.  ``mirror`` passes every degree.
+A specification is a model's name, and its parameters after a colon.  The lobe has amplitude one and
+is seen head-on.  Its spectrum is about the normal for ``lambertian``, and about the reflected
+direction for all others.  ``mirror`` passes every degree.
 """
 
 import dataclasses
@@ -93,14 +93,14 @@ def model_of(specification: str, option: str = "--brdf ") -> Lobe:
 
 
 def _typical(model: str) -> dict[str, Any]:
-    """Say what a name alone means: what is typical of the model, without an index."""
+    """Find the typical numbers of a model, for a name alone; an index is left out."""
     numbers = MODELS[model].numbers if model in MODELS else ()
     searched = [number for number in numbers if number.part == "searched"]
     return {number.name: None if number.may_be_none else number.typical for number in searched}
 
 
 def _amplitudes(model: str) -> dict[str, np.ndarray]:
-    """Take the lobe alone, at amplitude one; the base, where it is not the model itself, is out."""
+    """Set the amplitude of the lobe to one, and that of a base under it to zero."""
     if model in MODELS:
         names = MODELS[model].names("amplitude")
     else:
@@ -111,10 +111,9 @@ def _amplitudes(model: str) -> dict[str, np.ndarray]:
 
 
 def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:
-    """The last degree of which a lobe passes more than a thousandth of what it passes of the first.
+    """Find the last degree of which a lobe passes more than a thousandth of degree 0.
 
-    Where it has passed less for several degrees on end, nothing is taken to come after them; all
-    degrees where that never happens.
+    The search ends where several degrees in a row pass less.  Where none do, it is the last degree.
     """
     above = np.abs(transfer) > _NEGLIGIBLE * abs(transfer[0])
     # Lambert's lobe skips every other degree, so one that vanishes is not the end.

@@ -1,7 +1,8 @@
-"""Procedural paint: a known K_d and K_s at every place of an object: photographs with an answer.
+"""Procedural paint: a known K_d and K_s at every place of an object.
 
-Paint is laid on by direction from the middle of the object, as latitude and longitude: a sphere's
-texture coordinates.  Each place has a part t of the other paint, K = (1 - t) K_1 + t K_2.
+Paint depends on the direction from the middle of the object, as latitude and longitude.  These are
+a sphere's texture coordinates.  Each place has a part t of the second paint,
+K = (1 - t) K_1 + t K_2.
 """
 
 from typing import NamedTuple
@@ -59,9 +60,9 @@ def render_painted(
     shape: Shape,
     light: ForwardModel | ShadowedModel,
 ) -> Float[np.ndarray, "row column channel"]:
-    """Render B = K_d(x) D + K_s(x) S (T 6.13) for a shape and light, the lobe being everywhere.
+    """Render B = K_d(x) D + K_s(x) S (T 6.13) of a painted shape under a light.
 
-    Where sigma varies the lobe has that of the place.
+    The lobe is the same everywhere, except for a sigma that varies.
     """
     channels = len(recipe.brdf.number("kd"))
     none, full = np.zeros(channels), np.ones(channels)

@@ -178,9 +178,10 @@ def estimate_spectrum(
 ) -> SpectrumEstimate:
     """Recover a BRDF's coefficients of the order asked for, and of a third and two thirds of it.
 
-    ``watch`` is told each order that is done.  Raises ``ValueError`` for concave shapes, for a
-    light of its own in each photograph, for an environment of too few rows, for too few samples,
-    and as ``fit_brdf_spectrum`` does; ``InputError`` for photographs that no fit can use.
+    ``watch`` is called with the result of each order.  Raises ``ValueError`` for concave shapes,
+    and for a light of its own in each photograph.  Raises it, too, for an environment of too few
+    rows, for too few samples, and as ``fit_brdf_spectrum`` does.  Raises ``InputError`` for
+    photographs that no fit can use.
     """
     settings = settings or SpectrumSettings()
     known = light if isinstance(light, KnownLight) else KnownLight.of(light)

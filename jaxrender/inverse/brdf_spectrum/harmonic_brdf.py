@@ -1,6 +1,6 @@
 """Recovered coefficients as a BRDF like any other, for rendering by the integral.
 
-It may be negative and ring: truncated series do (T figure 6.2).
+A truncated series may ring and be negative (T figure 6.2).
 """
 
 import equinox as eqx

@@ -1,14 +1,13 @@
 """A BRDF as coefficients, from photographs under known light (T 6.4.2, figure 6.2).
 
-B is linear in rho_lpq, so they solve a linear system; in normal equations, it is as large as the
-coefficients are many, whatever the number of pixels.  No model of the surface is needed, but much
-of the answer is left open: nothing is seen below the horizon, where a truncated series is free, and
-light without a degree says nothing about that degree.  A weak prior settles it: coefficients are of
-the size of the first one, and there is nothing below the horizon.  What the prior and what the data
-say is told apart by ``resolution``, and the posterior covariance counts both.
+B is linear in rho_lpq, so the coefficients solve a linear system.  Its normal equations have the
+size of the coefficients, whatever the number of pixels.  The surface needs no model, but much stays
+open.  Nothing is seen below the horizon, where a truncated series is free.  Light without a degree
+says nothing about that degree.  A weak prior settles this: coefficients have the size of the first
+one, and nothing is below the horizon.  ``resolution`` tells the prior's part from the data's, and
+the posterior covariance counts both.
 
-Truncation makes ringing (T figure 6.2): ``attenuated`` damps it, which is the same as lighting the
-surface more softly.
+Truncation makes ringing (T figure 6.2).  ``attenuated`` damps it, as softer light would.
 """
 
 from collections.abc import Iterator
@@ -33,10 +32,10 @@ _FIRST_RELATIVE, _FIRST_FLOOR = 0.02, 0.01
 
 
 class Prior(NamedTuple):
-    """What is taken for granted, relative to the first coefficient.
+    """What the fit expects of the coefficients, relative to the first one.
 
-    ``size`` is the standard deviation of every coefficient, ``horizon`` that of the function's
-    component along anything below either horizon; infinite: nothing is taken for granted.
+    ``size`` is the standard deviation of every coefficient.  ``horizon`` is that of the function's
+    component below either horizon.  Infinite values expect nothing.
     """
 
     size: float = 1.0
@@ -204,8 +203,8 @@ def fit_brdf_spectrum(
 ) -> BRDFSpectrum:
     """Recover rho_lpq from samples under light given by its coefficients (T 6.4.2).
 
-    Samples are weighed by the noise; where none is given, by that of the residuals, which then
-    holds what the order leaves out as well.  Raises ``ValueError`` for no samples, and for light
+    Samples are weighed by the noise.  Where none is given, it is estimated from the residuals, and
+    then includes what the order leaves out.  Raises ``ValueError`` for no samples, and for light
     that is zero at degree 0.
     """
     radiance = np.asarray(observations.radiance)

@@ -9,8 +9,7 @@
 ``forward``, ``search``
     any forward model, a part at a time; sigma and mu with all of the texture eliminated
 ``rounds``, ``whole_surface``, ``account``
-    the search with the noise that it tells itself; every site with its standard errors and marks;
-    what is to be said of both
+    the search, which estimates the noise; every site with standard errors and marks; the outcome
 ``fit``, ``known_light``
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``

@@ -1,4 +1,4 @@
-"""What a texture's fit has found, and what is to be said of it."""
+"""The result of a texture's fit: values, errors, outcome and reasons."""
 
 from typing import NamedTuple
 

@@ -2,17 +2,17 @@
 
     B(x) = T(x) E(n),   E(n) = sum_lm A_l L_lm Y_lm(n)
 
-**What cannot be told.**  Whatever light E' > 0 is assumed, T' = B / E' explains the photographs as
-well.  Under one light, with the object at rest, that is all light there is: T is known only up to a
-factor that depends on the normal alone and has no degrees above those of E.  So the ratio of two
-sites of one normal is known, and so is whatever varies faster than the surface curves; the scale of
-each channel never is.  Where sites are seen under several normals (the object turns in the light),
-the ratios E(n) / E(n') are measured, and everything but the scale is told.
+**What cannot be told.**  For any light E' > 0, T' = B / E' explains the photographs as well.  Where
+the object rests in one light, T is known only up to a factor.  That factor depends on the normal
+alone and has no degrees above those of E.  So the ratio of two sites of one normal is known, and so
+is what varies faster than the surface curves.  The scale of each channel is never known.  Where the
+object turns in the light, sites are seen under several normals.  The ratios E(n) / E(n') are then
+measured, and everything but the scale is told.
 
-**What is returned.**  The member of the family that a stated prior picks: log T of least variance,
-or of least total variation between neighbouring sites (which paint of few colours has), and a light
-whose coefficients fall off with the degree.  And the family: ``directions`` of the light, each with
-what the photographs alone say about it.
+**What is returned.**  A stated prior picks one member of the family.  It expects log T of least
+variance, or of least total variation between neighbouring sites, as paint of few colours has.  It
+expects a light whose coefficients fall off with the degree.  The family is returned as well, as
+``directions`` of the light, each with what the photographs alone say about it.
 
 Each channel is a problem of its own; its scale is set by the texture's geometric mean.
 """

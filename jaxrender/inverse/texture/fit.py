@@ -44,9 +44,9 @@ def fit_texture(
 ) -> TextureFit:
     """Recover sigma, mu, and K_d and K_s of every site.
 
-    ``start`` replaces the several starting points; with ``field`` sigma varies over the surface.
-    Raises ``ValueError`` for an unknown method, for kd or ks that are fixed (they are the texture),
-    for a sigma that is fixed and varies, or where no site is seen often enough.
+    ``start`` replaces the several starting points.  With ``field`` sigma varies over the surface.
+    Raises ``ValueError`` for an unknown method, a fixed kd or ks, and a sigma that is both fixed
+    and varying.  Raises it, too, where no site is seen often enough.
     """
     settings = settings or TextureSettings()
     _check(measured, unknowns, settings)
@@ -108,7 +108,7 @@ def fit_texture_by_region(
 def check_variation(unknowns: Unknowns, settings: TextureSettings) -> None:
     """Raise ``ValueError`` where sigma cannot vary over the surface."""
     if not unknowns["sigma"].free:
-        raise ValueError("sigma is fixed, and to vary over the surface: let one of the two go")
+        raise ValueError("sigma is fixed, but it is to vary over the surface: leave it free")
     if settings.method != "joint":
         raise ValueError(f"method={settings.method!r} knows one sigma: choose joint")
 
@@ -117,7 +117,7 @@ def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSett
     if settings.method not in METHODS:
         raise ValueError(f"method={settings.method!r}: choose one of {', '.join(METHODS)}")
     if unknowns.free_amplitudes != unknowns.amplitude_names:
-        raise ValueError("kd and ks are the texture that is sought: leave both free")
+        raise ValueError("kd and ks are fixed, but the texture consists of them: leave both free")
     if "ks" in unknowns.coloured or unknowns.free_gains or unknowns.free_scale:
         raise ValueError(
             "a texture has one K_s for all channels and known exposures: "

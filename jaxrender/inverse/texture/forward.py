@@ -1,7 +1,7 @@
-"""Forward models of chosen observations: who fits a texture asks for some of them at a time.
+"""Forward models of chosen observations, since a texture is fitted a part at a time.
 
-A ``ModelOf`` makes the model of the observations of given indices, so that millions of them never
-need to be expanded at once, and shadows (which belong to single observations) stay in step.
+A ``ModelOf`` makes the model of the observations of given indices.  So millions of observations
+need not be expanded at once, and every observation keeps its own shadows.
 """
 
 from collections.abc import Callable

@@ -2,16 +2,16 @@
 
     B_i(x) = K_d(x) E(n) + K_s(x) sum_lm h_l(sigma, mu, t_o) L_lm V(R) Y_lm(R)
 
-The first term of a site is the same in every photograph, whatever its texture.  Taking each site's
-weighted mean over the photographs off both sides therefore leaves only what moves with the view,
-which is linear in the light and in K_s(x).  These two and sigma and mu are found together
-(:mod:`jaxrender.inverse.texture.view_search`), from where one K_s for all sites and then light and
-K_s in turn have led.  With the light known, E(n) is, and the texture is that of a known light.
+The first term of a site is the same in every photograph, whatever its texture.  So each site's
+weighted mean over the photographs is subtracted.  What is left moves with the view, and is linear
+in the light and in K_s(x).  :mod:`jaxrender.inverse.texture.view_search` finds these two, sigma and
+mu together.  It starts from one K_s for all sites, then from light and K_s found in turn.  A known
+light gives E(n), and the texture follows as under a known light.
 
-Only the product of K_s and the light shows, so the mean K_s is a choice (``mean_ks``).  What moves
-little with the view is hardly told: degree 0 of the light through the Fresnel ratio and the horizon
-alone, which takes grazing views; its standard error is that of the scale between K_d and K_s.  The
-light is cut at a band limit: sources much narrower than the lobe are seen as wide as that.
+Only the product of K_s and the light shows, so the mean K_s is a choice (``mean_ks``).  Photographs
+hardly tell what moves little with the view.  Degree 0 of the light shows by the Fresnel ratio and
+the horizon alone, which takes grazing views.  Its standard error is that of the scale between K_d
+and K_s.  The light is cut at a band limit, so narrow sources look as wide as the lobe.
 """
 
 from typing import NamedTuple
@@ -63,10 +63,10 @@ _CHUNK = 2**12
 
 
 class GlossyProblem(NamedTuple):
-    """Observations by site, the lobe's kind (its numbers are ignored), and how to go about it.
+    """Observations by site, the kind of lobe (its numbers are ignored), and settings.
 
-    ``noise`` is its relative and its absolute part.  Of more than ``samples`` observations whole
-    sites are drawn to find the light by, and of more than ``search_samples`` for sigma and mu.
+    ``noise`` is its relative and its absolute part.  ``samples`` of whole sites are drawn to find
+    the light, and ``search_samples`` to find where sigma and mu begin.
     """
 
     measured: SiteObservations
@@ -111,7 +111,7 @@ class GlossyLight(NamedTuple):
 class GlossyTexture(NamedTuple):
     """Light, texture and gloss.
 
-    ``kd_error`` knows that the light is uncertain, too; ``ks_error`` knows the noise alone.
+    ``kd_error`` includes the uncertainty of the light; ``ks_error`` has the noise alone.
     """
 
     light: GlossyLight

@@ -1,7 +1,8 @@
-"""A texture under a known light: the light is split at the roughness that is found, as for a BRDF.
+"""A texture of one material under a known light, which is split at the roughness found.
 
-The dual model needs to know which parts of the light are narrow beside the lobe, which nobody knows
-at first: so split at a small roughness and search, then split at what was found and search again.
+The dual model needs to know which parts of the light are narrow beside the lobe.  The lobe is
+unknown at first.  So the light is split at a small roughness and a search follows.  Then the light
+is split at the roughness found, and the search goes on.
 """
 
 import numpy as np
@@ -44,14 +45,14 @@ def recover_texture(
     shape: Shape | None = None,
     field: SigmaField | None = None,
 ) -> TextureFit:
-    """Recover K_d and K_s of every site of an object.
+    """Recover K_d and K_s of every site of an object of one material.
 
     ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
     the Fresnel angle, the masking and, by ``mu=None``, a metal.  Where ``settings`` have
-    ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on the dual
-    model whose slow light is integrated over the lobe.  ``shape`` is asked for shadows where it is
-    concave; the observations must then have places.  With ``field`` sigma varies over the surface,
-    which takes ``exact_samples`` too.
+    ``exact_samples``, sigma and mu are refined on the integral.  The sites are then solved on the
+    dual model whose slow light is integrated over the lobe.  A concave ``shape`` casts shadows, and
+    the observations must then have places.  With ``field`` sigma varies over the surface, which
+    takes ``exact_samples`` too.
     """
     settings = settings or TextureSettings()
     unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0

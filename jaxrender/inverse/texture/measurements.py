@@ -1,4 +1,4 @@
-"""Measurements in the order of the sites that they show, so that sums over a site are sums of rows.
+"""Measurements in the order of the sites that they show; sums over a site are sums of rows.
 
 Sites are texels or vertices (:mod:`jaxrender.geometry.texels`), each with a material of its own.
 Host side.

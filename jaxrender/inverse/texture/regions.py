@@ -50,8 +50,8 @@ def under_known_light(
 
     ``observations`` are all usable pixels of the photographs that ``sites`` are of.  With
     ``control_points`` sigma varies slowly over each region.  Raises ``ValueError`` for models that
-    are not of facets, for settings that matt paint has no use for, and where nothing can be told,
-    such as for sites that are seen only once.
+    are not of facets, and for settings that matt paint does not use.  Raises it, too, where nothing
+    can be told, such as for sites that are seen only once.
     """
     settings, variant = settings or TextureSettings(), facets_of(material)
     matt = material.model == "lambertian"

@@ -1,8 +1,8 @@
-"""The search for sigma and mu in rounds: each tells noise and the spread of K_s for the next.
+"""The search for sigma and mu in rounds.
 
-Sites drawn at random stand for all.  A fit weighs every observation by the noise of what is
-predicted, which is known only after a fit; and it holds K_s by how it is spread over the sites,
-which is known then, too.  Two or three rounds settle both.
+The search uses sites drawn at random.  A fit weighs every observation by the noise of its
+prediction, and holds K_s by its spread over the sites.  Both are known only after a fit.  So each
+round gives noise and spread to the next; two or three rounds settle both.
 """
 
 from typing import NamedTuple
@@ -35,9 +35,9 @@ _ROUNDS = 4
 class TextureSettings(NamedTuple):
     """How a texture is fitted.
 
-    ``noise`` is estimated where it is None.  ``search_samples`` are drawn for sigma and mu (whole
-    sites), ``exact_samples`` for their refinement by the exact model where there is one; 0: no
-    exact model is used.
+    ``noise`` is estimated where it is None.  ``method`` is ``joint``, or ``thesis`` for the
+    iteration of T 6.4.2.  ``search_samples`` of whole sites are drawn to find sigma and mu.
+    ``exact_samples`` are drawn to refine both on the exact model; 0: no exact model is used.
     """
 
     noise: NoiseModel | None = None
@@ -94,9 +94,10 @@ def let_vary(
     field: SigmaField,
     settings: TextureSettings,
 ) -> Searched:
-    """Go on from one sigma for all; the noise and the spread of K_s become less for it.
+    """Go on from one sigma for all sites to a sigma that varies.
 
-    ``some`` are those observations of the ``whole`` surface that were searched.
+    ``some`` are the observations of the ``whole`` surface that the search used.  The noise and the
+    spread of K_s are estimated anew.
     """
     site = np.full(int(whole.index.max()) + 1, -1)
     site[whole.index] = whole.site

@@ -1,7 +1,7 @@
 """Variable projection over all sites: sigma and mu, with the whole texture eliminated.
 
-For given sigma and mu every site's material is the exact solution of a small system, so what is
-searched stays two numbers however many texels there are.  Derivatives go through the elimination
+For given sigma and mu every site's material is the exact solution of a small system.  So the
+search has two unknowns, whatever the number of texels.  Derivatives go through the elimination
 (Golub and Pereyra).  ``shared`` takes one K_s for all sites, as phase 1 of T 6.4.2 does; otherwise
 each site has its own, held together by a weak prior.
 """

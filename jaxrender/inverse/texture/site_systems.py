@@ -116,9 +116,9 @@ def solve_freely(sums: SiteSums) -> FreeSites:
 def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     """Compute the standard errors of K_d and K_s: the roots of the inverse system's diagonal.
 
-    They know nothing of the bounds: what is held at zero may still be anything up to about its
-    error.  Infinite where nothing was measured.  A K_s that neither data nor prior tell may be
-    anything from 0 to 1, or to where it alone explains what was measured, and K_d follows it.
+    They ignore the bounds: a value held at zero may be anything up to about its error.  They are
+    infinite where nothing was measured.  Where neither data nor prior tell K_s, it may be anything
+    from 0 to 1, or up to where it alone explains the measurement.  K_d follows it.
     """
     every = jnp.ones(sums.dd.shape, bool)
     slope, _ = _piece(sums, prior, every, False)

@@ -1,9 +1,9 @@
-"""Texture and light both unknown (T 6.1.1): what photographs tell, and up to what.
+"""Texture and light both unknown (T 6.1.1).
 
-A matte object's (class 6) texture is told up to a factor that depends on the normal alone and has
-the few degrees of irradiance; a stated prior picks one.  A glossy object's (class 7) light shows in
-what moves with the view, so that only one scale is open.  Noise that is not given is estimated from
-what is left, and all of it repeated.
+Photographs tell a matt object's texture (class 6) up to a factor.  That factor depends on the
+normal alone and has the few degrees of irradiance; a stated prior picks one.  A glossy object's
+light (class 7) shows in what moves with the view, so that only one scale stays open.  Noise that
+is not given is estimated from the residuals, and the recovery is done again.
 """
 
 import math
@@ -47,8 +47,8 @@ from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import DualForward, DualLight
 from jaxrender.shapes import Float, Int
 
-# Degrees of an unknown light: what irradiance has, and what glossy lobes pass: of sigma .16 and
-# above, and to 1.6 / sigma of narrower ones.  What they do not pass costs time, but no accuracy.
+# Degrees of an unknown light: those of irradiance, and those that glossy lobes pass.  A lobe of
+# sigma .16 and above passes 10, a narrower one 1.6 / sigma.  More would cost time only.
 _MATTE_BAND_LIMIT, _GLOSSY_BAND_LIMIT = 2, 10
 _BAND_LIMIT_TIMES_SIGMA, _HIGHEST_BAND_LIMIT = 1.6, 16
 # The width of a lobe that nothing asks about: matt paint has none.
@@ -57,7 +57,7 @@ _NO_LOBE = 0.1
 _FIRST_NOISE = NoiseModel(0.01, 0.0)
 # What picks a matt object's texture, unless said otherwise.
 _PRIOR = "total-variation"
-# An answer that leaves more than this unexplained is none.
+# An answer that leaves more than this part unexplained has not converged.
 _MUCH_LEFT = 0.2
 _MATTE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
 _GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
@@ -91,8 +91,8 @@ def under_unknown_light(
     """Recover light and texture, of one material.
 
     ``observations`` are all usable pixels of the photographs that ``sites`` are of.  Raises
-    ``ValueError`` for concave shapes, for models that are not of facets, for several regions, for
-    settings that the material has no use for, and where nothing can be told.
+    ``ValueError`` for concave shapes, models that are not of facets, and several regions.  Raises
+    it, too, for settings that the material does not use, and where nothing can be told.
     """
     settings = settings or UnknownLightSettings()
     facets_of(material)

@@ -2,11 +2,11 @@
 
     log sigma(x) = sum_k w_k(x) log sigma_k
 
-with some control points spread over the sites and w_k the thin-plate spline that is 1 at one of
-them and 0 at the others: a smooth field whatever the texture's layout, its seams included, since
-distances are in space.  What the photographs say of one control point may be little; neighbouring
-ones are held together by a weak prior on their differences, and where nothing is seen sigma is as
-it is nearby.  Errors are those of the field as it is: give it points enough to follow sigma.
+Control points are spread over the sites.  w_k is the thin-plate spline that is 1 at one of them and
+0 at the others.  Distances are in space, so the field is smooth across the seams of the texture.
+The photographs may say little of one control point.  So a weak prior on differences holds
+neighbours together, and unseen places have the sigma of their neighbourhood.  The errors suppose
+that the field has enough control points to follow sigma.
 
 The search for it is that of one sigma (:mod:`.search`), with more unknowns: ``VaryingSigma`` stands
 in for ``Unknowns``, and every sample has its own sigma.

@@ -2,18 +2,19 @@
 
     B_i(x) = constant(x) + K_s(x) sum_lm S_lm(i; sigma, mu) L_lm
 
-Each site's constant goes with its weighted mean.  What is left is bilinear in K_s and the light and
-smooth in sigma and mu: Levenberg-Marquardt on all of them.  A site's K_s meets only its own
-observations, so that the normal matrix is an arrow, and taking the K_s out leaves one system in
-light, sigma and mu, however many sites there are.  Its inverse is their covariance, that of the
-K_s included.  Where each site is seen a few times only, the noise of thousands of K_s would bias
-all that they share; so what is minimised is the likelihood of light, sigma and mu with every K_s
-integrated out (a Gaussian: half the logarithm of its precision is added), not with the best K_s.
-Holding K_s the same everywhere instead, while sigma is searched for, makes sigma explain what K_s
-did (10 % of it, where K_s varied by a third).
+The weighted mean of each site takes its constant away.  The rest is bilinear in K_s and the light,
+and smooth in sigma and mu.  Levenberg-Marquardt solves for all of them.  A site's K_s meets only
+its own observations, so the normal matrix is an arrow.  Elimination of the K_s leaves one system in
+light, sigma and mu, whatever the number of sites.  Its inverse is their covariance, and includes
+the uncertainty of the K_s.
 
-Expected beforehand are coefficients of each degree above 0 of the size that they are found to have,
-and K_s of mean 1 with the spread that it is found to have.
+Where each site is seen a few times only, the noise of thousands of K_s would bias all that they
+share.  So the search does not take the best K_s.  It maximises the likelihood of light, sigma and
+mu with every K_s integrated out, which adds half the logarithm of its precision.  One K_s for all
+sites would make sigma explain what K_s did: 10 % of it, where K_s varied by a third.
+
+The priors are estimated too.  Coefficients of each degree above 0 are expected to have the size
+that is found, and K_s the mean 1 and the spread that is found.
 """
 
 from collections.abc import Callable
@@ -38,8 +39,8 @@ _STEPS = 40
 _LEAST_GAIN = 1e-3
 # Rounds of what is expected of light and K_s, and the search with that.
 _EXPECTATIONS = 2
-# Light is expected within this many times the size of its degree: told degrees are then not drawn
-# towards zero, of which sigma would be a part (1 standard error of it, at 1).
+# Light is expected within this many times the size of its degree.  At 1 the prior would draw the
+# light towards zero, and sigma would be 1 standard error off.
 _GENEROSITY = 3.0
 # Damping, in parts of the diagonal: at the start, and when to give up.
 _FIRST_DAMPING, _MOST_DAMPING = 1e-4, 1e8

@@ -103,8 +103,8 @@ def solve_with_spread(parts: list[SiteSums]) -> SpreadSolution:
     free, precision = solve_freely(sums)
     prior = spread_of(np.asarray(free.ks), np.asarray(precision))
     material, errors = solve_sites(sums, prior), site_errors(sums, prior)
-    solved = (SiteMaterial(*map(np.asarray, part)) for part in (material, errors))
-    return SpreadSolution(*solved, prior)
+    material, errors = (SiteMaterial(*map(np.asarray, part)) for part in (material, errors))
+    return SpreadSolution(material, errors, prior)
 
 
 def _mean_of(prior: SpecularPrior) -> float:

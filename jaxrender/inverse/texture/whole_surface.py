@@ -1,8 +1,8 @@
 """Every site solved at the sigma and mu that were found, a chunk of observations at a time.
 
-Standard errors are those of each site's own system, and those of sigma and mu carried through it.
-What cannot be trusted is marked: K_d where its standard error is large or the site's observations
-contradict each other, K_s where the prior says more than the photographs.
+Standard errors combine those of each site's own system with those of sigma and mu.  K_d is marked
+where its standard error is large, or where the site's observations contradict each other.  K_s is
+marked where the prior says more than the photographs.
 """
 
 from typing import NamedTuple
