@@ -13,24 +13,14 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parents[1]
-# Modules and packages of jaxrender that are held against the rule.
-CHECKED = [
-    "brdf",
-    "catalogue.py",
-    "cli",
-    "errors.py",
-    "geometry",
-    "harmonics",
-    "imaging",
-    "io",
-    "lighting",
-    "programs.py",
-    "reflection",
-    "shapes.py",
-    "spectra",
-    "wavelets",
-]
-NUMBERS = ("float", "int")
+# Every module and package of the first level.
+CHECKED = sorted(
+    path.name
+    for path in (HERE / "jaxrender").iterdir()
+    if path.suffix == ".py" or (path / "__init__.py").exists()
+)
+# Plain numbers, and those of a config.
+NUMBERS = ("float", "int", "Number", "Positive")
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 BUNDLES = {

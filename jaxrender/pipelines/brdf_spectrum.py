@@ -1,7 +1,9 @@
 """Task ``brdf-spectrum``: the BRDF as coefficients from photographs under known light (T 6.4.2)."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import ARRAYS_FORMAT, Result
 from jaxrender.pipelines.scene import fault_of, settings_of
 from jaxrender.shapes import Float
+
+if TYPE_CHECKING:
+    from jaxrender.pipelines.report.contents import FramePictures, SpectrumContents
 
 _UNKNOWN = ("unknown",)
 
@@ -99,7 +104,9 @@ class SpectrumRecovery(Recovery):
         if light is not None and light.environment is not None:
             write_environment(folder / "lighting.exr", light.environment)
 
-    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+    def contents(
+        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
+    ) -> SpectrumContents:
         """Gather what the report shows."""
         from jaxrender.pipelines.report import SpectrumContents
 

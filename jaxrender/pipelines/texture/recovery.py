@@ -1,7 +1,9 @@
 """A run's recovery of a texture: the call, what is written, and what is shown."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +33,9 @@ from jaxrender.pipelines.texture.asked import (
 )
 from jaxrender.pipelines.texture.summary import summary_of_texture
 from jaxrender.shapes import Float
+
+if TYPE_CHECKING:
+    from jaxrender.pipelines.report.contents import FramePictures, TextureContents
 
 # Rows of a recovered light's image.
 _ROWS = 64
@@ -70,7 +75,9 @@ class TextureRecovery(Recovery):
         elif self.evidence.light is not None and self.evidence.light.environment is not None:
             write_environment(folder / "lighting.exr", self.evidence.light.environment)
 
-    def contents(self, title: str, result: dict[str, Any], frames: tuple) -> Any:
+    def contents(
+        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
+    ) -> TextureContents:
         """Gather what the report shows."""
         from jaxrender.pipelines.report import TextureContents
 
