@@ -257,7 +257,7 @@ def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> Lin
         # All derivatives in one pass over the nodes, which each alone would make again.
         def shaped_at(
             at: Float[Array, "number"],
-        ) -> tuple[list[Float[Array, "sample channel"]], Columns]:
+        ) -> tuple[list[Float[AnyArray, "sample channel"]], Columns]:
             columns = model.columns(dict(zip(names, at)))
             return [columns.parts[place] for place in columns.shaped], columns
 
