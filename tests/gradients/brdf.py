@@ -107,7 +107,7 @@ MODELS = [
     model(
         "",
         brdf.OrenNayarLobe,
-        {**CHANNELS, "sigma": scalar(0.4)},
+        {"kd": CHANNELS["kd"], "sigma": scalar(0.4)},
         {"sigma 1.5": {"sigma": scalar(1.5)}},
         EQUAL,
     ),

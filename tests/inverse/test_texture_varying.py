@@ -84,7 +84,7 @@ def test_what_cannot_vary_is_refused(scene):
     lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
     args = (observations, site, len(places), known_light(16), lobe)
     fixed = microfacet_unknowns(sigma=Unknown(fixed=(0.2,)))
-    with pytest.raises(ValueError, match="sigma is fixed, and to vary"):
+    with pytest.raises(ValueError, match="sigma is fixed, but it is to vary"):
         recover_texture(*args, unknowns=fixed, field=field)
     with pytest.raises(ValueError, match="on the integral alone"):
         recover_texture(*args, field=field, settings=TextureSettings(exact_samples=0))

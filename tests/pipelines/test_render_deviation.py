@@ -91,9 +91,9 @@ def test_what_is_not_hit_has_no_deviation(rendered):
 
 def test_gain_and_scale_are_factors():
     rng = np.random.default_rng(1)
-    channels, gains = 3, 2
+    channels, gains, amounts = 3, 2, ("kd", "ks")
     root = rng.normal(size=(2 * channels + 3 + gains, 2 * channels + 3 + gains))
-    amplitudes = [f"{name}[{k}]" for name in ("kd", "ks") for k in range(channels)]
+    amplitudes = [f"{name}[{k}]" for name in amounts for k in range(channels)]
     names = (*amplitudes, "sigma", "mu", "gains[0]", "gains[1]", "scale")
     covariance = MaterialCovariance(root @ root.T, channels, names)
     values = rng.uniform(0.5, 1.5, len(root))
@@ -113,10 +113,10 @@ def test_gain_and_scale_are_factors():
     parts = np.stack([diffuse, specular, ks * by_sigma, ks * by_mu], axis=1)
     radiance = values[:3] * diffuse + ks * specular
     found = image_deviation(
-        covariance.of_frame(1, ("sigma", "mu")), parts, radiance, values[9], values[10]
+        covariance.of_frame(1, amounts, ("sigma", "mu")), parts, radiance, values[9], values[10]
     )
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-    elsewhere = covariance.of_frame(None, ("sigma", "mu"))
+    elsewhere = covariance.of_frame(None, amounts, ("sigma", "mu"))
     assert not elsewhere[:, 4].any()
     assert elsewhere[:, 5, 5] == pytest.approx(covariance.matrix[-1, -1])
 
