@@ -15,11 +15,15 @@ from jaxrender.inverse.reasons import not_identifiable
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
+    off_prior,
     rests_on_prior,
     uncertain_parameters,
     within_reach,
 )
 from jaxrender.inverse.weights import variance_factor
+
+# Photographs and a prior that differ by so many standard deviations contradict each other.
+_MOST_OFF = 4.0
 
 
 class Account(NamedTuple):
@@ -85,11 +89,17 @@ def judge(
     for name in names:
         reached = within_reach(account.parameters, name)
         silent = rests_on_prior(account.parameters, name, unknowns[name].prior)
-        identifiable[name] = reached and not bound[name] and not silent
+        off = 0.0 if silent else off_prior(account.parameters, name, unknowns[name].prior)
+        identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF
         if bound[name]:
             reasons.append(f"{name} is at a bound of its range")
         elif silent:
             reasons.append(f"{name} is what its prior says: the photographs add next to nothing")
+        elif off >= _MOST_OFF:
+            reasons.append(
+                f"{name} in the photographs is {off:.0f} standard deviations off its prior: "
+                "one of the two is wrong"
+            )
         elif not reached:
             reasons.append(_why(name, account, variant))
     if not bool(stop.fit.solution.converged):

@@ -150,6 +150,21 @@ def rests_on_prior(uncertain: Uncertain, name: str, prior: Prior | None) -> bool
     return bool(np.any(error > _ALL_BUT * prior.standard_deviation))
 
 
+def off_prior(uncertain: Uncertain, name: str, prior: Prior | None) -> float:
+    """Say how many standard deviations the data alone put a parameter off its prior.
+
+    The value v and its error e hold both: the data alone differ from the prior's mean m by
+    (v - m) / sqrt(p^2 - e^2) standard deviations of the difference, p being the prior's.
+    """
+    if prior is None:
+        return 0.0
+    value, error = (
+        np.asarray(part.of(name)) for part in (uncertain.value, uncertain.standard_error)
+    )
+    variance = np.maximum(prior.standard_deviation**2 - error**2, np.finfo(float).tiny)
+    return float(np.max(np.abs(value - prior.mean) / np.sqrt(variance)))
+
+
 def relative_error(uncertain: Uncertain, name: str) -> float:
     """A standard error as a part of the value above its origin, in the worst channel."""
     value = np.asarray(uncertain.value.of(name)) - uncertain.origins.get(name, 0.0)

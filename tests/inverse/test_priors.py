@@ -2,7 +2,8 @@
 
 - The posterior of a linear amplitude is the closed form of two normal distributions.
 - A number that the photographs say nothing of keeps its prior, mean and error, and says so.
-- A prior that is far off moves the answer as its weight asks for; one that is wide moves nothing.
+- A prior that contradicts the photographs is named, and its number is not called identifiable.
+- A wide prior changes nothing.
 - Priors that contradict what else is told are refused by the number's name.
 """
 
@@ -60,6 +61,17 @@ def test_two_normal_distributions_make_one(name, photographs, free):
     found, spread = (np.max(part) for part in told_of(fitted(photographs, **{name: prior}), name))
     assert found == pytest.approx(value + error, abs=0.15 * error)
     assert spread == pytest.approx(error / np.sqrt(2), rel=0.05)
+
+
+@pytest.mark.parametrize(("off", "contradicts"), [(2, False), (12, True)])
+def test_a_prior_that_contradicts_the_photographs_is_said_to(off, contradicts, photographs, free):
+    value, error = (float(part) for part in told_of(free, "sigma"))
+    fit = fitted(photographs, sigma=(value + off * error, error))
+    said = [reason for reason in fit.reasons if "off its prior: one of the two is wrong" in reason]
+    assert bool(said) == contradicts
+    assert fit.identifiable["sigma"] != contradicts
+    # The distance is that of two normal distributions of one error each.
+    assert not said or said[0].startswith(f"sigma in the photographs is {off / np.sqrt(2):.0f} ")
 
 
 def test_a_wide_prior_changes_nothing(photographs, free):
