@@ -5,7 +5,8 @@ The packages follow the theory, and each imports only from those above it in thi
 
 ``shapes`` ``errors`` ``catalogue`` ``programs``
     array types and the glossary of axis words; the error for input that can be mended; every model
-    by its name, and what each of its numbers is; traced programs that the next process finds again
+    and every stated light by its name, and what its numbers are; traced programs that the next
+    process finds again
 ``harmonics`` ``wavelets`` ``geometry`` ``imaging``
     functions on the sphere; wavelets over any number of axes; directions, cameras and surfaces;
     pixels as measurements

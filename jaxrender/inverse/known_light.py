@@ -14,6 +14,7 @@ from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
     DirectionalSources,
     Environment,
+    FunctionLight,
     Light,
     LightNodes,
     LightSplit,
@@ -97,16 +98,17 @@ class KnownLight(eqx.Module):
             )
         rest = [part for part in parts if not isinstance(part, DirectionalSources | Environment)]
         for part in rest:
-            sample = getattr(part, "to_environment", None)
-            if sample is None:
+            if not isinstance(part, FunctionLight):
                 raise ValueError(
                     f"a fit cannot use a light of the kind {type(part).__name__}; give "
                     "environments, directional sources, skies, smooth lobes, or light by its "
                     "coefficients"
                 )
-            images.append(sample(rows[0] if rows else _SAMPLED_ROWS))
+            images.append(part.to_environment(rows[0] if rows else _SAMPLED_ROWS))
         environment = None
-        if images:
+        if len(images) == 1:
+            environment = images[0]
+        elif images:
             stacked = np.stack([np.asarray(image.radiance) for image in images])
             environment = Environment(stacked.sum(axis=0))
         channels = light.nodes().irradiance.shape[1]

@@ -6,14 +6,16 @@
     sources in single directions
 ``environment``
     radiance on a latitude-longitude grid
-``lobes``
-    smooth light as a function, for area sources
+``function`` ``lobes``
+    light as a function of direction; smooth lobes, for area sources
 ``positional`` ``photometric``
     point lights; the angular distribution of an intensity, as photometric files state it
 ``luminaires``
     radiance over the places and directions of a surface
 ``sky`` ``coefficients``
     the overcast and the clear sky; light given by its harmonic coefficients
+``registry``
+    lights by the names of the catalogue
 ``positive_part``
     light that is nowhere negative, from coefficients that were measured
 ``cells`` ``split``
@@ -27,6 +29,7 @@ from jaxrender.lighting.cells import Cells, condensed, partition
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.function import FunctionLight
 from jaxrender.lighting.layouts import PANORAMAS, panorama_named
 from jaxrender.lighting.lobes import SmoothLobes
 from jaxrender.lighting.mirror_ball import BallLight, light_of_ball
@@ -40,6 +43,7 @@ from jaxrender.lighting.positional import (
     SpotIntensity,
 )
 from jaxrender.lighting.positive_part import positive_environment, positive_part_of
+from jaxrender.lighting.registry import light_of
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
 
@@ -55,6 +59,7 @@ __all__ = [
     "DirectionalSources",
     "Environment",
     "Flaps",
+    "FunctionLight",
     "HarmonicLight",
     "IsotropicIntensity",
     "Light",
@@ -68,6 +73,7 @@ __all__ = [
     "SpotIntensity",
     "candidates",
     "condensed",
+    "light_of",
     "light_of_ball",
     "panorama_named",
     "partition",

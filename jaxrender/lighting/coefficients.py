@@ -6,11 +6,11 @@ not be; its nodes carry the signs along.
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, evaluate, synthesise
-from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.base import LightNodes
 from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.function import FunctionLight
 from jaxrender.shapes import Array, Coefficients, Directions, Float, checked
 
 
@@ -18,7 +18,7 @@ def _height(value: int | None) -> int | None:
     return None if value is None else int(value)
 
 
-class HarmonicLight(Light):
+class HarmonicLight(FunctionLight):
     """L(w) = sum_lm L_lm Y_lm(w), real harmonics in the flat order l(l+1)+m.
 
     ``height`` is the number of rows of the latitude-longitude grid that ``nodes`` samples: the sum
@@ -69,5 +69,4 @@ class HarmonicLight(Light):
         grid = LatLongGrid(height, 2 * height)
         if grid.band_limit >= self.band_limit:
             return Environment(synthesise(grid, jnp.asarray(self.coefficients)))
-        directions = np.asarray(grid.directions().reshape(-1, 3), self.coefficients.dtype)
-        return Environment(self.radiance(directions).reshape(height, 2 * height, -1))
+        return super().to_environment(height)

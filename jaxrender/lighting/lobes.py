@@ -9,16 +9,15 @@ import numpy as np
 from jax.core import Tracer
 
 from jaxrender.geometry.directions import normalise
-from jaxrender.harmonics.grids import LatLongGrid
-from jaxrender.lighting.base import Light, LightNodes
-from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.base import LightNodes
+from jaxrender.lighting.function import FunctionLight
 from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 # Rows of the grid that a sum over nodes samples: at least so many, and so many within a width.
 _ROWS, _ROWS_PER_WIDTH = 64, 8
 
 
-class SmoothLobes(Light):
+class SmoothLobes(FunctionLight):
     """L(w) = sum_k radiance_k exp(-(1 - w . d_k) / (1 - cos width_k)): von Mises-Fisher lobes.
 
     At the angle ``width`` (radians) from its middle a lobe has fallen to 1/e.
@@ -48,9 +47,3 @@ class SmoothLobes(Light):
         """Sample the lobes on a grid that has many rows within the narrowest one."""
         finest = _ROWS_PER_WIDTH * np.pi / float(np.min(np.asarray(self.widths)))
         return self.to_environment(max(_ROWS, int(np.ceil(finest)))).nodes()
-
-    def to_environment(self, height: int) -> Environment:
-        """Sample the lobes at the texels of an environment image."""
-        directions = LatLongGrid(height, 2 * height).directions()
-        image = self.radiance(directions.reshape(-1, 3)).reshape(height, 2 * height, -1)
-        return Environment(image)

@@ -12,7 +12,6 @@ All give the distribution relative to the zenith, whose radiance (a colour) is t
 The sun's own disc is no part of the sky: add a directional source.  World frame, +Z the zenith.
 """
 
-import abc
 from typing import NamedTuple
 
 import equinox as eqx
@@ -21,9 +20,8 @@ import numpy as np
 from jax.core import Tracer
 
 from jaxrender.geometry.directions import normalise, squared_angle
-from jaxrender.harmonics import LatLongGrid
-from jaxrender.lighting.base import Light, LightNodes
-from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.base import LightNodes
+from jaxrender.lighting.function import FunctionLight
 from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 
 # Rows of a sky's own nodes between zenith and horizon.
@@ -71,12 +69,14 @@ def preetham(turbidity: float) -> Distribution:
     return Distribution(a, b, c, d, e, 0.0)
 
 
-class Sky(Light):
-    """Light from the upper half of the sphere, as a function of direction."""
+def _distribution(given: str | Distribution) -> Distribution:
+    if isinstance(given, str) and given not in CLEAR_SKIES:
+        raise ValueError(f"distribution={given!r}: choose {' or '.join(CLEAR_SKIES)}")
+    return CLEAR_SKIES[given] if isinstance(given, str) else given
 
-    @abc.abstractmethod
-    def radiance(self, directions: Directions) -> Float[Array, "*batch channel"]:
-        """Evaluate the radiance from unit world directions; zero below the horizon."""
+
+class Sky(FunctionLight):
+    """Light from the upper half of the sphere, as a function of direction."""
 
     def nodes(self) -> LightNodes:
         """Place Gauss-Legendre rows from zenith to horizon: exact there for smooth products."""
@@ -90,15 +90,6 @@ class Sky(Light):
         radiance = self.radiance(towards.reshape(-1, 3))
         irradiance = jnp.asarray(weight, radiance.dtype)[:, None] * radiance
         return LightNodes(jnp.asarray(towards.reshape(-1, 3), radiance.dtype), irradiance)
-
-    def to_environment(self, height: int) -> Environment:
-        """Sample the sky at the texels of an image.
-
-        The jump at the horizon costs such an image the order of 1 / height in its integrals.
-        """
-        directions = LatLongGrid(height, 2 * height).directions()
-        image = self.radiance(directions.reshape(-1, 3)).reshape(height, 2 * height, -1)
-        return Environment(image)
 
 
 class OvercastSky(Sky):
@@ -117,12 +108,17 @@ class OvercastSky(Sky):
 class ClearSky(Sky):
     """The CIE clear sky, or another of that form, with the sun in a direction above the horizon.
 
-    Raises ``ValueError`` for a sun that is below the horizon or no direction.
+    ``distribution`` may be one of the names of ``CLEAR_SKIES``.
+
+    Raises ``ValueError`` for a sun that is below the horizon or no direction, and for a name of no
+    sky.
     """
 
     sun: Float[AnyArray, "3"]
     zenith: Float[AnyArray, "channel"]
-    distribution: Distribution = eqx.field(static=True, default=CLEAR_SKIES["clear"])
+    distribution: Distribution = eqx.field(
+        static=True, converter=_distribution, default=CLEAR_SKIES["clear"]
+    )
 
     def __check_init__(self):
         if isinstance(self.sun, Tracer):

@@ -32,11 +32,18 @@ from jaxrender.io import (
     read_mesh,
     read_per_frame_lights,
 )
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    Light,
+    LightSum,
+    light_of,
+    to_latlong,
+)
 from jaxrender.pipelines.config import CaptureConfig, CurveConfig, RecipeConfig, RunConfig
 from jaxrender.pipelines.config.brdf import BrdfConfig
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
-from jaxrender.pipelines.config.lighting import DirectionalConfig, LightingConfig
+from jaxrender.pipelines.config.lighting import LightingConfig, RecipeLightingConfig
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
 
 
@@ -153,40 +160,46 @@ def settings_of(config: RunConfig) -> FitSettings:
     )
 
 
-def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
-    """Read the light that a config names."""
-    environment, files = None, []
+def lights_of(lighting: LightingConfig | RecipeLightingConfig) -> tuple[Light, ...]:
+    """Make the lights that all photographs share; an environment is read from its file, as it is.
+
+    They come in the order of the catalogue, the environment last.
+    """
+    found: list[Light] = []
+    for name, entries in lighting.stated().items():
+        with fault_of(f"lighting.{name}"):
+            found.append(light_of(name, entries))
     if lighting.environment is not None:
         given = lighting.environment
-        files.append(str(given.path))
-        environment = read_environment(given.path, given.convention, given.scale, given.height)
+        found.append(read_environment(given.path, given.convention, given.scale, given.height))
+    return tuple(found)
+
+
+def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
+    """Make or read the light that a config names."""
     per_frame = None
     if lighting.per_frame is not None:
-        files.append(str(lighting.per_frame))
         per_frame = read_per_frame_lights(
             lighting.per_frame, frame_names, lighting.per_frame_irradiance
         )
-    with fault_of(f"lighting ({', '.join(files)})" if files else "lighting"):
-        return KnownLight(environment, directional_of(lighting.directional), per_frame)
+    lights = lights_of(lighting) or (DirectionalSources.none(),)
+    environment = lighting.environment and lighting.environment.path
+    files = ", ".join(str(path) for path in (environment, lighting.per_frame) if path)
+    with fault_of(f"lighting ({files})" if files else "lighting"):
+        return KnownLight.of(LightSum(lights), per_frame)
 
 
-def directional_of(sources: tuple[DirectionalConfig, ...]) -> DirectionalSources:
-    """Build directional sources."""
-    with fault_of("lighting.directional"):
-        if not sources:
-            return DirectionalSources.none()
-        return DirectionalSources(
-            np.array([source.direction for source in sources], float),
-            np.array([source.irradiance for source in sources], float),
-        )
-
-
-def recipe_environment(recipe: RecipeConfig) -> Environment | None:
-    """Read a recipe's environment image at its full resolution."""
-    given = recipe.lighting.environment
-    if given is None:
-        return None
-    return read_environment(given.path, given.convention, given.scale, given.height)
+def light_for_fit(recipe: RecipeConfig) -> KnownLight:
+    """Make the light that a fit of a recipe's photographs is given: sources and a coarser image."""
+    height = recipe.environment_height
+    lights = [
+        Environment(to_latlong(np.asarray(light.radiance), "z-up", height))
+        if isinstance(light, Environment)
+        else light
+        for light in lights_of(recipe.lighting)
+    ]
+    with fault_of("lighting"):
+        return KnownLight.of(LightSum(tuple(lights)), height=height)
 
 
 def input_files(config: RunConfig | RecipeConfig) -> list[Path]:

@@ -1,10 +1,10 @@
 """Synthetic photographs from a recipe: the exact integral, noise, and a config that fits them.
 
 A polar quadrature about each normal integrates smooth lobes as functions.  Environment images and
-sources count by their point masses.  On a concave shape every light is a sum of point masses, each
-visible or not; lobes are sampled at directions evenly spread over the sphere.  Bounced light is
-left out.  The frequency model of the fits is not used, and a fit gets an environment image that is
-coarser than the light of the photographs.
+sources count by their point masses.  Skies and light of coefficients are sampled at directions
+evenly spread over the sphere.  On a concave shape lobes are, too: every light is a sum of point
+masses, each visible or not.  Bounced light is left out.  The frequency model of the fits is not
+used, and a fit gets an environment image that is coarser than the light of the photographs.
 """
 
 import json
@@ -28,26 +28,34 @@ from jaxrender.geometry import (
 )
 from jaxrender.imaging import NoiseModel
 from jaxrender.io import write_environment, write_image, write_mesh
-from jaxrender.lighting import Environment, LightNodes, SmoothLobes, condensed, to_latlong
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    FunctionLight,
+    Light,
+    LightNodes,
+    SmoothLobes,
+    condensed,
+)
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.scene import (
-    directional_of,
     fault_of,
     input_files,
-    recipe_environment,
+    light_for_fit,
+    lights_of,
     shape_of,
     true_material,
 )
 from jaxrender.reflection import ExactForward, ShadowedForward, render_view
 from jaxrender.shapes import Float
 
-# Under shadows: directions at which lobes are sampled, less those that carry next to nothing ...
-_LOBE_NODES, _DARK = 2**15, 1e-5
-# ... and the largest image whose texels are all asked for; cells of this angle stand for others.
+# Directions at which light is sampled that is a function, less those that carry next to nothing.
+_NODES, _DARK = 2**15, 1e-5
+# Under shadows: the largest image whose texels are all asked for; else cells of this angle.
 _MOST_TEXELS, _CELL_ANGLE = 2**16, 0.014
 
 
@@ -83,7 +91,7 @@ def written_files(recipe: RecipeConfig) -> list[str]:
     """List the files of a recipe's capture, relative to its folder."""
     names = [_image_name(number) for number in range(recipe.views.count)]
     names += ["transforms.json", "truth.json", "config.yaml"]
-    if recipe.lighting.area or recipe.lighting.environment:
+    if recipe.lighting.has_image:
         names.append("environment.exr")
     return names + (["shape.ply"] if recipe.geometry.sphere is None else [])
 
@@ -163,29 +171,35 @@ def _photograph(
 
 
 def _light_of(recipe: RecipeConfig, shape: Shape) -> ExactForward | ShadowedForward:
-    parts = [directional_of(recipe.lighting.directional).nodes()]
-    environment, lobes = recipe_environment(recipe), _lobes_of(recipe)
-    concave = not shape.is_convex()
-    if concave and lobes is not None:
-        parts.append(_sampled(lobes))
-    if environment is not None:
-        nodes = environment.nodes()
-        if concave and nodes.directions.shape[0] > _MOST_TEXELS:
-            nodes = condensed(environment, _CELL_ANGLE)
-        lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
-        parts.append(LightNodes(*(np.asarray(a)[lit] for a in nodes)))
+    concave, lobes = not shape.is_convex(), None
+    parts = [DirectionalSources.none().nodes()]
+    for light in lights_of(recipe.lighting):
+        if isinstance(light, SmoothLobes) and not concave:
+            lobes = light
+        else:
+            parts.append(_nodes_of(light, concave))
     nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
-    if concave:
-        return ShadowedForward(shape, nodes)
-    return ExactForward(nodes, lobes)
+    return ShadowedForward(shape, nodes) if concave else ExactForward(nodes, lobes)
 
 
-def _sampled(lobes: SmoothLobes) -> LightNodes:
-    """Sum up smooth lobes at evenly spread directions."""
-    directions = fibonacci_sphere(_LOBE_NODES)
-    radiance = np.asarray(lobes.radiance(directions))
-    lit = radiance.max(axis=1) > _DARK * radiance.max()
-    return LightNodes(directions[lit], 4 * np.pi / _LOBE_NODES * radiance[lit])
+def _nodes_of(light: Light, concave: bool) -> LightNodes:
+    """List the point masses of a light that are not dark; under shadows they are not too many."""
+    if isinstance(light, FunctionLight):
+        return _sampled(light)
+    nodes = light.nodes()
+    if concave and isinstance(light, Environment) and nodes.directions.shape[0] > _MOST_TEXELS:
+        nodes = condensed(light, _CELL_ANGLE)
+    lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
+    return LightNodes(*(np.asarray(a)[lit] for a in nodes))
+
+
+def _sampled(light: FunctionLight) -> LightNodes:
+    """Sum up light that is a function of direction at evenly spread directions."""
+    directions = fibonacci_sphere(_NODES)
+    radiance = np.asarray(light.radiance(directions))
+    size = np.abs(radiance).max(axis=1)
+    lit = size > _DARK * size.max()
+    return LightNodes(directions[lit], 4 * np.pi / _NODES * radiance[lit])
 
 
 def _energies(light: ExactForward | ShadowedForward) -> list:
@@ -193,29 +207,12 @@ def _energies(light: ExactForward | ShadowedForward) -> list:
     return [light.nodes.irradiance] + ([] if lobes is None else [lobes.middle])
 
 
-def _lobes_of(recipe: RecipeConfig) -> SmoothLobes | None:
-    area = recipe.lighting.area
-    if not area:
-        return None
-    return SmoothLobes(
-        np.array([lobe.direction for lobe in area], float),
-        np.radians([lobe.width_degrees for lobe in area]),
-        np.array([lobe.radiance for lobe in area], float),
-    )
-
-
 def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
     """Write the environment image that a fit is given, and return the config's lighting section."""
     lighting: dict = {}
-    image = 0.0
-    lobes, environment = _lobes_of(recipe), recipe_environment(recipe)
-    if lobes is not None:
-        image = image + np.asarray(lobes.to_environment(recipe.environment_height).radiance)
+    environment = light_for_fit(recipe).environment
     if environment is not None:
-        radiance = np.asarray(environment.radiance)
-        image = image + to_latlong(radiance, "z-up", recipe.environment_height)
-    if isinstance(image, np.ndarray):
-        write_environment(folder / "environment.exr", Environment(image))
+        write_environment(folder / "environment.exr", environment)
         lighting["environment"] = {"path": "environment.exr", "convention": "z-up"}
     if recipe.lighting.directional:
         lighting["directional"] = [

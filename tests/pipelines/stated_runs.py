@@ -7,6 +7,8 @@ RUNS = {
     "brdf": f"task: brdf\n{_LIT}",
     "brdf of sources": "task: brdf\nlighting: {directional: [{direction: [0, 0, 1], "
     "irradiance: 1}]}\n",
+    "brdf under skies": "task: brdf\nlighting: {clear_sky: {sun: [0, 1, 1], zenith: 1}, "
+    "overcast_sky: {zenith: 0.1}, harmonic: {coefficients: [1, 0.1, 0, 0.2]}}\n",
     "brdf of moving sources": "task: brdf\nlighting: {per_frame: lights.txt}\n",
     "brdf compared": f"task: brdf\nbrdf: {{model: ggx, compare: [ward, phong]}}\n{_LIT}",
     "brdf by frequency alone": f"task: brdf\nsolve: {{refine: off}}\n{_LIT}",
@@ -62,6 +64,12 @@ OTHER = {
     "lighting.environment.scale": "2",
     "lighting.environment.height": "14",
     "lighting.directional": "[{direction: [1, 0, 0], irradiance: 2}]",
+    "lighting.area": "[{direction: [1, 0, 0], width_degrees: 20, radiance: 2}]",
+    "lighting.overcast_sky.zenith": "0.2",
+    "lighting.clear_sky.sun": "[1, 0, 1]",
+    "lighting.clear_sky.zenith": "2",
+    "lighting.clear_sky.air": "polluted",
+    "lighting.harmonic.coefficients": "[1, 0.2, 0, 0.2]",
     "lighting.per_frame": "other.txt",
     "lighting.per_frame_irradiance": "irradiance.txt",
     "lighting.split": "off",

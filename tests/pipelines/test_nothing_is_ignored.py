@@ -36,6 +36,7 @@ from jaxrender.pipelines.output import FolderState
 from jaxrender.pipelines.texture import recovery as texture
 
 USUAL = (
+    "brdf under skies",
     "brdf compared",
     "lighting",
     "factorize",

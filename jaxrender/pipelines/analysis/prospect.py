@@ -18,14 +18,13 @@ from jaxrender.inverse.forecast import Situation
 from jaxrender.inverse.observations import random_subset
 from jaxrender.inverse.photographs import Listener, Reading, observations_of, trace_photographs
 from jaxrender.io import Capture, Frame, Image, read_capture
-from jaxrender.lighting import DirectionalSources, Environment, SmoothLobes, to_latlong
+from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.pipelines.config import RecipeConfig, RunConfig, load_recipe
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.scene import (
-    directional_of,
     fault_of,
     known_light,
-    recipe_environment,
+    light_for_fit,
     shape_of,
     unknowns_of,
 )
@@ -119,26 +118,7 @@ def _light(
     if recipe is None:
         return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _LAMP), False
     with fault_of(f"{config.capture.recipe}: lighting"):
-        return KnownLight(
-            _environment_of(recipe), directional_of(recipe.lighting.directional)
-        ), True
-
-
-def _environment_of(recipe: RecipeConfig) -> Environment | None:
-    """The image that a fit of a recipe's photographs is given."""
-    height, image = recipe.environment_height, None
-    if recipe.lighting.area:
-        lobes = SmoothLobes(
-            np.array([lobe.direction for lobe in recipe.lighting.area], float),
-            np.radians([lobe.width_degrees for lobe in recipe.lighting.area]),
-            np.array([lobe.radiance for lobe in recipe.lighting.area], float),
-        )
-        image = np.asarray(lobes.to_environment(height).radiance)
-    environment = recipe_environment(recipe)
-    if environment is not None:
-        own = to_latlong(np.asarray(environment.radiance), "z-up", height)
-        image = own if image is None else image + own
-    return None if image is None else Environment(image)
+        return light_for_fit(recipe), True
 
 
 def _blank(camera: Camera) -> Image:

@@ -18,9 +18,9 @@ from jaxrender.pipelines.config.geometry import (
     SphereConfig,
 )
 from jaxrender.pipelines.config.lighting import (
-    DirectionalConfig,
     EnvironmentConfig,
     LightingConfig,
+    RecipeLightingConfig,
 )
 from jaxrender.pipelines.config.loader import (
     load_recipe,
@@ -29,10 +29,8 @@ from jaxrender.pipelines.config.loader import (
 )
 from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.recipe import (
-    AreaConfig,
     RecipeBrdfConfig,
     RecipeConfig,
-    RecipeLightingConfig,
     RecipeNoiseConfig,
     ViewsConfig,
 )
@@ -43,11 +41,9 @@ from jaxrender.pipelines.config.solve import NoiseConfig, SolveConfig
 from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 
 __all__ = [
-    "AreaConfig",
     "BrdfConfig",
     "CaptureConfig",
     "CurveConfig",
-    "DirectionalConfig",
     "EllipsoidConfig",
     "EnvironmentConfig",
     "GeometryConfig",

@@ -128,7 +128,7 @@ _OF_SETTINGS = (
     Case(
         "light of sources alone",
         lambda config: (
-            config.task == "brdf" and config.lighting.given and not config.lighting.environment
+            config.task == "brdf" and config.lighting.given and not config.lighting.has_image
         ),
         {
             "lighting.split": "has nothing to split",

@@ -1,23 +1,37 @@
-"""The known light: an environment image, directional sources, or a list for each photograph."""
+"""The light of a fit or a recipe: an environment image, light stated by numbers, moving sources.
+
+The sections of light that is stated by numbers are those of the catalogue.  A new kind there needs
+no change here.
+"""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, create_model, model_validator
 
+from jaxrender.catalogue import LIGHTS, LightKey, LightKind
 from jaxrender.pipelines.config.values import (
     ConfigPath,
     Count,
     Direction,
     Fraction,
+    LobeWidth,
     Positive,
     Rgb,
     Section,
+    SignedRgb,
     Switch,
 )
 
 Convention = Literal["z-up", "y-up", "angular", "cross", "mirror-ball"]
+
+_KINDS: dict[str, Any] = {
+    "direction": Direction,
+    "colour": Rgb,
+    "colours": Annotated[tuple[SignedRgb, ...], Field(min_length=1)],
+    "angle": LobeWidth,
+}
 
 
 class EnvironmentConfig(Section):
@@ -33,22 +47,49 @@ class EnvironmentConfig(Section):
     """Rows after resampling.  Default: those of the panorama."""
 
 
-class DirectionalConfig(Section):
-    """A directional source."""
-
-    direction: Direction
-    """Vector towards the source, of any length."""
-    irradiance: Rgb
-    """Irradiance on a plane facing the source: one number or three."""
+def _entry(key: LightKey) -> tuple[Any, Any]:
+    """Make the type of a key, and its default with what it means."""
+    if key.kind == "word":
+        return Literal[key.words], Field(key.words[0], description=key.meaning)
+    return _KINDS[key.kind], Field(description=key.meaning)
 
 
-class LightingConfig(Section):
-    """The light of the photographs; several kinds add up."""
+def _section(kind: LightKind) -> tuple[Any, Any]:
+    """Make the section of a kind of light, or the list of them, and its default."""
+    words = kind.meaning[0].upper() + kind.meaning[1:] + "."
+    title = "".join(part.capitalize() for part in kind.name.split("_"))
+    keys: dict[str, Any] = {key.name: _entry(key) for key in kind.keys}
+    section: Any = create_model(f"{title}Config", __base__=Section, __doc__=words, **keys)
+    if kind.many:
+        return tuple[section, ...], Field(default=(), description=f"{words}  A list.")
+    return section | None, Field(default=None, description=words)
+
+
+class _Light(Section):
+    """Light that photographs share; several kinds add up."""
 
     environment: EnvironmentConfig | None = None
     """An environment image."""
-    directional: tuple[DirectionalConfig, ...] = ()
-    """Directional sources."""
+
+    def stated(self) -> dict[str, tuple[dict[str, Any], ...]]:
+        """List the entries of each kind of light that is stated by numbers."""
+        found = {}
+        for name in LIGHTS:
+            given = getattr(self, name)
+            entries = given if isinstance(given, tuple) else (given,)
+            if given:
+                found[name] = tuple(dict(entry) for entry in entries)
+        return found
+
+    @property
+    def has_image(self) -> bool:
+        """Whether there is more than directional sources."""
+        return bool(self.environment) or any(LIGHTS[name].is_image for name in self.stated())
+
+
+class _Lighting(_Light):
+    """The light of the photographs; several kinds add up."""
+
     per_frame: ConfigPath | None = None
     """A file with a list of directional sources for each photograph."""
     per_frame_irradiance: ConfigPath | None = None
@@ -59,7 +100,7 @@ class LightingConfig(Section):
     """Whether the scale between light and photographs is unknown."""
 
     @model_validator(mode="after")
-    def _irradiance_of_sources(self) -> LightingConfig:
+    def _irradiance_of_sources(self) -> _Lighting:
         if self.per_frame_irradiance is not None and self.per_frame is None:
             raise ValueError(
                 "found per_frame_irradiance without per_frame; give the directions there, too"
@@ -69,4 +110,29 @@ class LightingConfig(Section):
     @property
     def given(self) -> bool:
         """Whether the section names any light."""
-        return bool(self.environment or self.directional or self.per_frame)
+        return bool(self.environment or self.stated() or self.per_frame)
+
+
+class _RecipeLighting(_Light):
+    """The true light; several kinds add up."""
+
+    @model_validator(mode="after")
+    def _has_light(self) -> _RecipeLighting:
+        if not (self.environment or self.stated()):
+            kinds = ", ".join(("environment", *LIGHTS))
+            raise ValueError(f"no light given; give at least one of {kinds}")
+        return self
+
+
+if TYPE_CHECKING:
+    LightingConfig = _Lighting
+    RecipeLightingConfig = _RecipeLighting
+else:
+    _SECTIONS = {name: _section(kind) for name, kind in LIGHTS.items()}
+    LightingConfig, RecipeLightingConfig = (
+        create_model(name, __base__=base, __doc__=base.__doc__, **_SECTIONS)
+        for name, base in (
+            ("LightingConfig", _Lighting),
+            ("RecipeLightingConfig", _RecipeLighting),
+        )
+    )

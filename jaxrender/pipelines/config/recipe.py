@@ -18,14 +18,13 @@ from jaxrender.pipelines.config.brdf import (
     with_defaults_of_model,
 )
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
-from jaxrender.pipelines.config.lighting import DirectionalConfig, EnvironmentConfig
+from jaxrender.pipelines.config.lighting import RecipeLightingConfig
 from jaxrender.pipelines.config.stated import Case, Root
 from jaxrender.pipelines.config.values import (
     Count,
     Direction,
     Elevation,
     FieldOfView,
-    LobeWidth,
     NonNegative,
     Number,
     Positive,
@@ -108,34 +107,6 @@ class RecipePaintConfig(Section):
     """Seed of the blotches."""
 
 
-class AreaConfig(Section):
-    """A smooth lobe of light."""
-
-    direction: Direction
-    """Vector towards the middle of the lobe, of any length."""
-    width_degrees: LobeWidth
-    """Width of the lobe."""
-    radiance: Rgb
-    """Radiance in the middle of the lobe: one number or three."""
-
-
-class RecipeLightingConfig(Section):
-    """The true light; several kinds add up."""
-
-    area: tuple[AreaConfig, ...] = ()
-    """Smooth lobes."""
-    environment: EnvironmentConfig | None = None
-    """An environment image."""
-    directional: tuple[DirectionalConfig, ...] = ()
-    """Directional sources."""
-
-    @model_validator(mode="after")
-    def _has_light(self) -> RecipeLightingConfig:
-        if not (self.area or self.environment or self.directional):
-            raise ValueError("no light given; give at least one of area, environment, directional")
-        return self
-
-
 class ViewsConfig(Section):
     """Cameras on a circle about the object."""
 
@@ -186,7 +157,7 @@ class RecipeConfig(Root):
         ),
         Case(
             "light of sources alone",
-            lambda recipe: not (recipe.lighting.area or recipe.lighting.environment),
+            lambda recipe: not recipe.lighting.has_image,
             {"environment_height": "needs no image"},
         ),
     )

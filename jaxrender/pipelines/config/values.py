@@ -86,6 +86,11 @@ Direction = Annotated[
     Accepts("three numbers, not all 0"),
 ]
 PositiveVector = Annotated[tuple[Positive, Positive, Positive], Accepts("three numbers above 0")]
+SignedRgb = Annotated[
+    tuple[Number, Number, Number],
+    BeforeValidator(_spread, json_schema_input_type=Number | tuple[Number, Number, Number]),
+    Accepts("a number, or three of them (red, green, blue)"),
+]
 Rgb = Annotated[
     tuple[NonNegative, NonNegative, NonNegative],
     BeforeValidator(

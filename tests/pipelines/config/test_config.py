@@ -21,6 +21,7 @@ from config_texts import (
     run_config,
 )
 
+from jaxrender.catalogue import LIGHTS
 from jaxrender.errors import InputError
 from jaxrender.pipelines.config import (
     BrdfConfig,
@@ -62,7 +63,7 @@ def test_defaults():
         "height": None,
     }
     assert config.lighting.model_dump(exclude={"environment"}) == {
-        "directional": (),
+        **{name: () if kind.many else None for name, kind in LIGHTS.items()},
         "per_frame": None,
         "per_frame_irradiance": None,
         "split": "auto",

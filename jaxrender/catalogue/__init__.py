@@ -1,0 +1,33 @@
+"""What a config may name, as plain data: models of materials and kinds of light.
+
+``models``
+    every model that a fit knows by name, and what each of its numbers is
+``lights``
+    every kind of light that numbers can state, and what they are
+``interval``
+    where a number may lie
+"""
+
+from jaxrender.catalogue.interval import Interval
+from jaxrender.catalogue.lights import LIGHTS, LightKey, LightKind
+from jaxrender.catalogue.models import (
+    MODELS,
+    NAMES,
+    Model,
+    Number,
+    described,
+    numbers_named,
+)
+
+__all__ = [
+    "LIGHTS",
+    "MODELS",
+    "NAMES",
+    "Interval",
+    "LightKey",
+    "LightKind",
+    "Model",
+    "Number",
+    "described",
+    "numbers_named",
+]
