@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxrender.geometry import SurfaceSamples
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf_spectrum import (
     BRDFSpectrum,
     SpectrumBasis,
@@ -16,6 +17,7 @@ from jaxrender.inverse.brdf_spectrum import (
     estimate_spectrum,
     lobe_error,
 )
+from jaxrender.inverse.observations import random_subset
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.clock import Clock
@@ -24,6 +26,7 @@ from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import ARRAYS_FORMAT, Result
 from jaxrender.pipelines.scene import fault_of, settings_of
+from jaxrender.pipelines.task import Task
 from jaxrender.shapes import Float
 
 if TYPE_CHECKING:
@@ -165,3 +168,19 @@ def _summary(estimate: SpectrumEstimate) -> dict[str, Any]:
             for one in estimate.orders
         ],
     }
+
+
+def _draw(config: RunConfig, pool: Observations, light: KnownLight | None) -> Observations:
+    return random_subset(pool, config.samples.count, config.samples.seed)
+
+
+def _would(config: RunConfig, evidence: Evidence) -> str:
+    order = (config.spectrum or SpectrumConfig()).order
+    return (
+        f"recover coefficients to order {order} from "
+        f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
+    )
+
+
+# The degrees of the light are checked when it is analysed.
+TASK = Task(_draw, lambda config, evidence: None, _would, recover_spectrum)

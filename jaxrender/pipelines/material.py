@@ -30,6 +30,7 @@ from jaxrender.pipelines.scene import (
     unknowns_of,
 )
 from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
+from jaxrender.pipelines.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
     DualForward,
     ExactForward,
@@ -184,3 +185,6 @@ def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison
             stage=clock.stage,
             shape=evidence.shape,
         )
+
+
+TASK = Task(draw_samples, check_samples, would_fit, recover_material)

@@ -6,11 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.inverse import KnownLight, Observations
-from jaxrender.inverse.brdf import check_enough
-from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.leverage import draw, leverage, sharpness
-from jaxrender.inverse.observations import random_subset
+from jaxrender.inverse import KnownLight
 from jaxrender.inverse.photographs import (
     Listener,
     Photograph,
@@ -20,18 +16,16 @@ from jaxrender.inverse.photographs import (
 )
 from jaxrender.io import Capture, write_image
 from jaxrender.io.netcdf import Group, write
-from jaxrender.pipelines.brdf_spectrum import recover_spectrum
+from jaxrender.pipelines import brdf_spectrum, material, texture
+from jaxrender.pipelines import light as light_tasks
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import (
     RunConfig,
-    SpectrumConfig,
     load_recipe,
     load_run_config,
     resolved_yaml,
 )
-from jaxrender.pipelines.light import recover_light
-from jaxrender.pipelines.material import recover_material
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.recovery import Evidence, Recovery
@@ -50,12 +44,17 @@ from jaxrender.pipelines.scene import (
     known_light,
     reading_of,
     shape_of,
-    unknowns_of,
 )
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
-from jaxrender.pipelines.texture import recover_texture
-from jaxrender.pipelines.texture.asked import asked_sites
+
+_TASKS = {
+    "brdf": material.TASK,
+    "lighting": light_tasks.TASK,
+    "factorize": light_tasks.TASK,
+    "texture": texture.TASK,
+    "brdf-spectrum": brdf_spectrum.TASK,
+}
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -94,10 +93,12 @@ def fit(
             found = read_result(folder)
             return FitReport(found["outcome"], folder, summary_of(found))
         evidence = _load(config, capture, clock, progress)
-        _check_samples(config, evidence)
+        _check_not_black(config, evidence)
+        task = _TASKS[config.task]
+        task.check(config, evidence)
         if dry_run:
-            return FitReport("dry run", folder, _would_fit(config, evidence))
-        recovery = _recover(config, evidence, clock, progress)
+            return FitReport("dry run", folder, f"dry run: would {task.would(config, evidence)}")
+        recovery = task.recover(config, evidence, clock, progress)
         with result_folder(folder, digest, force) as into:
             result = _write(into, folder.name, config, inputs, recovery, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
@@ -148,18 +149,8 @@ def _load(config: RunConfig, capture: Capture, clock: Clock, progress: Progress)
             photographs = trace_photographs(capture, images, shape, reading, listener)
         light = _light_of_kept(light, capture, photographs)
         pool = observations_of(photographs)
-        # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
-        observations = pool if config.task == "texture" else _drawn(config, pool, light)
+        observations = _TASKS[config.task].draw(config, pool, light)
     return Evidence(photographs, shape, light, pool, observations)
-
-
-def _drawn(config: RunConfig, observations: Observations, light: KnownLight | None) -> Observations:
-    """Draw the samples of a fit: where the leverage is high, or the specular part is sharp."""
-    count, seed = config.samples.count, config.samples.seed
-    if config.task == "brdf-spectrum":
-        return random_subset(observations, count, seed)
-    weight = sharpness(observations) if light is None else leverage(observations, light)
-    return draw(observations, weight, count, seed).observations
 
 
 def _light_of_kept(
@@ -172,47 +163,12 @@ def _light_of_kept(
         return light.of_frames(capture.numbers_of(p.frame.name for p in photographs))
 
 
-def _check_samples(config: RunConfig, evidence: Evidence) -> None:
-    """Refuse samples that no fit can be made from."""
-    observations = evidence.observations
-    photographs, drawn = evidence.photographs, config.samples.count
-    if not np.any(observations.radiance > 0):
+def _check_not_black(config: RunConfig, evidence: Evidence) -> None:
+    if not np.any(evidence.observations.radiance > 0):
         raise InputError(
             f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
             "the position of capture.geometry"
         )
-    if config.task in ("texture", "brdf-spectrum"):
-        # These tasks check the sites, or the degrees of the light, themselves.
-        return
-    usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
-    problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
-    with fault_of(f"samples.count is {drawn}, and {usable} pixels are usable"):
-        check_enough(observations, problem)
-    if config.solve.refine == "exact" and config.solve.refine_samples < observations.count:
-        refined = config.solve.refine_samples
-        with fault_of(f"solve.refine_samples is {refined}; give more, or refine: off"):
-            check_enough(observations.take(np.arange(refined)), problem)
-    unseen = set(range(len(photographs))) - set(observations.frame.tolist())
-    if config.solve.free_exposure and unseen:
-        name = photographs[min(unseen)].frame.image_path
-        raise InputError(
-            f"{name}: none of its pixels is among the {observations.count} samples drawn, so "
-            "solve.free_exposure cannot fit its exposure; raise samples.count"
-        )
-
-
-_TASKS = {
-    "brdf": recover_material,
-    "lighting": recover_light,
-    "factorize": recover_light,
-    "texture": recover_texture,
-    "brdf-spectrum": recover_spectrum,
-}
-
-
-def _recover(config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress) -> Recovery:
-    """Do the task of the config."""
-    return _TASKS[config.task](config, evidence, clock, progress)
 
 
 def _write(
@@ -272,26 +228,4 @@ def _would_render(config: RunConfig) -> str:
         f"dry run: would render {recipe.views.count} photographs of "
         f"{recipe.views.width} x {recipe.views.height} pixels from {config.capture.recipe}, "
         "then fit them"
-    )
-
-
-def _would_fit(config: RunConfig, evidence: Evidence) -> str:
-    if config.task == "brdf-spectrum":
-        order = (config.spectrum or SpectrumConfig()).order
-        return (
-            f"dry run: would recover coefficients to order {order} from "
-            f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
-        )
-    if config.task == "texture":
-        sites = asked_sites(config, evidence.shape, evidence.photographs)
-        return (
-            f"dry run: would recover the material of {sites.sentence}, from "
-            f"{evidence.observations.count} pixels of {len(evidence.photographs)} photographs"
-        )
-    unknowns = unknowns_of(config, len(evidence.photographs))
-    free = [*unknowns.free_amplitudes]
-    free += unknowns.free_numbers
-    return (
-        f"dry run: would fit {', '.join(filter(None, free)) or 'nothing'} to "
-        f"{evidence.observations.count} samples of {len(evidence.photographs)} photographs"
     )

@@ -28,7 +28,7 @@ from jaxrender.inverse.photographs import Reading, read_photographs, trace_photo
 from jaxrender.inverse.texture import TextureEstimate, regions, unknown_light
 from jaxrender.io import read_capture, write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment
-from jaxrender.pipelines import brdf_spectrum, material, run, scene
+from jaxrender.pipelines import brdf_spectrum, material, run, scene, task
 from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.light import asked
 from jaxrender.pipelines.light import recovery as light
@@ -137,10 +137,11 @@ def trace(seen, config):
             "prepare": of("prepare", FolderState.FRESH),
             "read_photographs": of("read_photographs", []),
             "trace_photographs": of("trace_photographs", lambda c, i, shape, *_: seen[type(shape)]),
+        },
+        task: {
             "leverage": of("leverage"),
             "sharpness": of("sharpness"),
             "draw": of("draw", some),
-            "random_subset": of("random_subset", lambda observations, *_: observations),
         },
         material: {
             "fit_brdf": of("fit_brdf", fit),
@@ -166,7 +167,10 @@ def trace(seen, config):
             "diffuse_problem": of("diffuse_problem"),
             "factor_diffuse": of("factor_diffuse", ends=True),
         },
-        brdf_spectrum: {"estimate_spectrum": of("estimate_spectrum", ends=True)},
+        brdf_spectrum: {
+            "random_subset": of("random_subset", lambda observations, *_: observations),
+            "estimate_spectrum": of("estimate_spectrum", ends=True),
+        },
     }
     with contextlib.ExitStack() as stack:
         for module, functions in stands.items():

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from jaxrender.catalogue import MODELS
 from jaxrender.pipelines.config.brdf import BrdfConfig
@@ -14,9 +14,14 @@ from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
 from jaxrender.pipelines.config.solve import SolveConfig
 from jaxrender.pipelines.config.stated import Root
+from jaxrender.pipelines.config.task_keys import MEANINGS
 from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 from jaxrender.pipelines.config.values import ConfigPath
 
+if TYPE_CHECKING:
+    Task = str
+else:
+    Task = Literal[tuple(MEANINGS)]
 _UNDER_KNOWN_LIGHT = ("brdf", "texture", "brdf-spectrum")
 
 
@@ -25,10 +30,10 @@ class RunConfig(Root):
 
     cases = CASES
 
-    task: Literal["brdf", "lighting", "factorize", "texture", "brdf-spectrum"]
-    """What the run recovers.  brdf: the material.  lighting: the light.  factorize: both.
-    texture: a material for every texel, under known or unknown light.  brdf-spectrum: the BRDF as
-    coefficients."""
+    task: Task = Field(
+        description="What the run recovers.  "
+        + "  ".join(f"{task}: {what}." for task, what in MEANINGS.items())
+    )
     capture: CaptureConfig
     """The photographs and the shape."""
     lighting: LightingConfig = LightingConfig()

@@ -1,4 +1,4 @@
-"""Tables of the keys that each task cannot use, and why."""
+"""The tasks, and tables of the keys that each cannot use, and why."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,6 +9,14 @@ from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.solve import SolveConfig
 
 LIT, DARK = "texture under known light", "texture under unknown light"
+# What each task recovers.
+MEANINGS: Mapping[str, str] = {
+    "brdf": "the material",
+    "lighting": "the light",
+    "factorize": "both",
+    "texture": "a material for every texel, under known or unknown light",
+    "brdf-spectrum": "the BRDF as coefficients",
+}
 _NO_SECTION = {
     "texture": "finds no texture",
     "spectrum": "finds no coefficients of a BRDF",

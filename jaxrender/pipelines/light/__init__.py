@@ -9,6 +9,6 @@
 """
 
 from jaxrender.pipelines.light.images import light_images
-from jaxrender.pipelines.light.recovery import LightRecovery, recover_light
+from jaxrender.pipelines.light.recovery import TASK, LightRecovery, recover_light
 
-__all__ = ["LightRecovery", "light_images", "recover_light"]
+__all__ = ["TASK", "LightRecovery", "light_images", "recover_light"]

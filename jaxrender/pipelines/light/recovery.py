@@ -35,6 +35,7 @@ from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of
 from jaxrender.pipelines.shadows import transfer_field
+from jaxrender.pipelines.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
     DualForward,
     DualLight,
@@ -187,3 +188,6 @@ def _sentence(round_: Round, width_is_known: bool) -> str:
     width = "" if width_is_known else f", sigma {round_.sigma:.4f}"
     noun = "source" if round_.sources == 1 else "sources"
     return f"{round_.sources} {noun}: {100 * round_.relative_rms:.2f} % unexplained{width}"
+
+
+TASK = Task(draw_samples, check_samples, would_fit, recover_light)

@@ -1,5 +1,6 @@
 """The page: all sections in one HTML file that works offline."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,7 @@ from jaxrender.pipelines.report.spectra import spectrum_plots
 from jaxrender.pipelines.report.texture import lobes_alone, texture_sections
 
 _PACKAGE = "jaxrender.pipelines.report"
-_TEMPLATE, _LIGHT_TEMPLATE, _STYLE = "report.html.j2", "light.html.j2", "report.css"
-_TEXTURE_TEMPLATE, _SPECTRUM_TEMPLATE = "texture.html.j2", "brdf_spectrum.html.j2"
+_STYLE = "report.css"
 _KICKERS = {
     "factorize": "Material and light recovered from photographs",
     "lighting": "Light recovered from photographs",
@@ -58,16 +58,11 @@ def page(contents: Contents) -> str:
     }
     assert templates.loader is not None
     style, _, _ = templates.loader.get_source(templates, _STYLE)
-    if isinstance(contents, LightContents):
-        name, sections = _LIGHT_TEMPLATE, _light_sections(contents)
-    elif isinstance(contents, TextureContents):
-        name, sections = _TEXTURE_TEMPLATE, texture_sections(contents)
+    template, sections_of = _PAGES[type(contents)]
+    sections = sections_of(contents)
+    if isinstance(contents, TextureContents):
         contents = lobes_alone(contents)
-    elif isinstance(contents, SpectrumContents):
-        name, sections = _SPECTRUM_TEMPLATE, spectrum_sections(contents)
-    else:
-        name, sections = _TEMPLATE, _sections(contents)
-    return templates.get_template(name).render(
+    return templates.get_template(template).render(
         style=Markup(style), **_common_sections(contents), **sections
     )
 
@@ -120,3 +115,12 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
         "lambertian": contents.is_lambertian,
         "matt": contents.is_matt,
     }
+
+
+# The template of each kind of contents, and what fills the sections that are its own.
+_PAGES: dict[type[Contents], tuple[str, Callable[[Any], dict[str, Any]]]] = {
+    ReportContents: ("report.html.j2", _sections),
+    LightContents: ("light.html.j2", _light_sections),
+    TextureContents: ("texture.html.j2", texture_sections),
+    SpectrumContents: ("brdf_spectrum.html.j2", spectrum_sections),
+}

@@ -23,6 +23,7 @@ from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import fault_of, material_of
 from jaxrender.pipelines.shadows import transfer_field
+from jaxrender.pipelines.task import Task
 from jaxrender.pipelines.texture.arrays import texture_groups
 from jaxrender.pipelines.texture.asked import (
     asked_sites,
@@ -120,3 +121,21 @@ def recover_texture(
     exact = config.solve.refine == "exact"
     lit = LitTexture(estimate, observations, light, exact, field)
     return TextureRecovery(config, evidence, lit)
+
+
+def _would(config: RunConfig, evidence: Evidence) -> str:
+    sites = asked_sites(config, evidence.shape, evidence.photographs)
+    return (
+        f"recover the material of {sites.sentence}, from "
+        f"{evidence.observations.count} pixels of {len(evidence.photographs)} photographs"
+    )
+
+
+TASK = Task(
+    # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
+    draw=lambda config, pool, light: pool,
+    # The sites are checked when they are seen.
+    check=lambda config, evidence: None,
+    would=_would,
+    recover=recover_texture,
+)
