@@ -140,7 +140,9 @@ def report(scene: Scene, fit: TextureFit):
     if marked.any():
         print(f"K_d error of marked texels: {rms(error[marked]):.2f} % rms")
     ks_good = seen & ~texture.ks_marked
-    print(f"K_s error where it is told: {rms((texture.ks / scene.ks - 1)[ks_good]):.2f} % rms")
+    print(
+        f"K_s error where it is identifiable: {rms((texture.ks / scene.ks - 1)[ks_good]):.2f} % rms"
+    )
     bad = (error.max(axis=1) > 0.05)[seen]
     area = area_under_curve(texture.relative_error[seen], bad)
     print(f"texels more than 5 % off: {bad.sum()}; area under the curve {area:.3f} (over .9)")

@@ -1,4 +1,4 @@
-"""Narrow gloss under one or two known lamps: is it found from every draw of samples?
+"""Narrow lobes under one or two known lamps: are they found from every draw of samples?
 
     python experiments/narrow_gloss.py [--draws 20] [--quick] [--material microfacet]
         [--sigma 0.02 0.04] [--lamps 1] [--photographs 6 20] [--unknown-light]
@@ -132,7 +132,7 @@ def found_of(
     value, error = fit.parameters.value, fit.parameters.standard_error
     for name, true in truth.numbers.items():
         scores[name] = (value.of(name) - true) / error.of(name)
-    # A fit that has lost its gloss states no error, or none that is a number.
+    # A fit that has lost its lobe states no error, or none that is a number.
     scores = {k: float(s) if np.isfinite(s) else np.inf for k, s in scores.items()}
     off = abs(float(value.of("sigma") / truth.sigma) - 1)
     return Found(scores, off, fit.outcome.name, seconds)
@@ -140,15 +140,15 @@ def found_of(
 
 def factorized(pool: Observations, truth: Microfacet, seeds: range) -> list[Found]:
     """Recover light and material anew from each draw of the same photographs."""
-    kind, told = truth.with_roughness(0.1, truth.mu), sharpness(pool)
-    matt, results = KD / (KD + KS), []
+    kind, weight = truth.with_roughness(0.1, truth.mu), sharpness(pool)
+    kd_share, results = KD / (KD + KS), []
     for seed in seeds:
-        some = draw(pool, told, SAMPLES, seed).observations
+        some = draw(pool, weight, SAMPLES, seed).observations
         start = time.perf_counter()
         found = factorize(some, kind)
         seconds = time.perf_counter() - start
         value, error = found.parameters.value, found.parameters.standard_error
-        scores = {f"kd {c}": (value.kd[k] - matt[k]) / error.kd[k] for k, c in enumerate("rgb")}
+        scores = {f"kd {c}": (value.kd[k] - kd_share[k]) / error.kd[k] for k, c in enumerate("rgb")}
         results.append(found_of(found, truth, scores, seconds))
     return results
 
@@ -158,9 +158,9 @@ def fitted(pool: Observations, case: Case, truth: Microfacet, seeds: range) -> l
     light = light_of(case)
     kind = truth.with_roughness(0.1, truth.mu)
     unknowns = unknowns_of(kind)
-    told, results = leverage(pool, light), []
+    weight, results = leverage(pool, light), []
     for seed in seeds:
-        some = draw(pool, told, SAMPLES, seed).observations
+        some = draw(pool, weight, SAMPLES, seed).observations
         start = time.perf_counter()
         fit = fit_brdf(some, light, unknowns, kind, FitSettings(seed=seed), pool=pool)
         seconds = time.perf_counter() - start

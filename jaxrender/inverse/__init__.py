@@ -68,7 +68,7 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
 from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
-from jaxrender.inverse.unknowns import Prior, Told, Unknown, Unknowns, unknowns_of
+from jaxrender.inverse.unknowns import Prior, Stated, Unknown, Unknowns, unknowns_of
 
 __all__ = [
     "AnyEstimate",
@@ -91,7 +91,7 @@ __all__ = [
     "RecoveredLight",
     "Scene",
     "Prior",
-    "Told",
+    "Stated",
     "Unknown",
     "Unknowns",
     "UnknownMaterial",

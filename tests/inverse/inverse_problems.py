@@ -125,13 +125,13 @@ def parameter_vector(parameters):
 
 
 def microfacet_unknowns(*, kd=None, ks=None, sigma=None, mu=True, **rest):
-    """Unknowns of T 6.2, all free unless told otherwise; ``mu=None`` is a metal."""
+    """Unknowns of T 6.2, all free unless stated otherwise; ``mu=None`` is a metal."""
     free = unknowns_of(Microfacet(np.zeros(3), np.zeros(3), 0.1, 1.5 if mu else None), **rest)
-    told = [sigma or free["sigma"]]
+    numbers = [sigma or free["sigma"]]
     if mu is not None:
-        told.append(free["mu"] if mu is True else mu)
+        numbers.append(free["mu"] if mu is True else mu)
     amplitudes = (kd or free["kd"], ks or free["ks"])
-    return dataclasses.replace(free, amplitudes=amplitudes, numbers=tuple(told))
+    return dataclasses.replace(free, amplitudes=amplitudes, numbers=tuple(numbers))
 
 
 def sigma_unknown(lower=WIDTH_BOUNDS[0], upper=WIDTH_BOUNDS[1], start=None):

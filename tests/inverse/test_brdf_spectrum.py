@@ -350,7 +350,7 @@ def test_sharp_brdfs_ring_and_higher_orders_are_sharper():
     assert min(dips) < 0.9 * 0.1 * 0.8
 
 
-def test_a_matte_surface():
+def test_a_diffuse_surface():
     """Lambertian: rho_l00 are the clamped cosine's, up to what lies below the horizon."""
     brdf = Lambertian(np.full(2, 1 / np.pi))
     light = HarmonicLight(some_light(2), 32)

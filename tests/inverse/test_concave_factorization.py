@@ -1,7 +1,7 @@
 """Light and material both unknown, of an object that shadows itself.
 
 Photographs are the integral over directions of no image, with visibility and noise; the fit is the
-dual model of T 6.12.  Pinned down: with the object's shape the share of gloss and the roughness are
+dual model of T 6.12.  Pinned down: with the object's shape the specular share and the roughness are
 found, the two lamps too; without it all of them are worse, and the photographs stay unexplained;
 predictions know of the shadows; samples whose places nobody gave are refused.
 """

@@ -214,16 +214,16 @@ def test_the_constrained_solve_is_that_of_the_dense_matrix():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         (DualSettings(positivity="maybe"), "choose one of none, clamp, soft, hard"),
         (DualSettings(unseen="guess"), "choose one of smooth, left-out"),
         (DualSettings(height=4), "need 5 rows"),
     ],
 )
-def test_misuse_is_refused(settings, told):
+def test_misuse_is_refused(settings, message):
     samples = samples_all_round(20)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         recover_dual(thesis_operator(samples), np.ones((20, 3)), None, settings)
 
 

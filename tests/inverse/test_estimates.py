@@ -4,7 +4,7 @@
   numbers of its own model; what is fixed stays, bounds are kept.
 - With the light unknown the ratios come back; with all of a material known, the light in its units.
 - One light for each photograph, also where one is skipped, and photographs of unknown exposure.
-- What is told wrongly is refused by its name.
+- What is stated wrongly is refused by its name.
 """
 
 import json
@@ -19,7 +19,7 @@ from jaxrender.inverse import (
     FitSettings,
     Observations,
     Scene,
-    Told,
+    Stated,
     fit,
     load_capture,
     unknown,
@@ -84,10 +84,10 @@ def test_a_sky_and_a_lamp_light_a_fit():
     assert "90 %" in str(found)
 
 
-def test_what_is_told_stays():
+def test_what_is_stated_stays():
     seen = photographs(PHONG, [LAMPS])
-    told = {"kd": tuple(KD), "exponent": Told(bounds=(40, 90), start=50)}
-    found = fit(Scene(unknown("phong", **told), BALL, LAMPS), seen, QUICK)
+    stated = {"kd": tuple(KD), "exponent": Stated(bounds=(40, 90), start=50)}
+    found = fit(Scene(unknown("phong", **stated), BALL, LAMPS), seen, QUICK)
     np.testing.assert_array_equal(found.values["kd"], KD)
     assert found.outcome.value == "at_bound"
     assert found.values["exponent"] == pytest.approx(40, rel=0.01)
@@ -138,17 +138,17 @@ def test_light_and_material_are_found_together():
         ("phong", {"exponent": None}, "exponent=None: only an index may be left out"),
         ("phong", {"exponent": (90, 40)}, "exponent has the bounds"),
         ("phong", {"exponent": (1, 2, 3, 4)}, "exponent has 4 values"),
-        ("phong", {"exponent": Told(bounds=(5, 9), start=20)}, "exponent: start"),
+        ("phong", {"exponent": Stated(bounds=(5, 9), start=20)}, "exponent: start"),
         ("phong", {"exponent": (5, 10, 20)}, "exponent is one number for all channels; give one$"),
         ("phong", {"ks": (0.1, 0.2, 0.3)}, "give one, or ks_per_channel=True"),
         ("ggx", {"sigma": (0.5, 2)}, "sigma=2: it must be above 0 and at most 1"),
         ("ggx", {"mu": 0.9}, "mu=0.9: it must be above 1"),
-        ("ggx", {"sigma": Told(bounds=(0, 1))}, "sigma=0: it must be above 0"),
+        ("ggx", {"sigma": Stated(bounds=(0, 1))}, "sigma=0: it must be above 0"),
         ("ggx", {"masking": "v"}, "masking='v': choose one of none, smith"),
-        ("ggx", {"kd": Told(start=0.2)}, "kd is solved for outright, from no start"),
+        ("ggx", {"kd": Stated(start=0.2)}, "kd is solved for outright, from no start"),
     ],
 )
-def test_what_is_told_wrongly(model, numbers, fault):
+def test_what_is_stated_wrongly(model, numbers, fault):
     with pytest.raises(ValueError, match=fault):
         unknown(model, **numbers)
 
@@ -161,13 +161,13 @@ def test_what_an_unknown_light_leaves_no_room_for():
         fit(Scene(unknown("phong"), BALL), seen, QUICK)
     with pytest.raises(ValueError, match="FactorSettings are for an unknown light"):
         fit(Scene(unknown("phong"), BALL, LAMPS), seen, FactorSettings())
-    for told, fault in (
+    for stated, fault in (
         ({"kd": (0.1, 0.2)}, "kd has bounds; under unknown light only the ratio"),
         ({"ks": 0.1}, "only the ratio of kd and ks means anything; give both or none"),
         ({"ks_per_channel": True}, "each channel has its own ks anyway"),
     ):
         with pytest.raises(ValueError, match=fault):
-            fit(Scene(unknown("phong", **told), BALL), seen)
+            fit(Scene(unknown("phong", **stated), BALL), seen)
 
 
 def test_metals_and_choices():

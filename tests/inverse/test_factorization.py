@@ -1,6 +1,6 @@
 """Light and material both unknown.
 
-- The derivatives of the joint step are those of the prediction: gloss, lobe and directions.
+- The derivatives of the joint step are those of the prediction: share, lobe and directions.
 - A step's equations, summed by blocks, are those of whole matrices.
 - A step's gain is real, and material and lamp of a small scene are found from photographs by the
   exact integral, with noise, within a few of the stated standard errors.
@@ -149,7 +149,7 @@ def test_derivatives_of_the_prediction(photographs):
     tangents = _slopes(response, state.guess, light)
 
     def predict(guess: Guess):
-        share = jax.nn.sigmoid(guess.gloss)[:, None, None]
+        share = jax.nn.sigmoid(guess.specular_logit)[:, None, None]
         diffuse, specular = response.columns(guess)
         mixed = (1 - share) * diffuse[None] + share * specular[None]
         return jnp.einsum("csp,pc->cs", mixed, light)
@@ -256,7 +256,9 @@ def test_only_good_steps_count(photographs):
     """From a far start the first trials gain nothing: more damping is tried, and a step taken."""
     task = _task(photographs)
     state = _with_lamps(task, [LAMP])
-    far = state.guess._replace(gloss=state.guess.gloss + 4, sigma=state.guess.sigma + 1)
+    far = state.guess._replace(
+        specular_logit=state.guess.specular_logit + 4, sigma=state.guess.sigma + 1
+    )
     response, data = response_of(task, state), measured(task, state)
     free = free_unknowns(task, state)
     end = descend_jointly(response, far, data, free, Descent(task.bounds, 1, 1e-6))
@@ -270,14 +272,16 @@ def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndar
 
 
 def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
-    """The second derivative of the cost along gloss, the light following, at the minimum."""
+    """The second derivative of the cost along the shares, the light following, at the minimum."""
     task = _task(photographs)
     state = _with_lamps(task, [LAMP])
     response, data = response_of(task, state), measured(task, state)
     system = reduced_system(response, state.guess, data)
 
     def cost(step: float) -> float:
-        moved = state.guess._replace(gloss=state.guess.gloss + jnp.array([step, 0.0, 0.0]))
+        moved = state.guess._replace(
+            specular_logit=state.guess.specular_logit + jnp.array([step, 0.0, 0.0])
+        )
         return float(solve_light(response, moved, data).cost)
 
     # Gauss-Newton leaves out what the residual bends: a per cent of it at this noise.
@@ -342,7 +346,7 @@ def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
     assert np.mean(other.value.kd + other.value.ks) == pytest.approx(1)
     if gauge == "dielectric":
         np.testing.assert_allclose(other.value.ks, other.value.ks[0])
-        # The paint's own colour comes out, because its gloss has none.
+        # The paint's own colour comes out, because its specular lobe has none.
         np.testing.assert_allclose(
             other.value.kd / other.value.kd[0], PAINT.kd / PAINT.kd[0], rtol=0.02
         )
@@ -410,7 +414,7 @@ def test_unknown_gauge_is_refused(photographs):
         account_of(task, _with_lamps(task, []), "plastic")
 
 
-def test_no_gauge_changes_what_is_known_of_gloss(photographs):
+def test_no_gauge_changes_what_is_known_of_the_specular_share(photographs):
     """The ratio of kd and ks has one error in every gauge.
 
     A gauge that rests on what was found is uncertain itself: kd of a dielectric is known no better

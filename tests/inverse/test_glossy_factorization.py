@@ -4,7 +4,7 @@
   back within a few of the stated standard errors; the residual is the noise.
 - The forecast of such a fit foresees its errors.
 - Of several models the one that was photographed predicts best what was held out.
-- The search begins with as much gloss as paint, whatever unit the model's ks has.
+- The search begins with as much specular as diffuse, whatever unit the model's ks has.
 - What is said of the width is said by the model's own name.
 """
 
@@ -17,7 +17,7 @@ from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, W
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
-from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
+from jaxrender.inverse.factorization.response import MirrorResponse, specular_share
 from jaxrender.inverse.factorization.state import Task, begin
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
@@ -82,12 +82,12 @@ def test_a_comparison_needs_two_models():
         compare_factorizations(photographs(MODELS["ward"]), (Asked("a", MODELS["ward"]),), SETTINGS)
 
 
-def test_the_search_begins_with_as_much_gloss_as_paint():
+def test_the_search_begins_with_as_much_specular_as_diffuse():
     samples, _ = ball_samples(20, 0.15, seed=1)
     for truth in MODELS.values():
         grey = Observations(samples, np.ones((20, 3)), np.zeros(20, int))
         task = Task(grey, MirrorResponse.of_convex(truth, samples, 2, 2))
         guess = begin(task).guess
-        share = np.asarray(gloss_share(guess))
+        share = np.asarray(specular_share(guess))
         energy = float(task.response.lobe(guess).energy)
         np.testing.assert_allclose(share * energy, 1 - share)

@@ -175,7 +175,7 @@ def test_unknown_noise_is_estimated():
     np.testing.assert_allclose(found.standard_errors, known.standard_errors, rtol=0.08)
 
 
-def test_what_is_not_told_is_said_to_be_unknown():
+def test_what_is_not_identifiable_is_said_to_be_unknown():
     samples, light = samples_all_round(800), random_light(4)
     operator = phong_operator(samples, 4, KD, np.zeros(3))
     found = recover_coefficients(
@@ -203,7 +203,7 @@ def test_the_penalty_is_ridge_regression_by_degree():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         (LightSettings(6), "a degree from 0 to 5"),
         (LightSettings("all"), "give 'auto'"),
@@ -211,9 +211,9 @@ def test_the_penalty_is_ridge_regression_by_degree():
         (LightSettings(positivity="maybe"), "choose one of none, soft, hard"),
     ],
 )
-def test_misuse_is_refused(settings, told):
+def test_misuse_is_refused(settings, message):
     operator = phong_operator(samples_all_round(50), 5, KD, KS)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         recover_coefficients(operator, np.ones((50, 3)), None, settings)
 
 

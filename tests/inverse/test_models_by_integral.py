@@ -1,8 +1,8 @@
-"""Materials whose lobe is not about the reflected direction: rough matt, brushed, fibres.
+"""Materials whose lobe is not about the reflected direction: rough diffuse, brushed, fibres.
 
 - Photographs by the exact integral with 1 % noise give the material back within 3.5 of the stated
   standard errors in its own numbers, along and across the tangent; the noise is the residual.
-- Under unknown light a brushed surface gives back both roughnesses, its gloss and the lamps.
+- Under unknown light a brushed surface gives back both roughnesses, its ks and the sources.
 - The response to unknown light is the integral: under each harmonic, towards each lamp, and the
   radiance under a light is that of its columns.
 - A concave object keeps from itself what the integral with visibility says, and a brushed one gives

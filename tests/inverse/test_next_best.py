@@ -135,8 +135,8 @@ def test_what_is_fixed_cannot_be_aimed_at(head_on):
         ValueError, match="aim='mu' is not a free parameter; choose one of worst, kd"
     ):
         suggest_lamps(head_on, fixed, aim="mu")
-    with pytest.raises(ValueError, match="aim='gloss'"):
-        suggest_lamps(head_on, PROBLEM, aim="gloss")
+    with pytest.raises(ValueError, match="aim='shine'"):
+        suggest_lamps(head_on, PROBLEM, aim="shine")
     with pytest.raises(ValueError, match="no candidate camera sees"):
         suggest_views(head_on, PROBLEM, [])
 

@@ -33,9 +33,9 @@ def estimate(light):
     numbers = {"kd": np.array([0.2, 0.1, 0.1]), "exponent": np.array(60.0)}
     errors = {"kd": np.full(3, 0.01), "exponent": np.array(np.inf)}
     intervals = {"kd": np.array([[0.1, 0.3]] * 3), "exponent": np.array([1.0, np.inf])}
-    told, noise = {"kd": True, "exponent": False}, NoiseModel(0.01, 0.002)
+    identifiable, noise = {"kd": True, "exponent": False}, NoiseModel(0.01, 0.002)
     end = (Outcome.NOT_IDENTIFIABLE, ("exponent is lost",), noise, 0.02, None)
-    return Estimate("phong", PAINT, light, numbers, errors, intervals, told, *end)
+    return Estimate("phong", PAINT, light, numbers, errors, intervals, identifiable, *end)
 
 
 def saved(light, folder):

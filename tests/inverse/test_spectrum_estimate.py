@@ -1,6 +1,6 @@
 """A BRDF's coefficients from photographs of a ball, as an estimate.
 
-- A matt ball under lamps: the lobe is the clamped cosine cut at the order, within its error.
+- A diffuse ball under lamps: the lobe is the clamped cosine cut at the order, within its error.
 - The estimate prints its degrees, saves numbers that say which coefficient is which, and renders.
 - Light without degrees does not tell the lobe, and that is said.
 - Concave shapes, moving light, coarse light and too few samples are refused with a remedy.
@@ -30,7 +30,7 @@ PEAK = 1 / 4 + 1 / 2 + 5 / 16
 
 
 def photographs(light):
-    """Pixels of a matt ball from four sides, with 1 % noise."""
+    """Pixels of a diffuse ball from four sides, with 1 % noise."""
     rng, rows = np.random.default_rng(0), []
     for number in range(4):
         place = 4 * np.array([np.cos(number), np.sin(number), 0.4])
@@ -64,16 +64,16 @@ def found(seen):
     return estimate
 
 
-def test_the_lobe_of_a_matt_ball(found):
+def test_the_lobe_of_a_diffuse_ball(found):
     assert isinstance(found, AnyEstimate)
     assert found.identifiable == {"lobe": True}
     incoming, outgoing = np.array([[0.0, 0.0, 1.0]]), np.array([[0.6, 0.0, 0.8]])
     value, error = found.spectrum.transfer(incoming, outgoing)
     np.testing.assert_allclose(value[0], PEAK * KD, rtol=0.1)
     assert (error < 0.05 * value).all()
-    rho, told = found.values["rho"], found.interval90["rho"]
+    rho, interval = found.values["rho"], found.interval90["rho"]
     assert rho.shape == found.standard_error["rho"].shape == (found.spectrum.basis.count, 3)
-    np.testing.assert_allclose(told.mean(axis=-1), rho, atol=1e-12)
+    np.testing.assert_allclose(interval.mean(axis=-1), rho, atol=1e-12)
 
 
 def test_it_is_printed_saved_and_rendered(found, tmp_path):
@@ -101,9 +101,9 @@ def test_light_without_degrees_does_not_tell_the_lobe():
     assert found.outcome.value == "not_identifiable"
     assert "next to nothing of degree 1, 2" in str(found)
     assert "not identifiable" in str(found)
-    told = [one.told for one in found.by_degree()]
-    assert told[0] > 0.9
-    assert max(told[1:]) < 0.1
+    determined = [one.determined for one in found.by_degree()]
+    assert determined[0] > 0.9
+    assert max(determined[1:]) < 0.1
 
 
 def test_bad_input_is_refused_in_words(seen):

@@ -117,7 +117,7 @@ def test_a_sigma_for_each_sample(scene):
             np.testing.assert_allclose(moved.specular[k], own[0], rtol=1e-4)
 
 
-def test_only_facets_and_gloss_have_widths(scene):
+def test_only_facets_with_a_lobe_have_widths(scene):
     samples = scene[0].take(np.arange(4)).samples
     lamps = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
     light, widths = DualLight(np.ones((4, 3)), lamps), np.full(4, 0.2)

@@ -66,7 +66,7 @@ def test_the_positive_part_has_the_coefficients_that_were_measured(error):
     kept = coefficients_of(picture(positive_part_of(coefficients, errors))) - coefficients
     assert rms(cut[DEGREE <= 2]) > 3
     assert rms(kept / errors) < 0.5
-    # Cutting off brightens the sky; no picture of a matt body is to be brighter.
+    # Cutting off brightens the sky; no picture of a diffuse body is to be brighter.
     assert np.all(np.abs(kept[0]) < 0.02 * (errors * cut)[0])
 
 

@@ -49,7 +49,7 @@ class Paint(NamedTuple):
         return SIGMA * np.exp(self.growth * height)
 
 
-CHECKER, MATTE = Paint(), Paint(ks=np.zeros(2))
+CHECKER, DIFFUSE = Paint(), Paint(ks=np.zeros(2))
 
 
 def write_painted(

@@ -3,8 +3,8 @@
 - ``task: factorize`` finds two lamps and the material of a ball in plain NumPy's photographs, in
   the gauge it states, and predicts the photographs.
 - ``task: lighting`` finds the lamps' own irradiance, given the material.
-- Any glossy model can be fitted, and is told in its own words.
-- A matt ball's lamps are found, too, and which degrees of the light it cannot tell is said.
+- Any glossy model can be fitted, and is reported in its own words.
+- A diffuse ball's lamps are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
   slow part with the coefficients that were found.
 - The result renders again, and under another environment.
@@ -124,7 +124,7 @@ def test_another_model_speaks_its_own_words(capture):
     ],
     ids=["lighting", "factorize"],
 )
-def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
+def test_a_diffuse_ball_tells_its_lamps(tmp_path, task, brdf, scale):
     with mock.patch.object(small_captures, "KS", 0.0):
         write_ball(tmp_path / "capture", BALL)
     output, result = _run(tmp_path / "capture", task, "model: lambertian" + brdf)
@@ -135,10 +135,10 @@ def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
     np.testing.assert_allclose(
         energies, [energy * np.array(scale) for _, energy in LAMPS], rtol=0.03
     )
-    told = "of the slow light degrees 0 to 2 are identifiable; smoothness fills in the rest"
-    assert result["lighting"]["sentence"] == told
+    sentence = "of the slow light degrees 0 to 2 are identifiable; smoothness fills in the rest"
+    assert result["lighting"]["sentence"] == sentence
     assert result["lighting"]["told"][3] < 0.05
-    assert told in summary_of(result)
+    assert sentence in summary_of(result)
     page = (output / "report.html").read_text()
     assert "The material is diffuse: it reflects light in all directions" in page
     assert "the material compensates for" not in page
@@ -225,7 +225,7 @@ def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path
 
 
 def test_relighting_by_another_environment(factorized, tmp_path):
-    """White light on kd + ks = 1 with gloss: a bright ball, the same from every side."""
+    """White light on kd + ks = 1 with a specular lobe: a bright ball, the same from every side."""
     folder, result = factorized
     write_environment(tmp_path / "white.exr", Environment(np.ones((32, 64, 3))))
     scene = Scene(tmp_path / "white.exr")

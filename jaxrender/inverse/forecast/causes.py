@@ -14,7 +14,7 @@ from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.information import Reading, frame_grams, reading_of
 from jaxrender.inverse.forecast.situation import Foreseen, Situation, foresee
-from jaxrender.inverse.forecast.spectrum import highest_degree_told, mean_irradiance
+from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree, mean_irradiance
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN
 from jaxrender.lighting import DirectionalSources
@@ -119,7 +119,7 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
     every = SurfaceSamples(
         *(a[:: max(1, len(frame) // _SAMPLES)] for a in map(np.asarray, samples))
     )
-    degree = highest_degree_told(foreseen)
+    degree = highest_identifiable_degree(foreseen)
     about = "no energy" if degree < 2 else "too little energy"
     above = f"this light has {about} above degree {degree} that would show above the noise"
     add(above, "a source", every, with_lamp)

@@ -55,7 +55,7 @@ class JointForecast(NamedTuple):
     sentences: tuple[str, ...]
 
     @property
-    def can_be_told(self) -> bool:
+    def is_identifiable(self) -> bool:
         """Whether all of the material is identifiable, up to the gauge."""
         return all(self.identifiable.values())
 
@@ -193,7 +193,7 @@ def _radiance(
 
 
 def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parametric) -> Uncertain:
-    share = expit(np.asarray(guess.gloss))
+    share = expit(np.asarray(guess.specular_logit))
     channels = len(share)
     of_share = share * (1 - share) * errors[:channels]
     one, zero = np.ones(()), np.zeros(())
@@ -215,8 +215,8 @@ def _sentences(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> tuple[str, ...]:
     found = ["gauge: in each channel only light times reflectance shows; kd + ks = 1 fixes it"]
-    for name, told in identifiable.items():
-        if not told:
+    for name, known in identifiable.items():
+        if not known:
             worst = relative_error(parameters, name)
             found.append(
                 f"{name} is not identifiable with the light unknown: standard error "

@@ -56,7 +56,7 @@ def spheres(contents: ReportContents) -> Spheres:
     lamp = np.sum(columns[..., channels:] * np.asarray(brdf.amplitudes, float), axis=1)
     inside = view.opacity.ravel() > 0
     exposure = exposure_for(given[inside])
-    glossy = not contents.is_matt
+    glossy = not contents.is_diffuse
     return Spheres(
         _picture(given, view, exposure),
         _picture(parts[:, 0], view, exposure) if glossy else None,

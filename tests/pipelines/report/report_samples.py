@@ -166,7 +166,7 @@ def lambertian(light):
     result = rewritten(
         RESULT, brdf={"model": "lambertian", "kd": list(KD)}, evidence=None, variants=None
     )
-    return ReportContents("matt", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
+    return ReportContents("diffuse", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
 
 
 class Reader(HTMLParser):

@@ -4,7 +4,8 @@
   every picture has words in its place.
 - Every section is there; values, intervals and reasons stand where they belong.
 - Strings from outside are text, never markup.
-- Whatever is absent (environment, gloss, Fresnel, refinement, channels, frames, keys) is left out.
+- Whatever is absent (environment, specular lobe, Fresnel, refinement, channels, frames, keys) is
+  left out.
 - The same contents give the same bytes; six photographs stay below two megabytes.
 """
 
@@ -247,7 +248,7 @@ def test_a_metal_is_called_one(light, tmp_path):
         assert "a metal reflects the same" in Reader(source).text
 
 
-def test_a_matt_material_has_no_gloss_to_show(light, tmp_path):
+def test_a_diffuse_material_has_no_specular_lobe_to_show(light, tmp_path):
     text = Reader(write_report(tmp_path, lambertian(light)).read_text(encoding="utf-8")).text
     assert "its specular part" not in text
     assert "Evidence for σ" not in text

@@ -75,7 +75,7 @@ def test_all_photographs_share_one_exposure():
     np.testing.assert_array_equal(linear[1], linear[2])
 
 
-def test_a_matt_sphere_follows_lamberts_cosine(light):
+def test_a_diffuse_sphere_follows_lamberts_cosine(light):
     contents = lambertian(light)
     picture = pixels(spheres(contents).lamp)
     linear = SRGB().linearise(picture[..., 0] / 255)
