@@ -10,7 +10,7 @@ of 12 x 24 that it sees once.  Printed are the errors against the truth, what th
 identifiable or not, and its own words; where an answer cannot be had, what it says instead.
 
 Class 6 is done twice: diffuse, where nobody can, and glossy, where what moves with the view tells.
-Light is smooth where light and texture are both unknown or texture alone; one lamp joins it in
+Light is smooth where light and texture are both unknown or texture alone; one source joins it in
 classes 2, 3 and 4.  Texture errors of classes 6 and 7 are those up to one scale of all (7, 6
 glossy) or of each channel (6 diffuse), which no photograph tells.
 """
@@ -71,8 +71,8 @@ AREA = SmoothLobes(
     np.radians([35.0, 45.0, 60.0]),
     np.array([[2.0, 1.9, 1.7], [1.2, 1.4, 1.6], [0.5, 0.6, 0.8]]),
 )
-LAMP = DirectionalSources(np.array([[0.2, -0.7, 0.6]]), np.array([[0.7, 0.65, 0.6]]))
-NO_LAMP = DirectionalSources.none()
+SOURCE = DirectionalSources(np.array([[0.2, -0.7, 0.6]]), np.array([[0.7, 0.65, 0.6]]))
+NO_SOURCE = DirectionalSources.none()
 LIGHT_ROWS, LOWEST_COSINE = 64, 0.2
 IMAGE = (12, 24)
 SITES = IMAGE[0] * IMAGE[1]
@@ -137,9 +137,9 @@ def plain_samples(count: int) -> tuple[SurfaceSamples, np.ndarray]:
 
 
 def plain(count: int) -> Observations:
-    """Photograph the untextured ball under the area light and the lamp."""
+    """Photograph the untextured ball under the area light and the source."""
     samples, frame = plain_samples(count)
-    exact = photograph_function(AREA.radiance, MATERIAL, samples, frame, LAMP)
+    exact = photograph_function(AREA.radiance, MATERIAL, samples, frame, SOURCE)
     rng = np.random.default_rng(100 + count)
     return exact._replace(radiance=NOISE.add(np.asarray(exact.radiance), rng))
 
@@ -184,12 +184,12 @@ ALL_KNOWN = Known(tuple(SHARES.tolist()), KNOWN_LOBE["sigma"], KNOWN_LOBE["mu"])
 
 def area_alone() -> KnownLight:
     """The light of textured balls, as an image."""
-    return KnownLight(AREA.to_environment(LIGHT_ROWS), NO_LAMP)
+    return KnownLight(AREA.to_environment(LIGHT_ROWS), NO_SOURCE)
 
 
 def whole_light() -> KnownLight:
     """The light of plain balls."""
-    return KnownLight(AREA.to_environment(LIGHT_ROWS), LAMP)
+    return KnownLight(AREA.to_environment(LIGHT_ROWS), SOURCE)
 
 
 def texture_alone(count: int) -> Cell:
@@ -275,7 +275,7 @@ def light_alone(count: int) -> Cell:
         + "; ".join(forecast.sentences)
     )
     identifiable = NORMAL_90 * nine_error < IDENTIFIABLE
-    return Cell(errors["nine coefficients"], _listed(errors, lamps=True), identifiable, words)
+    return Cell(errors["nine coefficients"], _listed(errors, sources=True), identifiable, words)
 
 
 def light_and_brdf(count: int) -> Cell:
@@ -297,7 +297,7 @@ def light_and_brdf(count: int) -> Cell:
         forecast = forecast_joint(Situation(samples, frame, whole_light()), supposed)
         words += "; forecast: " + "; ".join(forecast.sentences)
     worst = max(*errors.values(), light["nine coefficients"])
-    return Cell(worst, _listed(errors) + ", " + _listed(light, lamps=True), identifiable, words)
+    return Cell(worst, _listed(errors) + ", " + _listed(light, sources=True), identifiable, words)
 
 
 def light_and_diffuse_texture(count: int) -> Cell:
@@ -368,19 +368,19 @@ def _glossy_cell(count: int, unknowns: Unknowns) -> Cell:
 
 
 def _light_errors(fit: Factorization) -> tuple[dict[str, float], float]:
-    """The lamp's angle and energy, the nine coefficients in per cent; and their stated error."""
+    """The source's angle and energy, the nine coefficients in per cent; and their stated error."""
     total = np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks)
     slow = np.asarray(light_coefficients(AREA.to_environment(LIGHT_ROWS), 2))
-    whole = np.asarray(light_coefficients(LAMP, 2)) + slow
+    whole = np.asarray(light_coefficients(SOURCE, 2)) + slow
     scene = fit.scene
     errors = {"nine coefficients": _norm_off(scene.total[:9], whole * total)}
     if len(scene.sources.directions):
-        towards = np.asarray(scene.sources.directions)[0] @ unit(np.asarray(LAMP.directions)[0])
-        errors["lamp off, degrees"] = float(np.degrees(np.arccos(np.clip(towards, -1, 1))))
+        towards = np.asarray(scene.sources.directions)[0] @ unit(np.asarray(SOURCE.directions)[0])
+        errors["source off, degrees"] = float(np.degrees(np.arccos(np.clip(towards, -1, 1))))
         energy = np.asarray(scene.sources.irradiance)[0]
-        errors["its energy"] = _worst(energy, np.asarray(LAMP.irradiance)[0] * total)
+        errors["its energy"] = _worst(energy, np.asarray(SOURCE.irradiance)[0] * total)
     stated = np.linalg.norm(scene.slow_error[:9]) / np.linalg.norm(scene.total[:9])
-    errors["lamps"] = len(scene.sources.directions)
+    errors["sources"] = len(scene.sources.directions)
     return errors, float(stated)
 
 
@@ -396,11 +396,11 @@ def _norm_off(found: np.ndarray, truth: np.ndarray) -> float:
     return 100 * float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
 
 
-def _listed(errors: dict[str, float], lamps: bool = False) -> str:
+def _listed(errors: dict[str, float], sources: bool = False) -> str:
     parts = []
     for name, error in errors.items():
-        if name == "lamps":
-            parts.append(f"{error:.0f} lamps found (1)")
+        if name == "sources":
+            parts.append(f"{error:.0f} sources found (1)")
         elif name.endswith("degrees"):
             parts.append(f"{name.split(',')[0]} {error:.2f} degrees")
         else:
@@ -455,7 +455,7 @@ def main():
 
 
 def draw(table: dict[tuple[str, int], Cell], names: list[str], out: str):
-    """Draw the grid: coloured by the worst error, hatched where the program says not identifiable."""
+    """Draw the grid: coloured by the worst error, hatched where it says not identifiable."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     import matplotlib.pyplot as plt
     from matplotlib.colors import LogNorm

@@ -37,7 +37,7 @@
 ``light_field``
     the same in closed form, from all coefficients of a reflected light field (T 2.68)
 ``brdf_spectrum`` ``brdf_table``
-    a BRDF as coefficients; as a table, from photographs under one moving lamp
+    a BRDF as coefficients; as a table, from photographs under one moving source
 ``nearest_models``
     the models nearest to a BRDF that is a table or a tree, with what they miss
 ``texture``

@@ -1,7 +1,7 @@
 """A diffuse bowl that lights itself: the albedo comes back only where the bounces are modelled.
 
 The photographs are closed form: the inside of half a sphere sees itself equally everywhere, so with
-albedo a it has the irradiance E_0 + a / 2 mean(E_0) / (1 - a / 2), E_0 from a lamp overhead that
+albedo a it has the irradiance E_0 + a / 2 mean(E_0) / (1 - a / 2), E_0 from a source overhead that
 reaches every place.
 
 - Without bounces kd is too large by what they add; with them it is within a per cent, which is what

@@ -183,9 +183,9 @@ def test_head_on_views_under_uniform_light_do_not_tell_the_roughness():
 @pytest.mark.slow
 def test_too_much_noise_asks_for_more_samples():
     samples, frame = few_samples(count=40)
-    lamps = DirectionalSources(unit(np.array([[0.3, 0.2, 0.8]])), np.full((1, 3), 2.0))
+    sources = DirectionalSources(unit(np.array([[0.3, 0.2, 0.8]])), np.full((1, 3), 2.0))
     supposed = Supposed(material(), NoiseModel(0.25, 0.0))
-    foreseen = foresee(Situation(samples, frame, KnownLight(None, lamps)), supposed)
+    foreseen = foresee(Situation(samples, frame, KnownLight(None, sources)), supposed)
     forecast = forecast_material(foreseen)
     lost = [name for name, known in forecast.identifiable.items() if not known]
     assert lost
@@ -238,10 +238,10 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     rng = np.random.default_rng(1)
     noisy = truth.radiance + rng.normal(size=truth.radiance.shape) / truth.weights
     level = np.abs(light[0]) / np.sqrt(4 * np.pi)
-    lamps = len(guess.directions)
-    settings = FactorSettings(4, lamps, refine=False, noise=NOISE)
+    sources = len(guess.directions)
+    settings = FactorSettings(4, sources, refine=False, noise=NOISE)
     task = Task(Observations(samples, noisy, frame), response, settings=settings)
-    state = State(guess, np.ones(lamps, bool), truth.weights, noisy, level)
+    state = State(guess, np.ones(sources, bool), truth.weights, noisy, level)
     achieved, _ = account_of(task, state, "per-channel")
     for name in NAMES:
         np.testing.assert_allclose(
@@ -266,8 +266,8 @@ def test_what_no_factorization_can_begin_with_is_refused():
         forecast_joint(situation, partly)
     with pytest.raises(ValueError, match="240 samples for light of 169 coefficients"):
         forecast_joint(situation, Supposed(), 12)
-    lamps = tuple(DirectionalSources(np.eye(3)[:1], np.ones((1, 3))) for _ in range(4))
-    moving = KnownLight(None, DirectionalSources.none(), lamps)
+    sources = tuple(DirectionalSources(np.eye(3)[:1], np.ones((1, 3))) for _ in range(4))
+    moving = KnownLight(None, DirectionalSources.none(), sources)
     with pytest.raises(ValueError, match="differs from photograph to photograph"):
         forecast_light(Situation(samples, frame, moving), Supposed())
 

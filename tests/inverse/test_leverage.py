@@ -36,8 +36,8 @@ from jaxrender.lighting import DirectionalSources
 
 KD, KS, SIGMA = np.array([0.2, 0.15, 0.1]), 0.1, 0.02
 TOWARDS = unit(np.array([0.3, 0.2, 0.9]))
-LAMP = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
-LIGHT = KnownLight(None, LAMP)
+SOURCE = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
+LIGHT = KnownLight(None, SOURCE)
 METAL = Microfacet(np.zeros(3), np.zeros(3), 0.1, None)
 UNKNOWNS = microfacet_unknowns(mu=None)
 # Samples of a fit, fewer than from which a search begins with few of them.

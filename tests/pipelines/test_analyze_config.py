@@ -46,7 +46,7 @@ def test_no_photograph_is_needed(planned, capsys):
 def test_uniform_light_seen_head_on(planned, capsys):
     config = uniform(planned)
     figure = planned.parent / "forecast.svg"
-    options = ["samples.min_cosine=0.7", "--suggest", "lights", "--count", "2"]
+    options = ["samples.min_cosine=0.7", "--suggest", "sources", "--count", "2"]
     assert jaxrender("analyze", config, *options, "--figure", figure) == 0
     text = capsys.readouterr().out
     assert "no energy above degree 0" in text

@@ -1,7 +1,8 @@
 """``task: brdf-spectrum`` from config to result folder; photographs in plain NumPy, 1 % noise.
 
-- A diffuse ball under lamps: the lobe is kd cos t_i cut at the order, within its error; photographs
-  are predicted to the noise; coefficients are written with their covariance and read back.
+- A diffuse ball under sources: the lobe is kd cos t_i cut at the order, within its error;
+  photographs are predicted to the noise; coefficients are written with their covariance and read
+  back.
 - The result renders again by the integral, without standard deviations of its own.
 - Light without degrees: not identifiable, in words.
 - Concave shapes, moving light and too few samples are refused in words.
@@ -73,7 +74,7 @@ def test_arrays_and_pictures(found, ball):
         for path in (ball / "images/1.exr", folder / "images/1_predicted.exr")
     )
     inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
-    # Degrees above 2, which lamps have, make some 5 % of what a diffuse surface reflects.
+    # Degrees above 2, which sources have, make some 5 % of what a diffuse surface reflects.
     assert NOISE / 2 < np.median(np.abs(predicted[inside] / photograph[inside] - 1)) < 8 * NOISE
     page = (folder / "report.html").read_text()
     assert "BRDF recovered as coefficients" in page

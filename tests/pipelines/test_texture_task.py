@@ -214,7 +214,7 @@ def test_diffuse_paint_under_unknown_light(diffuse):
 @pytest.mark.slow
 def test_a_glossy_texture_under_unknown_light(tmp_path):
     """T 6.1.1, class 7: what moves with the view tells light, sigma and mu, and so the texture."""
-    capture = write_painted(tmp_path / "capture", views=10, lamps=soft_light())
+    capture = write_painted(tmp_path / "capture", views=10, sources=soft_light())
     folder, result = run(capture, SOFT_TASK, lighting="")
     assert result["outcome"] == "converged"
     for name, truth in (("sigma", SIGMA), ("mu", MU)):

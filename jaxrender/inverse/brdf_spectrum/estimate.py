@@ -158,9 +158,9 @@ class SpectrumEstimate(AnyEstimate):
 class DegreeOfLobe(NamedTuple):
     """What the light has of a degree, how far the data tell it, and the size of coefficients.
 
-    ``light`` is an amplitude beside degree 0.  ``determined`` is the largest part that the data have
-    in a coefficient of this degree of the light.  The sizes are of those whose higher degree it
-    is.
+    ``light`` is an amplitude beside degree 0.  ``determined`` is the largest part that the data
+    have in a coefficient of this degree of the light.  The sizes are of those whose higher degree
+    it is.
     """
 
     degree: int

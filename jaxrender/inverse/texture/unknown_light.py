@@ -328,7 +328,7 @@ def _judged(
         limit = int(np.sqrt(len(estimate.light.coefficients))) - 1
         much = (
             f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} "
-            "is too soft for what lit the object, such as lamps, or the surface is not as "
+            "is too soft for what lit the object, such as small sources, or the surface is not as "
             "supposed; give the light, or another band limit"
         )
         reasons = (much, *estimate.reasons)

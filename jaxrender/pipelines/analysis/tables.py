@@ -94,7 +94,7 @@ def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
     lines = _parameters(forecast.parameters, forecast.identifiable, brdf)
     return [
         *lines,
-        f"  singular values without light and {forecast.lamps} sources: "
+        f"  singular values without light and {forecast.sources} sources: "
         f"{_listed(forecast.singular_values)}",
         *(f"  not identifiable, {line}" for line in forecast.gauge),
     ]

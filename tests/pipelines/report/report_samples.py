@@ -158,7 +158,7 @@ def rewritten(result, **changes):
     return {key: value for key, value in (result | changes).items() if value is not None}
 
 
-def lamp(direction, energy, channels=3):
+def source(direction, energy, channels=3):
     return DirectionalSources(np.array([direction], float), np.full((1, channels), float(energy)))
 
 

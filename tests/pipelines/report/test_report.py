@@ -16,11 +16,11 @@ from report_samples import (
     SECTIONS,
     Reader,
     lambertian,
-    lamp,
     rewritten,
     sample_environment,
     sample_fit,
     sample_frame,
+    source,
 )
 
 from jaxrender.imaging import NoiseModel
@@ -166,16 +166,16 @@ def bare_metal(light):
     return ReportContents("metal", {}, sample_fit(light, mu=None), light, (sample_frame(),))
 
 
-def moving_lamps(light):
+def moving_sources(light):
     own = KnownLight(
-        None, DirectionalSources.none(), (lamp([0, 0, 1], 3), DirectionalSources.none())
+        None, DirectionalSources.none(), (source([0, 0, 1], 3), DirectionalSources.none())
     )
     return ReportContents("moving", {}, sample_fit(own, refined=False), own, (sample_frame(),))
 
 
-def one_lamp(light):
-    own = KnownLight(None, lamp([0, 1, -1], 3))
-    return ReportContents("lamp", {}, sample_fit(own), own, ())
+def one_source(light):
+    own = KnownLight(None, source([0, 1, -1], 3))
+    return ReportContents("source", {}, sample_fit(own), own, ())
 
 
 def one_channel(light):
@@ -220,8 +220,8 @@ PARTIAL = {
         lambertian,
         metal,
         bare_metal,
-        moving_lamps,
-        one_lamp,
+        moving_sources,
+        one_source,
         one_channel,
         two_channels,
         no_noise,

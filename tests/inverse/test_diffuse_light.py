@@ -1,15 +1,15 @@
 """Unknown light that a diffuse body was photographed in.
 
-- A Lambertian ball gives its lamp, and the light's degrees 0, 1, 2 and 4; degree 3, and every odd
+- A Lambertian ball gives its source, and the light's degrees 0, 1, 2 and 4; degree 3, and every odd
   degree above 1, is said not to be identifiable (T 3.2.7), and what is stated of all of them holds.
-- Grooves (Oren and Nayar) reflect back towards the lamp: such a ball tells degree 3 as well, and
+- Grooves (Oren and Nayar) reflect back towards the source: such a ball tells degree 3 as well, and
   its roughness together with the light, as was foreseen.
 - A body that hides half of the light from itself tells degree 3 by its shadows.
 """
 
 import numpy as np
 import pytest
-from area_and_lamp import AREA, ENERGY, KD, LAMP, NOISE, photographs
+from area_and_source import AREA, ENERGY, KD, NOISE, SOURCE, photographs
 from inverse_problems import ball_samples
 
 from jaxrender.brdf import Microfacet, OrenNayarLobe
@@ -29,16 +29,16 @@ SETTINGS = FactorSettings(6, 2)
 STATED_ERRORS = 4.5
 LAMBERTIAN = Microfacet(KD, np.zeros(3), 0.1, None)
 GROOVED = OrenNayarLobe(KD, 0.5)
-SUN = DirectionalSources(LAMP[None], ENERGY[None])
+SUN = DirectionalSources(SOURCE[None], ENERGY[None])
 
 
 def true_light(band_limit) -> np.ndarray:
     return np.asarray(light_coefficients(AREA.to_environment(64), band_limit)) * KD
 
 
-def assert_lamp_is_found(found):
+def assert_source_is_found(found):
     strongest = found.scene.sources
-    assert strongest.directions[0] @ LAMP > np.cos(np.radians(0.5))
+    assert strongest.directions[0] @ SOURCE > np.cos(np.radians(0.5))
     off = np.asarray(strongest.irradiance)[0] - ENERGY * KD
     assert np.all(np.abs(off) < STATED_ERRORS * found.scene.energy_error[0])
 
@@ -53,8 +53,8 @@ def grooved():
     return factorize(photographs(GROOVED), GROOVED, SETTINGS, Known(ALL_OF_IT))
 
 
-def test_a_lambertian_ball_tells_lamp_and_even_degrees(lambertian):
-    assert_lamp_is_found(lambertian)
+def test_a_lambertian_ball_tells_source_and_even_degrees(lambertian):
+    assert_source_is_found(lambertian)
     determined = lambertian.scene.determined
     assert np.all(determined[[0, 1, 2]] > 0.99)
     assert determined[4] > 0.9
@@ -76,7 +76,7 @@ def test_what_is_stated_of_the_light_holds_for_all_degrees(lambertian):
 
 @pytest.mark.slow
 def test_grooves_tell_an_odd_degree_and_their_roughness(grooved):
-    assert_lamp_is_found(grooved)
+    assert_source_is_found(grooved)
     assert grooved.scene.determined[3] > 0.9
     assert grooved.identifiable == {"sigma": True}
     value, error = (float(part.sigma) for part in (grooved.parameters[0], grooved.parameters[3]))
