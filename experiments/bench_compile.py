@@ -79,8 +79,8 @@ def calls(degree: int) -> dict[str, Callable]:
     )
     cosines = jnp.linspace(0.1, 1, 12)
     environment = Environment(image)
-    lamps = DirectionalSources(directions[:40], rng.uniform(size=(40, 3)))
-    dual = reflection.DualLight(coefficients, lamps)
+    sources = DirectionalSources(directions[:40], rng.uniform(size=(40, 3)))
+    dual = reflection.DualLight(coefficients, sources)
     matrix = reflection.irradiance_matrix(coefficients[:9])
     few = degree // 4
     isotropic = jnp.ones((degree + 1, few + 1, few + 1, 1))
@@ -128,7 +128,7 @@ def calls(degree: int) -> dict[str, Callable]:
         ),
         "phong_transfer": partial(spectra.phong_transfer, 30.0, degree),
         "light_coefficients": partial(spectra.light_coefficients, environment, degree),
-        "light_coefficients, lamps": partial(spectra.light_coefficients, lamps, degree),
+        "light_coefficients, sources": partial(spectra.light_coefficients, sources, degree),
         "spectrum_of, numeric": partial(
             spectra.spectrum_of, Phong(np.full(3, 0.1), np.full(3, 0.2), 30.0), degree, numeric=True
         ),

@@ -2,7 +2,7 @@
 
     python experiments/bench_factorize.py [--samples 4000] [--runs 15]
 
-``reduced_system`` of photographs of a ball under a sky, light to degree 10 and 48 lamps: what a
+``reduced_system`` of photographs of a ball under a sky, light to degree 10 and 48 sources: what a
 step of the joint fit costs.  The twin takes all samples as one block, and the memory that goes with
 it.  Either is measured while BLAS keeps to one thread, as ``factorize`` asks it to, and while its
 threads do as they like.  Cold is the first call, with compilation; warm the medians of calls in
@@ -28,18 +28,18 @@ from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.state import Task, begin, measured
 
 MATERIAL = Microfacet(np.array([0.45, 0.4, 0.3]), np.full(3, 0.3), 0.12, 1.6)
-LAMPS = FactorSettings().most_sources
+SOURCES = FactorSettings().most_sources
 
 
 def problem(count: int) -> tuple[MirrorResponse, Guess, projection.Measured]:
-    """Photograph a ball, and stand at the true material with lamps all around."""
+    """Photograph a ball, and stand at the true material with sources all around."""
     samples, view = scenes.ring_samples(count, 0.15, seed=0)
     light = scenes.probe("sky", 2).nodes()
     photographs = scenes.photograph(light, MATERIAL, samples, view)
-    response = MirrorResponse.of_convex(MATERIAL, samples, 10, LAMPS)
+    response = MirrorResponse.of_convex(MATERIAL, samples, 10, SOURCES)
     task = Task(photographs, response)
     state = begin(task)
-    guess = state.guess._replace(directions=jnp.asarray(fibonacci_sphere(LAMPS)))
+    guess = state.guess._replace(directions=jnp.asarray(fibonacci_sphere(SOURCES)))
     return response, guess, measured(task, state)
 
 

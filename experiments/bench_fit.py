@@ -166,15 +166,15 @@ class Timed(NamedTuple):
 
 
 def scene() -> tuple[RoughnessTable, Data]:
-    """Photograph a glossy ball under a large area light and a lamp, and tabulate the dual model."""
+    """Photograph a glossy ball under an area light and a source, and tabulate the dual model."""
     samples, view = scenes.ring_samples(SAMPLES, 0.15, seed=0)
     towards = np.array([[0.9, 0.5, 0.4], [0, 0, 1]])
     middle = np.array([[1, 0.97, 0.92], [0.06, 0.07, 0.09]])
     lobes = SmoothLobes(towards, np.radians([30.0, 60.0]), middle)
-    lamp = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
-    exact = scenes.photograph_function(lobes.radiance, MATERIAL, samples, view, lamp)
+    source = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
+    exact = scenes.photograph_function(lobes.radiance, MATERIAL, samples, view, source)
     measured = NOISE.add(exact.radiance, np.random.default_rng(1))
-    light = KnownLight(lobes.to_environment(128), lamp)
+    light = KnownLight(lobes.to_environment(128), source)
     dual = prepare_light(light, exact, MATERIAL, "auto", None).dual
     table = roughness_table(MATERIAL, samples, dual, (0.14 / 1.8, 0.14 * 1.8))
     return table, Data(measured, 1 / NOISE.standard_deviation(exact.radiance), view)

@@ -23,7 +23,7 @@ import scenes
 from jaxrender.brdf import Microfacet
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, Told, unknowns_of
+from jaxrender.inverse import FitSettings, Stated, unknowns_of
 from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
@@ -59,8 +59,8 @@ def begin(model: ExactModel, observations: Observations) -> Stop:
     radiance = np.asarray(observations.radiance)
     weights = 1 / NOISE.standard_deviation(radiance)
     data = Data(radiance, weights, np.asarray(observations.frame))
-    told = {name: Told(fixed=value) for name, value in START.items()}
-    held = Problem.of(unknowns_of(MATERIAL, told), radiance.shape[1])
+    stated = {name: Stated(fixed=value) for name, value in START.items()}
+    held = Problem.of(unknowns_of(MATERIAL, stated), radiance.shape[1])
     fit = search(held, near, data, held.unknowns.starts(1))
     point = jnp.asarray(unknowns.pack(START))
     fit = fit._replace(solution=fit.solution._replace(point=point))

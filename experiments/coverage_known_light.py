@@ -2,7 +2,7 @@
 
     python experiments/coverage_known_light.py [--seeds 200] [--model anisotropic-ward]
 
-Three smooth area lights and two lamps; photographs by the polar quadrature (continuous light, no
+Three smooth area lights and two sources; photographs by the polar quadrature (continuous light, no
 grid), the fit's exact integral on a 64 x 128 image.  Noise is relative + floor, drawn anew for each
 seed and estimated by the fit.  All parameters of all seeds are counted together and held against
 the binomial 99.9 % band; they are correlated within a fit, so each is also counted alone.  Models
@@ -44,7 +44,7 @@ LIGHTS = SmoothLobes(
     np.radians([25.0, 40.0, 60.0]),
     np.array([[3.0, 2.8, 2.4], [1.2, 1.4, 1.6], [0.5, 0.6, 0.8]]),
 )
-LAMPS = DirectionalSources(
+SOURCES = DirectionalSources(
     np.array([[0.2, -0.7, 0.6], [-0.9, 0.1, 0.4]]), np.array([[0.5, 0.45, 0.4], [0.3, 0.3, 0.35]])
 )
 NOISE, FLOOR = 0.02, 0.01
@@ -79,8 +79,8 @@ def main():
     jax.config.update("jax_enable_x64", True)
     samples, view = scenes.ring_samples(SAMPLES, LOWEST_COSINE, 0)
     material = MODELS[arguments.model]
-    exact = scenes.photograph_function(LIGHTS.radiance, material, samples, view, LAMPS)
-    light = KnownLight(LIGHTS.to_environment(ROWS), LAMPS)
+    exact = scenes.photograph_function(LIGHTS.radiance, material, samples, view, SOURCES)
+    light = KnownLight(LIGHTS.to_environment(ROWS), SOURCES)
     noise = NoiseModel(NOISE, FLOOR * float(exact.radiance.mean()))
     settings = FitSettings(refine_samples=REFINED_SAMPLES)
     one = np.ones(())

@@ -2,12 +2,12 @@
 
     python experiments/coverage_unknown_light.py [--seeds 200] [--samples 320] [--smoothness 1]
 
-Area light of degree 2 and one lamp; photographs by the polar quadrature (continuous light, no grid,
-the lamp's lobe as it is), noise of 1 %, known, drawn anew for each seed.  ``lighting`` is given the
-material, ``factorize`` nothing; both may use light to degree 4 and two lamps.  Every number is held
-against the truth alone: its coverage against the binomial 99.9 % band, and the standard error that
-the fits state (root mean square) against the scatter that they show about their mean, demanded
-within 15 %.  ``bias`` is the mean error in units of the stated standard error.
+Area light of degree 2 and one source; photographs by the polar quadrature (continuous light, no
+grid, the source's lobe as it is), noise of 1 %, known, drawn anew for each seed.  ``lighting`` is
+given the material, ``factorize`` nothing; both may use light to degree 4 and two sources.  Every
+number is held against the truth alone: its coverage against the binomial 99.9 % band, and the
+standard error that the fits state (root mean square) against the scatter that they show about their
+mean, demanded within 15 %.  ``bias`` is the mean error in units of the stated standard error.
 
 Slow light is expected to be smooth (a penalty on l (l + 1), ``FactorSettings.smoothness``: the
 smaller, the smoother).  The standard error of a coefficient that the penalty has a say in is that
@@ -49,7 +49,7 @@ from jaxrender.lighting import DirectionalSources
 SIGMA, MU = 0.16, 1.5
 MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), SIGMA, MU)
 TOTAL = np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks)
-LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
+SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
 NOISE = NoiseModel(0.01, 0.0)
 BAND_LIMIT, SOURCES = 4, 2
 LOWEST_COSINE = 0.15
@@ -81,7 +81,7 @@ def main():
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     samples, view = ring_samples(arguments.samples, LOWEST_COSINE, 3)
     exact = photograph_function(
-        lambda towards: evaluate(jnp.asarray(AREA), towards), MATERIAL, samples, view, LAMP
+        lambda towards: evaluate(jnp.asarray(AREA), towards), MATERIAL, samples, view, SOURCE
     )
     for task, known in (("lighting", MATERIAL_ALONE), ("factorize", Known())):
         if arguments.only in (None, task):
@@ -92,7 +92,7 @@ def main():
 def repeat(
     task: str, exact: Observations, how: tuple[Known, FactorSettings], seeds: range
 ) -> tuple[list[dict[str, Counted]], int]:
-    """Fit each seed's photographs; returns the numbers of each, and how many found a lamp more."""
+    """Fit each seed's photographs; give the numbers of each, and how many found a source more."""
     known, settings = how
     start, found, more = time.perf_counter(), [], 0
     for seed in seeds:
@@ -131,13 +131,13 @@ def numbers_of(fit: Factorization, with_material: bool) -> dict[str, Counted]:
                 name = f"light {degree}.{order}.{k}"
                 error = scene.slow[each, k] - slow[each, k]
                 numbers[name] = _counted(error, scene.slow_error[each, k])
-    energy = np.asarray(scene.sources.irradiance)[0] - np.asarray(LAMP.irradiance)[0] * TOTAL
+    energy = np.asarray(scene.sources.irradiance)[0] - np.asarray(SOURCE.irradiance)[0] * TOTAL
     for k, off in enumerate(energy):
-        numbers[f"lamp energy {k}"] = _counted(off, scene.energy_error[0, k])
-    towards = np.asarray(LAMP.directions)[0] / np.linalg.norm(np.asarray(LAMP.directions)[0])
+        numbers[f"source energy {k}"] = _counted(off, scene.energy_error[0, k])
+    towards = np.asarray(SOURCE.directions)[0] / np.linalg.norm(np.asarray(SOURCE.directions)[0])
     off = float(np.linalg.norm(np.asarray(scene.sources.directions)[0] - towards))
     stated = float(scene.direction_error[0])
-    numbers["lamp angle"] = Counted(off, stated, off <= CIRCLE_90 * stated)
+    numbers["source angle"] = Counted(off, stated, off <= CIRCLE_90 * stated)
     return numbers
 
 
@@ -148,7 +148,7 @@ def _counted(error: float, stated: float) -> Counted:
 def report(task: str, fits: list[dict[str, Counted]], more: int):
     """Print coverage and standard errors: single numbers, and the light's degrees together."""
     low, high = band(len(fits))
-    print(f"\n{task}: {len(fits)} noise seeds; {more} fits with a number of lamps other than one")
+    print(f"\n{task}: {len(fits)} noise seeds; {more} fits with a number of sources other than one")
     print(f"binomial 99.9 % band of one number: {low:.1f} to {high:.1f} %")
     print("  number              inside %   bias / s.e.   stated / achieved s.e., %")
     missed = 0
@@ -160,7 +160,7 @@ def report(task: str, fits: list[dict[str, Counted]], more: int):
             stated = np.sqrt(np.mean([one.stated**2 for one in column]))
             inside.append(100 * np.mean([one.inside for one in column]))
             # An angle is a distance: it has no sign, and scatters about the truth.
-            angle = name == "lamp angle"
+            angle = name == "source angle"
             bias.append(np.nan if angle else errors.mean() / stated)
             achieved = np.sqrt(np.mean(errors**2)) if angle else errors.std(ddof=1)
             ratios.append(100 * (stated / achieved - 1))
@@ -176,14 +176,14 @@ def report(task: str, fits: list[dict[str, Counted]], more: int):
 
 
 def grouped(names: list[str]) -> list[tuple[str, list[str]]]:
-    """Put the light's coefficients of one degree, and a lamp's channels, on one line."""
+    """Put the light's coefficients of one degree, and a source's channels, on one line."""
     groups: dict[str, list[str]] = {}
     for name in names:
         label = name
         if name.startswith("light"):
             label = "light degree " + name.split()[1].split(".")[0]
-        elif name.startswith("lamp energy"):
-            label = "lamp energy"
+        elif name.startswith("source energy"):
+            label = "source energy"
         groups.setdefault(label, []).append(name)
     return list(groups.items())
 

@@ -62,7 +62,7 @@ def run(scene: scenes.Scene, seed: int, count: int) -> Pair:
     noisy = NOISE.add(exact.radiance, np.random.default_rng(1000 + seed))
     observations = exact._replace(radiance=noisy)
     settings = FactorSettings()
-    # What depends on the number of lamps taken up at once is compiled for each pair anew.
+    # What depends on the number of sources taken up at once is compiled for each pair anew.
     factorize(observations, scene.material, settings)
     start = time.perf_counter()
     found = factorize(observations, scene.material, settings)

@@ -1,10 +1,10 @@
-"""The thesis's factorization beside ours: area light of degree 2 and a lamp, material unknown.
+"""The thesis's factorization beside ours: area light of degree 2 and a source, material unknown.
 
     python experiments/factorization_trial.py [--samples 8000] [--lowest 0.5]
 
-Exact photographs (polar quadrature of the area light, the lamp's lobe as it is) of a ball from 12
+Exact photographs (polar quadrature of the area light, the source's lobe as it is) of a ball from 12
 views, 1 % noise.  The truth: ks / (kd + ks) .333, mu 1.5, sigma .12.  The nested method (T 6.4.4:
-simplex over K_s and mu, light to degree 12 by F alone, roughness from the lamp by T 6.25, printed
+simplex over K_s and mu, light to degree 12 by F alone, roughness from the source by T 6.25, printed
 and corrected) and ``factorize`` see the same samples.  Beside them the numbers of the trial that
 the design rests on, whose light was another of this kind.
 """
@@ -47,7 +47,7 @@ AREA = np.array(
         [0.2, 0.1, 0.0],
     ]
 )
-LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
+SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
 NOISE = 0.01
 
 
@@ -63,7 +63,7 @@ def nested_trial(count: int, lowest_cosine: float) -> Trial:
     """Photograph the ball and factor the photographs by the nested method."""
     samples, view = ring_samples(count, lowest_cosine, seed=3)
     exact = photograph_function(
-        lambda towards: evaluate(jnp.asarray(AREA), towards), MATERIAL, samples, view, LAMP
+        lambda towards: evaluate(jnp.asarray(AREA), towards), MATERIAL, samples, view, SOURCE
     )
     noise = 1 + NOISE * np.random.default_rng(1).standard_normal(exact.radiance.shape)
     photographs = Observations(samples, np.asarray(exact.radiance) * noise, view)

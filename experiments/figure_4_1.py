@@ -41,8 +41,8 @@ WIDTH, HEIGHT, SPAN = 960, 400, 52
 DISTANCE, EYE = 10.0, 2.4
 PLACES = {"mirror": -3.3, "object": -1.1, "sphere": 1.1, "pool-ball": 3.3}
 TABLE = np.array([5.6, 2.2, 0.12])
-GLOSS, COAT = 300.0, 0.06
-GLOSS_BAND_LIMIT, COMPARED = 60, 200
+EXPONENT, COAT = 300.0, 0.06
+COAT_BAND_LIMIT, COMPARED = 60, 200
 PUBLISHED_MEAN = 0.01
 
 
@@ -116,11 +116,11 @@ def radiance_of(scene: Scene, light: Environment, texture: np.ndarray, names: li
     mirror, ball = (own == names.index(name) for name in ("mirror", "pool-ball"))
     plain = over_poles(jnp.asarray(light.radiance, jnp.float32))
     found[mirror] = looked_up(plain, reflected[mirror])
-    transfer = phong_transfer(GLOSS, GLOSS_BAND_LIMIT)
+    transfer = phong_transfer(EXPONENT, COAT_BAND_LIMIT)
     glossy = reflection_maps(light.radiance, transfer[None], light.grid)[0]
     albedo = looked_up(over_poles(jnp.asarray(texture)), np.asarray(scene.samples.normals)[ball])
-    gloss = np.maximum(looked_up(over_poles(glossy), reflected[ball]), 0)
-    found[ball] = np.asarray(albedo) * found[ball] + COAT * np.asarray(gloss)
+    specular = np.maximum(looked_up(over_poles(glossy), reflected[ball]), 0)
+    found[ball] = np.asarray(albedo) * found[ball] + COAT * np.asarray(specular)
     return matrix, found, mirror
 
 
@@ -132,9 +132,9 @@ def picture(scene: Scene, found: np.ndarray, mirror: np.ndarray, light: Environm
     key = tone_key(linear)
     linear[hit] = found
     curved = np.array(tone_mapped(linear, key))
-    matt = hit.copy()
-    matt[hit] = ~mirror
-    curved[matt] = exposed(linear, exposure_for(linear[matt]))[matt]
+    curved_alone = hit.copy()
+    curved_alone[hit] = ~mirror
+    curved[curved_alone] = exposed(linear, exposure_for(linear[curved_alone]))[curved_alone]
     return curved
 
 

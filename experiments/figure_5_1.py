@@ -14,7 +14,7 @@ map for a new viewer and looking it up at every pixel, in float32 on the process
 relative rms against the integral over the probe at some of the pixels.  The thesis: about 30 frames
 a second for each picture.
 
-Cut at so few degrees lobes ring, and bright lamps are ringed by black specks.  The window that
+Cut at so few degrees lobes ring, and bright sources are ringed by black specks.  The window that
 bends least (``--window none``: as in the thesis) takes most of them off: under Grace Cathedral
 pixels of the microfacet below zero fall from 1.0 to .08 %, for 6.9 instead of 5.4 % of rms; Lanczos
 leaves none, for 11.4 %.  The lowest values of lobes and pictures are printed.

@@ -164,7 +164,7 @@ def main():
     if arguments.probe:
         environment = read_environment(arguments.probe, arguments.convention, height=ROWS)
     else:
-        environment = probe("lamps", 1, ROWS)
+        environment = probe("discs", 1, ROWS)
     light = np.asarray(light_coefficients(environment, BAND_LIMIT))
     lobes = [brdf_degree(width) for width in WIDTHS]
     found = print_table(light, lobes)

@@ -109,7 +109,7 @@ def print_table(held: dict[str, np.ndarray], models: int):
     print("energy is at exits beyond 60 degrees, which P = 5 does not follow; with F = .04 it does")
     if len(held) > models:
         print("205 measurements and Zernike polynomials of degree 8, as CURET's are, make smooth")
-        print("BRDFs; a gloss narrower than F = 30 shows by how much more F = 60 holds")
+        print("BRDFs; a lobe narrower than F = 30 shows by how much more F = 60 holds")
 
 
 def draw(held: dict[str, np.ndarray], path: Path):

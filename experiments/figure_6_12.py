@@ -3,7 +3,7 @@
     python experiments/figure_6_12.py [--full] [--out F.png]
 
 A glossy ball wrapped in a procedural texture (K_d in colour, K_s from a fifth to twice its mean),
-under an area light, a glow and a lamp, seen from 12 views.  Photographs are the exact integral of
+under an area light, a glow and a source, seen from 12 views.  Photographs are the exact integral of
 the continuous light with 1 % noise.  The fit is given photographs, cameras, shape and light (as an
 image and sources), nothing else.  Quick: 40 x 20 texels, each of one paint.  ``--full``: 512 x 512,
 a million observations, and paint that varies within texels, too.
@@ -47,7 +47,7 @@ LIGHT = SmoothLobes(
     np.radians([30.0, 60.0, 60.0]),
     np.array([[2.0, 1.9, 1.8], [0.5, 0.55, 0.65], [0.5, 0.45, 0.4]]),
 )
-LAMPS = DirectionalSources(
+SOURCES = DirectionalSources(
     np.array([[-0.35, 0.8, 0.5], [0.6, -0.7, 0.4]]), np.array([[0.5, 0.48, 0.45], [0.3, 0.3, 0.3]])
 )
 LOWEST_COSINE = 0.2
@@ -78,7 +78,7 @@ def paint(coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @eqx.filter_jit
 def columns_of(lobe: Microfacet, samples: SurfaceSamples, polar_nodes: int):
     smooth = polar_columns(lobe, samples, LIGHT.radiance, polar_nodes=polar_nodes)
-    return smooth + integral_columns(lobe, samples, LAMPS.nodes())
+    return smooth + integral_columns(lobe, samples, SOURCES.nodes())
 
 
 def photograph(image: tuple[int, int], pixels: int, polar_nodes: int, evenly: bool) -> Scene:
@@ -140,7 +140,9 @@ def report(scene: Scene, fit: TextureFit):
     if marked.any():
         print(f"K_d error of marked texels: {rms(error[marked]):.2f} % rms")
     ks_good = seen & ~texture.ks_marked
-    print(f"K_s error where it is told: {rms((texture.ks / scene.ks - 1)[ks_good]):.2f} % rms")
+    print(
+        f"K_s error where it is identifiable: {rms((texture.ks / scene.ks - 1)[ks_good]):.2f} % rms"
+    )
     bad = (error.max(axis=1) > 0.05)[seen]
     area = area_under_curve(texture.relative_error[seen], bad)
     print(f"texels more than 5 % off: {bad.sum()}; area under the curve {area:.3f} (over .9)")
@@ -157,7 +159,7 @@ def main():
     image, pixels, rows = ((512, 512), 400, 64) if arguments.full else ((20, 40), 48, 48)
     start = time.perf_counter()
     scene = photograph(image, pixels, 32 if arguments.full else 24, not arguments.full)
-    light = KnownLight(LIGHT.to_environment(rows), LAMPS)
+    light = KnownLight(LIGHT.to_environment(rows), SOURCES)
     made = time.perf_counter()
     print(f"{scene.observations.count} observations photographed in {made - start:.0f} s")
     variant = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)

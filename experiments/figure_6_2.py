@@ -5,9 +5,9 @@
 Top: slices of rho cos t_i at an exit angle of 63 degrees, t_i down, the azimuth between the two
 directions across: measured under a moving source, recovered to either order, and the truth.
 Bottom: a photograph under the area source; that of the lowest order under the same light, which
-needs low frequencies only; the highest under a lamp at the viewpoint, which rings; its truth.
+needs low frequencies only; the highest under a source at the viewpoint, which rings; its truth.
 
-Coefficients are fitted to 12,000 pixels under area source and lamp, with and without reciprocity
+Coefficients are fitted to 12,000 pixels under area source and source, with and without reciprocity
 imposed.  The fit sees the light to the order fitted; the photographs have all of it.
 """
 
@@ -79,12 +79,12 @@ def recover(
     scene: Scene, shots: Observations, basis: SpectrumBasis, cut: Slice, pictures: dict
 ) -> Line:
     """Fit coefficients, and render with them."""
-    area, lamp = (
+    area, source = (
         np.asarray(light_coefficients(light, basis.band_limit))
-        for light in (scene.area.to_environment(64), scene.lamp)
+        for light in (scene.area.to_environment(64), scene.source)
     )
     start = time.perf_counter()
-    found = fit_brdf_spectrum(shots, area + lamp, basis)
+    found = fit_brdf_spectrum(shots, area + source, basis)
     seconds = time.perf_counter() - start
     values, deviation = found.transfer(cut.incoming, cut.outgoing)
     soft = found.radiance(area, pictures["samples"])
@@ -100,7 +100,7 @@ def recover(
         "slice: ringing outside it, %": 100
         * float(np.std((values - cut.truth)[cut.outside]) / diffuse),
         "area light: image error, %": percent(soft, pictures["soft"]),
-        "lamp at view: image error, %": percent(sharp, pictures["sharp"]),
+        "source at view: image error, %": percent(sharp, pictures["sharp"]),
         "seconds": seconds,
     }
     return Line(found, values, soft, sharp, numbers)
@@ -122,7 +122,9 @@ def print_table(lines: dict[str, Line], measured: float):
     print(
         "published: ringing in both, sharper and more pronounced at order 12; the order-6 picture"
     )
-    print("under the area source very similar to the photograph; under a lamp at the view, ringing")
+    print(
+        "under the area source very similar to the photograph; under a source at the view, ringing"
+    )
 
 
 def draw(lines: dict[str, Line], cut: Slice, measured: np.ndarray, pictures: dict):
@@ -156,8 +158,8 @@ def draw(lines: dict[str, Line], cut: Slice, measured: np.ndarray, pictures: dic
     bottom = (
         ("photograph, area source", pictures["photograph"]),
         (f"{low}, area source", lines[low].soft),
-        (f"{high}, lamp at the viewpoint", lines[high].sharp),
-        ("truth, lamp at the viewpoint", pictures["sharp"]),
+        (f"{high}, source at the viewpoint", lines[high].sharp),
+        ("truth, source at the viewpoint", pictures["sharp"]),
     )
     for axis, (title, values) in zip(axes[1], bottom):
         image = np.zeros((*pictures["hit"].shape, 3))
@@ -184,7 +186,7 @@ def main():
     view = portrait(VIEW, arguments.size)
     samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
     viewpoint = ExactForward(DirectionalSources(VIEW[None], np.ones((1, 3))).nodes())
-    soft = render_samples(scene.material, samples, scene.light(with_lamp=False))
+    soft = render_samples(scene.material, samples, scene.light(with_source=False))
     pictures = {
         "hit": view.hit,
         "samples": samples,

@@ -2,8 +2,8 @@
 
     python experiments/figure_6_3.py [--views 60] [--size 160] [--physical]
 
-Our method: kd, ks, mu and sigma from photographs under an area source and a lamp (T 6.4.2).  Fit
-to data: the same ball under one lamp at a time, its BRDF tabulated by half-angle coordinates
+Our method: kd, ks, mu and sigma from photographs under an area source and a source (T 6.4.2).  Fit
+to data: the same ball under one source at a time, its BRDF tabulated by half-angle coordinates
 (``inverse.brdf_table``), the model fitted to the table.  RMS is the error of either against the
 table, as in the thesis; there it is mostly the model's, here the noise's, since the photographs are
 made with the model (exact integral, 1 % noise).  ``--physical`` makes them with Smith's masking and
@@ -84,7 +84,7 @@ def main():
     unknowns = unknowns_of(model)
     to_data = fit_table(table, unknowns, model)
     observations = under_complex_light(scene, arguments.views)
-    light = KnownLight(scene.area.to_environment(64), scene.lamp)
+    light = KnownLight(scene.area.to_environment(64), scene.source)
     ours = fit_brdf(observations, light, unknowns, model)
     columns = [column(brdf, table) for brdf in (ours.brdf, to_data.brdf, scene.material)]
     print(f"\n{'':12s} {'--- thesis ---':>19s}   {'--- here ---':>26s}")

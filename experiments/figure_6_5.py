@@ -2,8 +2,8 @@
 
     python experiments/figure_6_5.py [--sigma 0.1] [--samples 20000] [--out F.png]
 
-A sphere under an area source and a lamp, photographed exactly (polar quadrature of the continuous
-area light, the lamp's lobe as it is), 1 % noise, from the six sides and the eight corners of a
+A sphere under an area source and a source, photographed exactly (polar quadrature of the continuous
+area light, the source's lobe as it is), 1 % noise, from the six sides and the eight corners of a
 cube.  The coefficient method is cut at l* = 12 and 20, with the thesis's F alone (T 6.15) and with
 the lobe's transfer h_l; the dual method has the thesis's nine parameters and F alone, or those of
 degree 8 and h_l.  All are held against the truth filtered by the lobe, exp(-sigma^2 l(l+1)); what
@@ -46,7 +46,7 @@ AREA = SmoothLobes(
     np.radians([30.0, 60.0, 40.0]),
     np.array([[1.0, 0.97, 0.92], [0.06, 0.07, 0.09], [0.25, 0.3, 0.4]]),
 )
-LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.12, 0.115, 0.105]]))
+SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.12, 0.115, 0.105]]))
 
 
 class Recovery(NamedTuple):
@@ -80,12 +80,12 @@ def compare(sigma: float, count: int) -> tuple[np.ndarray, list[Recovery]]:
     """Photograph, recover by every method, and measure the distance from the truth."""
     material = Microfacet(np.full(3, 0.15), np.full(3, 0.2), sigma, 1.5)
     samples, view = views_from_all_round(count, seed=0)
-    exact = np.asarray(photograph_function(AREA.radiance, material, samples, view, LAMP).radiance)
+    exact = np.asarray(photograph_function(AREA.radiance, material, samples, view, SOURCE).radiance)
     radiance = NOISE.add(exact, np.random.default_rng(1))
     weights = 1 / NOISE.standard_deviation(np.maximum(radiance, 0))
     grid = LatLongGrid(ROWS, 2 * ROWS)
     fine = AREA.to_environment(4 * ROWS)
-    light = sum(np.asarray(light_coefficients(one, TRUE_DEGREE)) for one in (fine, LAMP))
+    light = sum(np.asarray(light_coefficients(one, TRUE_DEGREE)) for one in (fine, SOURCE))
     truth = np.asarray(synthesise(grid, filtered(light, sigma)))
     solid_angle = grid.weights()[..., None]
 

@@ -3,10 +3,10 @@
     python experiments/figure_6_6.py [--samples 8000] [--lowest 0.5] [--out F.png]
 
 The photographs of ``factorization_trial.py`` are factored by the nested method; in its light, which
-is filtered by the lobe and cut at l* = 12, the region of the lamp is marked.  Beside it the mean
-radiance around the peak, and beside that what a lamp of each sigma would show there.  Roughness by
-T 6.25 as printed and corrected (ERRATA 48), against the truth: as printed; the truncated series of
-exp(-sigma^2 l(l+1)) inverted, and the same of the lobe averaged over the views' exit angles.
+is filtered by the lobe and cut at l* = 12, the region of the source is marked.  Beside it the mean
+radiance around the peak, and beside that what a source of each sigma would show there.  Roughness
+by T 6.25 as printed and corrected (ERRATA 48), against the truth: as printed; the truncated series
+of exp(-sigma^2 l(l+1)) inverted, and the same of the lobe averaged over the views' exit angles.
 """
 
 import argparse
@@ -39,9 +39,9 @@ def main():
     seen = lobe_filter(nested.brdf(0.1), BAND_LIMIT, trial.gram.nodes, trial.gram.counts)
     plain, averaged = nested.roughness(), nested.roughness(filtered_by=seen)
     truth = round(float(trials.MATERIAL.sigma), 6)
-    lamp = np.asarray(trials.LAMP.directions)[0]
-    off = np.degrees(np.arccos(min(1.0, float(plain.direction @ lamp))))
-    print(f"lamp found {off:.2f} degrees off; region of {np.degrees(plain.radius):.1f} degrees")
+    source = np.asarray(trials.SOURCE.directions)[0]
+    off = np.degrees(np.arccos(min(1.0, float(plain.direction @ source))))
+    print(f"source found {off:.2f} degrees off; region of {np.degrees(plain.radius):.1f} degrees")
     print(
         f"L_cen {plain.centre:.4f}, L_tot {plain.total:.4f}, at the region's edge {plain.rim:.4f}"
     )
@@ -89,7 +89,10 @@ def _draw_profiles(
     around = np.asarray(degree_table(grey, found.direction[None]))[0, :, 0]
     axes.plot(np.degrees(angles), polynomials @ around, "k", label="recovered, mean over azimuth")
     truth = round(float(trials.MATERIAL.sigma), 6)
-    for name, sigma in ((f"lamp of sigma {truth}, the truth", truth), ("lamp, found", found.sigma)):
+    for name, sigma in (
+        (f"source of sigma {truth}, the truth", truth),
+        ("source, found", found.sigma),
+    ):
         source = seen(sigma) * (2 * degree + 1)
         scale = (found.centre - found.rim) / (source.sum() - source @ edge)
         shape = scale * (polynomials @ source - source @ edge) + found.rim

@@ -4,9 +4,9 @@
 
 The photographs are those of ``figure_6_7.py`` (exact integral, 1 % noise).  Nothing is given but
 photographs, cameras and shape: ``task: factorize``.  Printed are kd and ks with kd + ks = 1, mu and
-sigma beside the thesis's own and the true ones; the lamp's angle and energy and the light's first
-nine coefficients against the truth; the picture shows the recovered lights, each lamp spread as its
-material's lobe spreads it, above the true light.  Result folders go to ``experiments/out``.
+sigma beside the thesis's own and the true ones; the source's angle and energy and the light's first
+nine coefficients against the truth; the picture shows the recovered lights, each source spread as
+its material's lobe spreads it, above the true light.  Result folders go to ``experiments/out``.
 """
 
 import argparse
@@ -38,7 +38,7 @@ from jaxrender.spectra import matched_gaussian_transfer
 
 # What is demanded: absolute for kd and ks, per cent of mu - 1 and of sigma, degrees, per cent.
 DEMANDED = {"kd": 0.01, "ks": 0.01, "mu": 5.0, "sigma": 1.0}
-LAMP_DEGREES, LAMP_ENERGY, NINE = 1.0, 2.0, 3.0
+SOURCE_DEGREES, SOURCE_ENERGY, NINE = 1.0, 2.0, 3.0
 SAMPLES = 4000
 DRAWN_DEGREE = 40
 
@@ -49,8 +49,8 @@ class Found(NamedTuple):
     material: Material
     recipe: RecipeConfig
     result: dict[str, Any]
-    lamp_degrees: float
-    lamp_energy: float
+    source_degrees: float
+    source_energy: float
     nine: float
     seconds: float
 
@@ -80,7 +80,7 @@ def recover(material: Material, views: int, size: int) -> Found:
 
 
 def true_light(recipe: RecipeConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The area light's coefficients to degree 10, the lamp's direction and irradiance."""
+    """The area light's coefficients to degree 10, the source's direction and irradiance."""
     grid = LatLongGrid(96, 192)
     towards = grid.directions()
     image = np.zeros((*grid.shape, 3))
@@ -88,17 +88,17 @@ def true_light(recipe: RecipeConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray
         middle = np.array(lobe.direction) / np.linalg.norm(lobe.direction)
         spread = 1 - np.cos(np.radians(lobe.width_degrees))
         image += np.exp((towards @ middle - 1) / spread)[..., None] * np.array(lobe.radiance)
-    lamp = recipe.lighting.directional[0]
-    direction = np.array(lamp.direction) / np.linalg.norm(lamp.direction)
-    return np.asarray(analyse(grid, jnp.asarray(image), 10)), direction, np.array(lamp.irradiance)
+    source = recipe.lighting.directional[0]
+    direction = np.array(source.direction) / np.linalg.norm(source.direction)
+    return np.asarray(analyse(grid, jnp.asarray(image), 10)), direction, np.array(source.irradiance)
 
 
 def light_errors(recipe: RecipeConfig, result: dict) -> tuple[float, float, float]:
-    """Compute the lamp's angle in degrees, its energy's and the first nine's error in per cent."""
+    """Give the source's angle in degrees, its energy's and the first nine's error in per cent."""
     slow, direction, energy = true_light(recipe)
     total = np.asarray(recipe.brdf.kd) + np.asarray(recipe.brdf.ks)
-    lamps = result["lighting"]["directional"]
-    brightest = max(lamps, key=lambda lamp: sum(lamp["irradiance"]))
+    sources = result["lighting"]["directional"]
+    brightest = max(sources, key=lambda source: sum(source["irradiance"]))
     angle = np.degrees(np.arccos(min(1.0, float(np.dot(brightest["direction"], direction)))))
     off = np.max(np.abs(np.array(brightest["irradiance"]) / (energy * total) - 1))
     basis = np.asarray(real_basis(jnp.asarray(direction[None]), 2))
@@ -151,27 +151,28 @@ def print_table(balls: list[Found]):
     print(f"\n{count - missed} of {count} numbers within what is demanded")
     print("(kd, ks .01; mu - 1 5 %; sigma 1 %)")
     print(
-        f"\n{'light':20s}sources  lamp off, degrees  its energy, %  first nine, %  residual, %  s"
+        f"\n{'light':20s}sources  source off, degrees  its energy, %  first nine, %  residual, %  s"
     )
     for ball in balls:
         print(
             f"{ball.material.recipe.replace('_', ' '):20s} "
-            f"{len(ball.result['lighting']['directional']):6d} {ball.lamp_degrees:18.3f} "
-            f"{ball.lamp_energy:14.2f} {ball.nine:14.2f} "
+            f"{len(ball.result['lighting']['directional']):6d} {ball.source_degrees:18.3f} "
+            f"{ball.source_energy:14.2f} {ball.nine:14.2f} "
             f"{100 * ball.result['residual']['relative_rms']:12.2f} {ball.seconds:4.0f}"
         )
     print(
-        f"demanded: lamp {LAMP_DEGREES:g} degree, energy {LAMP_ENERGY:g} %, first nine {NINE:g} %"
+        f"demanded: source {SOURCE_DEGREES:g} degree, energy {SOURCE_ENERGY:g} %, "
+        f"first nine {NINE:g} %"
     )
 
 
-def blurred(slow: np.ndarray, lamps: list[tuple], sigma: float) -> np.ndarray:
-    """Draw a light as the material sees it: every lamp spread by the lobe."""
+def blurred(slow: np.ndarray, sources: list[tuple], sigma: float) -> np.ndarray:
+    """Draw a light as the material sees it: every source spread by the lobe."""
     grid = LatLongGrid(96, 192)
     each = degrees(DRAWN_DEGREE)
     coefficients = np.zeros((len(each), 3))
     coefficients[: len(slow)] = slow
-    for direction, energy in lamps:
+    for direction, energy in sources:
         basis = np.asarray(real_basis(jnp.asarray(np.array(direction)[None]), DRAWN_DEGREE))
         coefficients += basis.T * np.array(energy)
     passed = np.asarray(matched_gaussian_transfer(sigma, DRAWN_DEGREE))[each]
@@ -190,12 +191,12 @@ def draw(balls: list[Found]):
         slow, direction, energy = true_light(ball.recipe)
         sigma, light = ball.recipe.brdf.sigma, ball.result["lighting"]
         truth = blurred(slow, [(direction, energy)], sigma)
-        lamps = [
-            (lamp["direction"], np.array(lamp["irradiance"]) / total)
-            for lamp in light["directional"]
+        sources = [
+            (source["direction"], np.array(source["irradiance"]) / total)
+            for source in light["directional"]
         ]
         found = blurred(
-            np.array(light["coefficients"]) / total, lamps, ball.result["brdf"]["sigma"]
+            np.array(light["coefficients"]) / total, sources, ball.result["brdf"]["sigma"]
         )
         for axis, image in zip(column, (truth, found)):
             axis.imshow(np.clip(image / np.quantile(truth, 0.97), 0, 1) ** (1 / 2.2))

@@ -140,12 +140,12 @@ def print_pictures(truth: Pictures, known: Pictures, unknown: Pictures) -> None:
 def lights_of(stage: Stage, found: Factorization) -> tuple[np.ndarray, np.ndarray]:
     """The true light and the recovered one, sources spread as the lobe spreads them."""
     slow, _ = sculpture_scene.true_coefficients(stage, 10)
-    lamps = list(zip(stage.sources.nodes().directions, np.asarray(stage.sources.irradiance)))
+    sources = list(zip(stage.sources.nodes().directions, np.asarray(stage.sources.irradiance)))
     total, scene = total_of(stage), found.scene
     energies = np.asarray(scene.sources.irradiance) / total
     ours = list(zip(np.asarray(scene.sources.directions), energies))
     return (
-        blurred(slow, lamps, float(stage.material.sigma)),
+        blurred(slow, sources, float(stage.material.sigma)),
         blurred(scene.slow / total, ours, float(found.brdf.sigma)),
     )
 

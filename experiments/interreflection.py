@@ -37,9 +37,9 @@ from jaxrender.lighting import DirectionalSources
 
 ALBEDOS = (np.array([0.9, 0.6, 0.3]), np.array([0.5, 0.4, 0.2]))
 DEMANDED = 0.02
-# A matt material has no width; it says how finely light is resolved in shadows.
+# A diffuse material has no width; it says how finely light is resolved in shadows.
 BLACK = Microfacet(np.zeros(3), np.zeros(3), 0.4, None)
-MATT = unknowns_of(BLACK, matt=True)
+DIFFUSE = unknowns_of(BLACK, diffuse=True)
 
 
 class Row(NamedTuple):
@@ -85,8 +85,8 @@ def photographs(mi: ModuleType, what: mitsuba_scenes.Object, how: tuple) -> list
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "object.ply"
         write_mesh(path, what.mesh)
-        matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo.tolist()}}
-        shape = {"type": "ply", "filename": str(path), "bsdf": matt}
+        diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo.tolist()}}
+        shape = {"type": "ply", "filename": str(path), "bsdf": diffuse}
         light = mitsuba_scenes.envmap(mi, what.light)
         scene = mi.load_dict({"type": "scene", "light": light, "object": shape})
         integrator = mi.load_dict({"type": "path", "max_depth": 64, "hide_emitters": True})
@@ -101,7 +101,7 @@ def photographs(mi: ModuleType, what: mitsuba_scenes.Object, how: tuple) -> list
 def fitted(observed: Observations, light: KnownLight, mesh: Mesh, bounces: bool) -> BRDFFit:
     """Recover kd from the photographs."""
     settings = FitSettings(starts=1, refine_samples=observed.count, interreflection=bounces)
-    return fit_brdf(observed, light, MATT, BLACK, settings, shape=mesh)
+    return fit_brdf(observed, light, DIFFUSE, BLACK, settings, shape=mesh)
 
 
 def row_of(mi: ModuleType, named: tuple[str, Mesh], albedo: np.ndarray, how: tuple) -> Row:
@@ -116,7 +116,7 @@ def row_of(mi: ModuleType, named: tuple[str, Mesh], albedo: np.ndarray, how: tup
     return Row(name, albedo, *off, whole.bounced.part, whole.bounced.rounds)
 
 
-def told(row: Row) -> str:
+def described(row: Row) -> str:
     """Lay out one row."""
     texts = [
         " ".join(f"{value:{form}}" for value in values)
@@ -152,7 +152,7 @@ def main() -> None:
     for named in (("sculpture", sculpture(4, 0)), ("bowl", bowl())):
         for albedo in ALBEDOS:
             rows.append(row_of(mi, named, albedo, (fine, given, asked.spp, asked.samples)))
-            print(told(rows[-1]), flush=True)
+            print(described(rows[-1]), flush=True)
     worst = max(float(np.max(np.abs(row.with_bounces))) for row in rows)
     print(f"worst with bounces {100 * worst:.2f} %, demanded {100 * DEMANDED:.0f} %")
     if worst > DEMANDED:

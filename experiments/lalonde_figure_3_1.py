@@ -2,7 +2,7 @@
 
     python experiments/lalonde_figure_3_1.py [--out FOLDER] [--size 300] [--samples 512]
 
-A sphere and a vase of the sawtooth of fig. 3.2 under one lamp, from the table that the virtual
+A sphere and a vase of the sawtooth of fig. 3.2 under one source, from the table that the virtual
 gonioreflectometer makes of it: 15 polar angles by 30 azimuths for either direction, as in the
 figure.  The third row is the sphere's slope, where Mach bands are plain.  The thesis prints no
 numbers, only what is seen: piecewise constant has facets, quadrilinear has visible artefacts where
@@ -34,7 +34,7 @@ from jaxrender.reflection.tracing import MeasureSettings
 
 OUT = Path(__file__).parent / "out"
 SIZE = (15, 30, 15, 30)
-LAMP = np.array([-0.55, -0.6, 0.55]) / np.linalg.norm([-0.55, -0.6, 0.55])
+SOURCE = np.array([-0.55, -0.6, 0.55]) / np.linalg.norm([-0.55, -0.6, 0.55])
 VIEW = np.array([0.0, -1.0, 0.0])
 # Pixels whose own pairs of directions are measured, and paths for each.
 PIXELS, PIXEL_PATHS = 400, 4096
@@ -96,10 +96,10 @@ def vase(x, z):
 
 
 class Lit(NamedTuple):
-    """The pixels that a shape covers: local directions of the lamp and the viewer."""
+    """The pixels that a shape covers: local directions of the source and the viewer."""
 
     on: np.ndarray
-    lamp: np.ndarray
+    source: np.ndarray
     view: np.ndarray
 
     @classmethod
@@ -111,14 +111,14 @@ class Lit(NamedTuple):
         tangents = np.cross([0.0, 0.0, 1.0], normals)
         tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
         frame = np.stack([tangents, np.cross(normals, tangents), normals], axis=-2)[on]
-        return cls(on, frame @ LAMP, frame @ VIEW)
+        return cls(on, frame @ SOURCE, frame @ VIEW)
 
 
 def picture(brdf: BRDF, shape, size: int) -> np.ndarray:
-    """Shade a shape by a lamp of irradiance pi."""
+    """Shade a shape by a source of irradiance pi."""
     lit = Lit.of(shape, size)
     image = np.zeros((size, size, 3))
-    image[lit.on] = np.pi * evaluate(brdf, lit.lamp, lit.view) * np.maximum(lit.lamp[:, 2:], 0)
+    image[lit.on] = np.pi * evaluate(brdf, lit.source, lit.view) * np.maximum(lit.source[:, 2:], 0)
     return image
 
 
@@ -126,15 +126,17 @@ def pixel_errors(tables: dict[str, TabulatedBRDF], size: int) -> dict[str, float
     """Relative rms errors of rho cos t_i at some pixels of the sphere, and the reference's own."""
     lit = Lit.of(sphere, size)
     rng = np.random.default_rng(0)
-    above = np.flatnonzero((lit.lamp[:, 2] > 0) & (lit.view[:, 2] > 0))
+    above = np.flatnonzero((lit.source[:, 2] > 0) & (lit.view[:, 2] > 0))
     row = rng.choice(above, PIXELS, replace=False)
-    lamp, view, bench = lit.lamp[row], lit.view[row], meter("sawtooth")
+    source, view, bench = lit.source[row], lit.view[row], meter("sawtooth")
     settings = MeasureSettings(samples=PIXEL_PATHS)
-    found = [bench.pairs(i[None], o, settings, rng) for i, o in zip(lamp, view, strict=True)]
-    truth, noise = (np.concatenate(part) * lamp[:, 2:] for part in zip(*found, strict=True))
+    found = [bench.pairs(i[None], o, settings, rng) for i, o in zip(source, view, strict=True)]
+    truth, noise = (np.concatenate(part) * source[:, 2:] for part in zip(*found, strict=True))
     whole = np.sqrt(np.mean(truth**2))
     errors = {
-        name: float(np.sqrt(np.mean((evaluate(t, lamp, view) * lamp[:, 2:] - truth) ** 2)) / whole)
+        name: float(
+            np.sqrt(np.mean((evaluate(t, source, view) * source[:, 2:] - truth) ** 2)) / whole
+        )
         for name, t in tables.items()
     }
     return {**errors, "measured itself": float(np.sqrt(np.mean(noise**2)) / whole)}

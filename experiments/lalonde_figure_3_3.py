@@ -3,9 +3,9 @@
     python experiments/lalonde_figure_3_3.py [--out FOLDER] [--samples 2048]
 
 The velvet of ``lalonde_micro_geometry`` measured with 15 samples in each angle, as the thesis's,
-and shown by B-splines on a sphere (the thesis: a chair) under a lamp beside the viewer and under
+and shown by B-splines on a sphere (the thesis: a chair) under a source beside the viewer and under
 one behind it.  The last picture is of the same threads with glossy cut ends: these lie level, so
-that they mirror the lamp where the sphere's normal is halfway to it, a pale spot that no velvet
+that they mirror the source where the sphere's normal is halfway to it, a pale spot that no velvet
 has.
 
 L: much of the reflection is in regions of low incident angle, with a large uniform scattering, and
@@ -102,9 +102,9 @@ def main() -> None:
     beside, behind = np.array([0.4, -1.0, 0.5]), np.array([0.9, 0.6, 0.5])
     pictures = {
         "threads": portrait(*threads(), size=260),
-        "lamp beside the viewer": sphere(velvet, beside),
-        "lamp behind": sphere(velvet, behind),
-        "glossy cut ends, lamp beside": sphere(glossy, beside),
+        "source beside the viewer": sphere(velvet, beside),
+        "source behind": sphere(velvet, behind),
+        "glossy cut ends, source beside": sphere(glossy, beside),
     }
     figure, axes = plt.subplots(1, 4, figsize=(16, 4.2))
     for axis, (title, picture) in zip(axes, pictures.items(), strict=True):

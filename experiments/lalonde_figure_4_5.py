@@ -2,9 +2,9 @@
 
     python experiments/lalonde_figure_4_5.py [--table FILE ...] [--wavelet haar] [--out FOLDER]
 
-The thesis shades a chair; here a sphere and a vase (fig. 3.1's) under one lamp.  Its claims: images
-are good at 1 %, and recognisable at .1 %.  Printed are the images' rms errors, pixels scaled to
-(0..1], beside the published ones of the chair (ERRATA 65 for Phong).  Below each picture is the
+The thesis shades a chair; here a sphere and a vase (fig. 3.1's) under one source.  Its claims:
+images are good at 1 %, and recognisable at .1 %.  Printed are the images' rms errors, pixels scaled
+to (0..1], beside the published ones of the chair (ERRATA 65 for Phong).  Below each picture is the
 absolute difference from the unthresholded tree's, four times as bright.  Draws
 ``lalonde_figure_4_5_MATERIAL.png``.
 """

@@ -5,8 +5,9 @@
 rho = ks (n + 2) / (2 pi) max(R . w_i, 0)^n, without the 1 / cos t_i that makes T 3.34 of it: with
 it light from grazing angles would outshine all else.  The radiance is sampled at 32^4
 (``lalonde_room``) and so is the BRDF.  As the exponent grows the wall becomes a blurred mirror, in
-which the red and blue walls, the lamp and the ball are to be made out.  L has no numbers here; ours
-are the errors that thresholding leaves in the image, and against the plain sum over all samples.
+which the red and blue walls, the light and the ball are to be made out.  L has no numbers here;
+ours are the errors that thresholding leaves in the image, and against the plain sum over all
+samples.
 """
 
 import argparse

@@ -20,7 +20,7 @@ import numpy as np
 from lalonde_figure_6_2 import view
 from lalonde_micro_geometry import describe
 from lalonde_micro_geometry import measured as measured_table
-from lalonde_room import displayed, lamp_radiance, light_tree, sampled, tree_of
+from lalonde_room import displayed, light_radiance, light_tree, sampled, tree_of
 from lalonde_timings import measured, print_costs
 
 from jaxrender.geometry import NUSSELT
@@ -36,7 +36,7 @@ def main():
     parser.add_argument("--samples", type=int, default=512)
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    samples = sampled(arguments.size, lamp_radiance)
+    samples = sampled(arguments.size, light_radiance)
     material = measured_table("sawtooth", (arguments.brdf,) * 4, NUSSELT, arguments.samples)
     print(describe(material))
     table = material.values.astype(float)

@@ -21,7 +21,7 @@ from jaxrender.brdf import BRDF, Phong
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.brdf.textures.mip import ColourPyramid, level_of
 
-LAMP = np.array([0.1, 0.75, 0.65])
+SOURCE = np.array([0.1, 0.75, 0.65])
 
 evaluate = eqx.filter_jit(BRDF.evaluate)
 
@@ -63,7 +63,7 @@ def main():
         return np.asarray(found) * np.asarray(evaluate(brdf, s.incoming, s.outgoing))
 
     def picture(shade: scene.Shader, per_side: int = 1) -> np.ndarray:
-        return scene.render(eye, shape, LAMP, (256, 256), shade, per_side)
+        return scene.render(eye, shape, SOURCE, (256, 256), shade, per_side)
 
     pictures = scene.compare(
         {

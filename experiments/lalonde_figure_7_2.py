@@ -23,7 +23,7 @@ from jaxrender.geometry.height_fields import sawtooth
 from jaxrender.reflection.tracing.gonioreflectometer import Gonioreflectometer, MeasureSettings
 from jaxrender.wavelets import CoefficientTree, analyse_nonstandard, haar
 
-LAMP = np.array([0.5, 0.6, 0.65])
+SOURCE = np.array([0.5, 0.6, 0.65])
 SIDES = [
     Lambertian(np.array([0.04, 0.08, 0.25])),
     Lambertian(np.array([0.25, 0.06, 0.03])),
@@ -56,7 +56,7 @@ def main():
     eye = scene.camera((0.0, -2.2, 1.0), (options.size * 2 // 3, options.size), 1.3)
 
     def picture(shade: scene.Shader, per_side: int = 1) -> np.ndarray:
-        return scene.render(eye, shape, LAMP, (32, 32), shade, per_side)
+        return scene.render(eye, shape, SOURCE, (32, 32), shade, per_side)
 
     plain = scene.unfiltered(pyramid)
     pictures = scene.compare(

@@ -22,7 +22,7 @@ from lalonde_figure_7_2 import sawtooth_tree
 from jaxrender.brdf.textures.pyramid import BRDFPyramid
 from jaxrender.wavelets import CoefficientTree
 
-LAMP = np.array([0.6, 0.5, 0.65])
+SOURCE = np.array([0.6, 0.5, 0.65])
 TEXELS = (4, 4)
 
 
@@ -64,7 +64,7 @@ def main():
     eye = scene.camera((-0.5, -2.2, 1.7), (options.size * 2 // 3, options.size), 1.2)
 
     def picture(shade: scene.Shader, per_side: int = 1) -> np.ndarray:
-        return scene.render(eye, shape, LAMP, TEXELS, shade, per_side)
+        return scene.render(eye, shape, SOURCE, TEXELS, shade, per_side)
 
     plain = scene.unfiltered(pyramid)
     pictures = scene.compare(

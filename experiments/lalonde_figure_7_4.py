@@ -16,7 +16,7 @@ import numpy as np
 import textured_surfaces as scene
 from lalonde_figure_7_3 import TEXELS, measured_pyramid
 
-LAMP = np.array([-0.5, -0.8, 0.5])
+SOURCE = np.array([-0.5, -0.8, 0.5])
 
 
 def main():
@@ -30,7 +30,7 @@ def main():
     eye = scene.camera((0.0, -4.5, 0.9), (options.size, options.size * 4 // 5), 1.7)
 
     def picture(shade: scene.Shader, per_side: int = 1) -> np.ndarray:
-        return scene.render(eye, shape, LAMP, TEXELS, shade, per_side)
+        return scene.render(eye, shape, SOURCE, TEXELS, shade, per_side)
 
     plain = scene.unfiltered(pyramid)
     pictures = scene.compare(

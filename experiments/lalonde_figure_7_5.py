@@ -26,7 +26,7 @@ from jaxrender.geometry import NUSSELT
 from jaxrender.geometry.height_fields import height_field
 from jaxrender.reflection.tracing.gonioreflectometer import Gonioreflectometer, MeasureSettings
 
-LAMP = np.array([0.5, 0.6, 0.65])
+SOURCE = np.array([0.5, 0.6, 0.65])
 GLOSSY = BlinnPhong(np.array([0.08]), np.array([0.3]), 20.0)
 TEXELS, SIZE, STEP = 32, 16, 0.08
 
@@ -86,7 +86,7 @@ def main():
     eye = scene.camera((0.0, -2.2, 1.2), (options.size * 2 // 3, options.size), 1.3)
 
     def picture(shade: scene.Shader, per_side: int = 1) -> np.ndarray:
-        return scene.render(eye, shape, LAMP, (TEXELS, TEXELS), shade, per_side)
+        return scene.render(eye, shape, SOURCE, (TEXELS, TEXELS), shade, per_side)
 
     raw = scene.unfiltered(plain)
     pictures = scene.compare(

@@ -4,15 +4,15 @@
 
 The wall's BRDF is the tree itself, as in the thesis.  Paths that meet it go on in a direction drawn
 from the tree (left) or uniformly over the hemisphere (right), 4 a pixel; all else is the same: the
-library's path tracer, which connects every vertex to the lamp and also lets paths run into it.  The
-thesis prints no number, only that the left image "has considerably less noise".
+library's path tracer, which connects every vertex to the luminaire and also lets paths run into it.
+The thesis prints no number, only that the left image "has considerably less noise".
 
 Noise is the scatter of pixels over seeds, rms, where the wall reflects the room: pixels of the wall
-whose light is mostly direct, the lamp's highlight, are left out, for there the lamp is found
-without the wall's help.  With two reflections that is the wall's part alone.  From the third on
-there is light that falls on the room off the wall, a caustic: diffuse surfaces find its source, the
-lamp's mirror image, by chance whichever way the wall is drawn, so that part of the noise is common
-to both.  Last, draws a second by table and by slices.  Draws ``lalonde_figure_8_3.png``.
+whose light is mostly direct, the luminaire's highlight, are left out, for there the luminaire is
+found without the wall's help.  With two reflections that is the wall's part alone.  From the third
+on there is light that falls on the room off the wall, a caustic: diffuse surfaces find its source,
+the luminaire's mirror image, by chance whichever way the wall is drawn, so that part of the noise
+is common to both.  Last, draws a second by table and by slices.  Draws ``lalonde_figure_8_3.png``.
 """
 
 import argparse
@@ -44,7 +44,8 @@ import matplotlib.pyplot as plt
 OUT = Path(__file__).parent / "out"
 SIZE, EXPONENT, KEPT, SHARE = 32, 100.0, 0.1, 0.1
 REFERENCE = 256
-# A pixel of the wall with more than this share of direct light belongs to the lamp's highlight.
+# A pixel of the wall with more than this share of direct light belongs to the luminaire's
+# highlight.
 HIGHLIGHT = 0.5
 GREY, RED, GREEN = (0.7, 0.7, 0.7), (0.7, 0.15, 0.1), (0.15, 0.5, 0.15)
 BLUE, YELLOW, DARK = (0.15, 0.2, 0.6), (0.75, 0.6, 0.15), (0.4, 0.4, 0.4)
@@ -52,7 +53,7 @@ COLOURS = (GREY, RED, GREEN, BLUE, YELLOW, DARK)
 # The wall's material; the others are those of the colours.
 WALL = len(COLOURS)
 # Just below the ceiling, shining down.
-LAMP = Rectangle(np.array([-0.5, 1.0, 1.98]), np.array([0, 1.0, 0]), np.array([1.0, 0, 0]))
+LUMINAIRE = Rectangle(np.array([-0.5, 1.0, 1.98]), np.array([0, 1.0, 0]), np.array([1.0, 0, 0]))
 RADIANCE = 6.0
 
 
@@ -83,16 +84,16 @@ class Room(NamedTuple):
         brdfs = [*(Lambertian(np.array(c) / np.pi) for c in COLOURS), WaveletBRDF(self.tree)]
         samplers = [COSINE] * WALL + [way]
         scene = Scene.of(self.mesh, brdfs, self.material, samplers=samplers)
-        lamp = LuminaireEmitter(Luminaire.uniform([LAMP], RADIANCE * np.ones(3)))
-        seen = path_radiance(scene, [lamp], *self.rays, settings)
+        luminaire = LuminaireEmitter(Luminaire.uniform([LUMINAIRE], RADIANCE * np.ones(3)))
+        seen = path_radiance(scene, [luminaire], *self.rays, settings)
         return seen.radiance.reshape(self.height, -1, 3)
 
     def wall(self) -> np.ndarray:
         """Which pixels see it."""
         hits = self.mesh.first_hits(*self.rays)
         seen = hits.hit & (self.material[hits.face] == WALL)
-        lamp = np.isfinite(LAMP.crossings(*self.rays).distance)
-        return (seen & ~lamp).reshape(self.height, -1)
+        luminaire = np.isfinite(LUMINAIRE.crossings(*self.rays).distance)
+        return (seen & ~luminaire).reshape(self.height, -1)
 
 
 def wall_tree() -> CoefficientTree:

@@ -2,12 +2,12 @@
 
     python experiments/lalonde_figure_8_4.py [--out FOLDER] [--size 32] [--width 160] [--samples 4]
 
-Path traced with two reflections, the lamps' measured light fields alone for light, 10 % of their
-32^4 coefficients, places of them drawn by geometry as L 8.6 does, four samples a pixel; beside them
-the same with 256.  L prints pictures only, and puts extra noise down to the variance across the
-luminaires' surface.  Printed are the noise of surfaces, the rms difference from the 256 samples
-over the mean, and that under lamps of the same shape and power that shine evenly.  Draws
-``lalonde_figure_8_4.png``.
+Path traced with two reflections, the luminaires' measured light fields alone for light, 10 % of
+their 32^4 coefficients, places of them drawn by geometry as L 8.6 does, four samples a pixel;
+beside them the same with 256.  L prints pictures only, and puts extra noise down to the variance
+across the luminaires' surface.  Printed are the noise of surfaces, the rms difference from the 256
+samples over the mean, and that under luminaires of the same shape and power that shine evenly.
+Draws ``lalonde_figure_8_4.png``.
 """
 
 import argparse
@@ -38,10 +38,10 @@ class Picture(NamedTuple):
     rays: tuple[np.ndarray, np.ndarray]
     on_surface: np.ndarray
 
-    def render(self, scene: Scene, lamp: Luminaire, samples: int, seed: int = 0) -> np.ndarray:
+    def render(self, scene: Scene, luminaire: Luminaire, samples: int, seed: int = 0) -> np.ndarray:
         """Radiance [ray, channel]."""
         settings = PathSettings(samples, BOUNCES, seed=seed)
-        return path_radiance(scene, [LuminaireEmitter(lamp)], *self.rays, settings).radiance
+        return path_radiance(scene, [LuminaireEmitter(luminaire)], *self.rays, settings).radiance
 
     def noise(self, noisy: np.ndarray, smooth: np.ndarray) -> float:
         """The rms difference on surfaces, over their mean."""
@@ -91,19 +91,19 @@ def hanging(size: int) -> Luminaire:
     return Luminaire(box_faces(middle - 0.4, middle + 0.4), trees, convex=True)
 
 
-def even(lamp: Luminaire) -> Luminaire:
+def even(luminaire: Luminaire) -> Luminaire:
     """The same patches, power and colour, but one radiance everywhere."""
-    area = sum(patch.lengths.prod() for patch in lamp.patches if isinstance(patch, Rectangle))
-    radiance = np.asarray(lamp.power(), float) / (np.pi * area)
-    return Luminaire.uniform(lamp.patches, radiance, convex=True)
+    area = sum(patch.lengths.prod() for patch in luminaire.patches if isinstance(patch, Rectangle))
+    radiance = np.asarray(luminaire.power(), float) / (np.pi * area)
+    return Luminaire.uniform(luminaire.patches, radiance, convex=True)
 
 
-def view(scene: Scene, lamp: Luminaire, width: int) -> Picture:
+def view(scene: Scene, luminaire: Luminaire, width: int) -> Picture:
     pose = look_at(np.array([0, -5.4, 1.7]), np.array([0, 0, 1.4]), np.array([0, 0, 1.0]))
     pinhole = Pinhole(width, width * 3 // 4, pose, fl_x=1.15 * width).rays()
     origins, directions = (a.reshape(-1, 3).copy() for a in pinhole)
     reach = scene.shape.first_hits(origins, directions).distance
-    lit = lamp.crossings(origins, directions).distance
+    lit = luminaire.crossings(origins, directions).distance
     return Picture((origins, directions), np.isfinite(reach) & (reach < lit))
 
 
@@ -117,15 +117,15 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     figure, axes = plt.subplots(2, 2, figsize=(12, 9.4))
     scene = environment()
-    lamps = {"two fluorescents": fluorescents(args.size), "sphere lamp": hanging(args.size)}
-    for row, (name, lamp) in zip(axes, lamps.items(), strict=True):
-        picture = view(scene, lamp, args.width)
+    luminaires = {"two fluorescents": fluorescents(args.size), "sphere lamp": hanging(args.size)}
+    for row, (name, luminaire) in zip(axes, luminaires.items(), strict=True):
+        picture = view(scene, luminaire, args.width)
         start = time.perf_counter()
-        few = picture.render(scene, lamp, args.samples, seed=1)
+        few = picture.render(scene, luminaire, args.samples, seed=1)
         seconds = time.perf_counter() - start
-        many = picture.render(scene, lamp, REFERENCE)
+        many = picture.render(scene, luminaire, REFERENCE)
         evenly = [
-            picture.render(scene, even(lamp), n, seed)
+            picture.render(scene, even(luminaire), n, seed)
             for n, seed in ((args.samples, 1), (REFERENCE // 4, 0))
         ]
         print(

@@ -21,7 +21,7 @@ OUT = Path(__file__).parent / "out"
 # Rays traced at once.
 CHUNK = 1 << 16
 
-Glossiness = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+Factor = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class Thing(NamedTuple):
@@ -30,7 +30,7 @@ class Thing(NamedTuple):
     shape: Shape
     albedo: np.ndarray
     emitted: np.ndarray
-    factor: Glossiness | None = None
+    factor: Factor | None = None
 
 
 class Model(NamedTuple):

@@ -6,7 +6,7 @@
 Each is measured by the virtual gonioreflectometer with at most four reflections, and kept in
 ``out/`` with its standard errors.  L gives neither dimensions nor colours nor numbers of paths.
 The sawtooth is one Lambertian tooth, which is all of them: red to -x, blue to +x, 45 degrees.  The
-velvet is 500 threads that lean to +x, glossy along their sides and matt where they were cut:
+velvet is 500 threads that lean to +x, glossy along their sides and diffuse where they were cut:
 the library's threads are cut level, so that glossy ends would be so many small horizontal mirrors,
 19 % of the area and a highlight of their own (``lalonde_figure_3_3`` shows both).
 """
@@ -36,20 +36,20 @@ def ridges(teeth: int = 1) -> tuple[Patch, list[BRDF]]:
     return sawtooth(teeth), [RED, BLUE]
 
 
-def threads(matt_ends: bool = True) -> tuple[Patch, list[BRDF]]:
+def threads(diffuse_ends: bool = True) -> tuple[Patch, list[BRDF]]:
     """The velvet, the threads' cut ends a material of their own."""
     patch = velvet(500, 0.25, 0.012, 0.35)
     level = patch.mesh.face_normals()[:, 2] > 1 - 1e-9
     ends = level & (patch.material == 1)
     material = np.where(ends, 2, patch.material)
-    ends_brdf = CUT_END if matt_ends else THREAD
+    ends_brdf = CUT_END if diffuse_ends else THREAD
     return patch._replace(material=material), [BASE, THREAD, ends_brdf]
 
 
 MATERIALS = {
     "sawtooth": ridges,
     "velvet": threads,
-    "velvet, glossy ends": lambda: threads(matt_ends=False),
+    "velvet, glossy ends": lambda: threads(diffuse_ends=False),
 }
 
 

@@ -2,7 +2,7 @@
 
 The room is the unit cube in the wall's own frame: the wall is z = 0, x to the right and y up as
 seen from inside, +z into the room.  Red wall at x = 0, blue at x = 1, green floor at y = 0, white
-ceiling and front.  Light is direct, from a square lamp in the ceiling, and one bounce: a constant
+ceiling and front.  Light is direct, from a square light in the ceiling, and one bounce: a constant
 share of what a wall gets, since the experiment is about reflection and not about transport.
 """
 
@@ -28,7 +28,7 @@ BOUNCE = 0.12
 _RAYS_AT_ONCE = 1 << 17
 
 
-class Lamp(NamedTuple):
+class AreaLight(NamedTuple):
     """A square parallel to the axes: centre, the axis it faces along, half a side, radiance."""
 
     centre: np.ndarray
@@ -52,10 +52,10 @@ class Lamp(NamedTuple):
         return off.max(axis=1) <= self.half
 
 
-CEILING_LAMP = Lamp(np.array([0.5, 1.0, 0.55]), 1, -1.0, 0.2, 18.0)
+CEILING_LIGHT = AreaLight(np.array([0.5, 1.0, 0.55]), 1, -1.0, 0.2, 18.0)
 SPHERE = Sphere(np.array([0.52, 0.42, 0.3]), 0.22)
-# The scene of fig. 6.4: a lamp in front of the wall, half hidden by a ball, and nothing else.
-AREA_LAMP = Lamp(np.array([0.5, 0.62, 1.0]), 2, -1.0, 0.28, 12.0)
+# The scene of fig. 6.4: a light in front of the wall, half hidden by a ball, and nothing else.
+AREA_LIGHT = AreaLight(np.array([0.5, 0.62, 1.0]), 2, -1.0, 0.28, 12.0)
 BLOCKER = Sphere(np.array([0.62, 0.5, 0.55]), 0.17)
 
 
@@ -83,7 +83,7 @@ def sampled(size: int, radiance) -> np.ndarray:
 
 
 def room_radiance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """What arrives along rays from the wall: lamp, sides and sphere of the room."""
+    """What arrives along rays from the wall: light, sides and sphere of the room."""
     box, axis, side = _leave(origins, directions)
     hits = SPHERE.first_hits(origins, directions)
     on_sphere = hits.hit & (hits.distance < box)
@@ -95,18 +95,18 @@ def room_radiance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     for (a, s), colour in ALBEDO.items():
         albedo[(axis == a) & (side == s) & ~on_sphere] = colour
     light = albedo / np.pi * (_irradiance(points + 1e-6 * normals, normals) + BOUNCE)[:, None]
-    on_lamp = (axis == 1) & (side == 1) & ~on_sphere
-    on_lamp[on_lamp] = CEILING_LAMP.lies_at(points[on_lamp])
-    light[on_lamp] = CEILING_LAMP.radiance
+    on_light = (axis == 1) & (side == 1) & ~on_sphere
+    on_light[on_light] = CEILING_LIGHT.lies_at(points[on_light])
+    light[on_light] = CEILING_LIGHT.radiance
     return light
 
 
-def lamp_radiance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """The lamp of fig. 6.4 behind its ball, black elsewhere."""
-    distance = (AREA_LAMP.centre[2] - origins[:, 2]) / directions[:, 2]
-    lit = AREA_LAMP.lies_at(origins + distance[:, None] * directions)
+def light_radiance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """The light of fig. 6.4 behind its ball, black elsewhere."""
+    distance = (AREA_LIGHT.centre[2] - origins[:, 2]) / directions[:, 2]
+    lit = AREA_LIGHT.lies_at(origins + distance[:, None] * directions)
     lit[lit] = ~BLOCKER.occluded(origins[lit], directions[lit])
-    return np.where(lit[:, None], AREA_LAMP.radiance, 0.0) * np.ones(3)
+    return np.where(lit[:, None], AREA_LIGHT.radiance, 0.0) * np.ones(3)
 
 
 def _leave(origins, directions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,10 +122,10 @@ def _leave(origins, directions) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _irradiance(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """From the lamp, at 3 x 3 of its points, with the ball's shadow."""
+    """From the light, at 3 x 3 of its points, with the ball's shadow."""
     total = np.zeros(len(points))
-    places = CEILING_LAMP.points(3)
-    area = (2 * CEILING_LAMP.half) ** 2 / len(places)
+    places = CEILING_LIGHT.points(3)
+    area = (2 * CEILING_LIGHT.half) ** 2 / len(places)
     for place in places:
         towards = place - points
         square = np.einsum("ri,ri->r", towards, towards)
@@ -134,7 +134,7 @@ def _irradiance(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         cosines = cosines * np.maximum(towards[:, 1], 0)
         lit = np.flatnonzero(cosines > 0)
         lit = lit[~SPHERE.occluded(points[lit], towards[lit])]
-        total[lit] += CEILING_LAMP.radiance * area * cosines[lit] / square[lit]
+        total[lit] += CEILING_LIGHT.radiance * area * cosines[lit] / square[lit]
     return total
 
 

@@ -4,8 +4,8 @@
 
 Tables of 32^4 samples on Nusselt's square; a tree keeps this fraction of the non-zero coefficients.
 "BRDF" is the rms of the samples' error over the samples' own rms, "image" that of a sphere shaded
-by one lamp, the unthresholded tree's pixels scaled to (0..1] as the thesis has it; time is that of
-one evaluation, warm and batched (theirs per pixel on a 200 MHz R4400, so only ratios compare).
+by one source, the unthresholded tree's pixels scaled to (0..1] as the thesis has it; time is that
+of one evaluation, warm and batched (theirs per pixel on a 200 MHz R4400, so only ratios compare).
 
 The published Phong rows are not reproducible exactly (ERRATA 65): the text says exponent 30, the
 table 50.  With the printed count of 15051 the relative rms of (R.V)^50 is .137 (Haar) and .075

@@ -1,4 +1,4 @@
-"""Photographs that Mitsuba 3 takes: a blend of conductor and matt under a probe.
+"""Photographs that Mitsuba 3 takes: a blend of conductor and diffuse under a probe.
 
 Direct light only: a rough conductor (Smith masking, no Fresnel) blended with a diffuse one.  Our
 conventions are put into Mitsuba's words here, and checked against what Mitsuba makes of them:
@@ -21,7 +21,7 @@ from jaxrender.io import write_mesh
 from jaxrender.lighting import Environment
 
 # The blend: this much conductor, the rest diffuse of this reflectance.
-GLOSS, REFLECTANCE, TINT = 0.35, np.array([0.45, 0.3, 0.2]), np.array([0.6, 0.6, 0.6])
+CONDUCTOR, REFLECTANCE, TINT = 0.35, np.array([0.45, 0.3, 0.2]), np.array([0.6, 0.6, 0.6])
 ROUGHNESS = 0.2
 VIEWS, SIZE, ANGLE, DISTANCE = 4, 128, 22.0, 5.4
 # Mitsuba computes in single precision, and Beckmann's masking by a rational function.
@@ -38,7 +38,7 @@ class Object(NamedTuple):
 
 def material(distribution: str) -> Microfacet:
     """The blend in our units: kd = (1 - w) reflectance / pi, ks = w tint."""
-    kd, ks = (1 - GLOSS) * REFLECTANCE / np.pi, GLOSS * TINT
+    kd, ks = (1 - CONDUCTOR) * REFLECTANCE / np.pi, CONDUCTOR * TINT
     return Microfacet(kd, ks, ROUGHNESS, None, "half", "smith", distribution)
 
 
@@ -51,8 +51,8 @@ def blend(distribution: str) -> dict:
         "material": "none",
         "specular_reflectance": {"type": "rgb", "value": TINT.tolist()},
     }
-    matt = {"type": "diffuse", "reflectance": {"type": "rgb", "value": REFLECTANCE.tolist()}}
-    return {"type": "blendbsdf", "weight": GLOSS, "matt": matt, "facets": facets}
+    diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": REFLECTANCE.tolist()}}
+    return {"type": "blendbsdf", "weight": CONDUCTOR, "diffuse": diffuse, "facets": facets}
 
 
 def cameras(mesh: Mesh) -> list[Pinhole]:

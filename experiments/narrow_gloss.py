@@ -1,10 +1,10 @@
-"""Narrow gloss under one or two known lamps: is it found from every draw of samples?
+"""Narrow lobes under one or two known sources: are they found from every draw of samples?
 
     python experiments/narrow_gloss.py [--draws 20] [--quick] [--material microfacet]
-        [--sigma 0.02 0.04] [--lamps 1] [--photographs 6 20] [--unknown-light]
+        [--sigma 0.02 0.04] [--sources 1] [--photographs 6 20] [--unknown-light]
 
 A ball seen by distant cameras all around, 6, 20 or 60 photographs; sigma .02, .03, .04, .06 under
-one lamp or two; 1 % noise, of one seed a case.  Under lamps the reflection integral is the BRDF
+one source or two; 1 % noise, of one seed a case.  Under sources the reflection integral is the BRDF
 itself times N.S times the irradiance (T 6.2), so the photographs are made of the BRDF and of no
 table.  All pixels are the pool; each draw takes 12,000 of them by leverage, as ``jaxrender fit``
 does, and has a seed of its own for samples and starts.  A highlight of sigma .02 is about a dozen
@@ -52,7 +52,7 @@ from jaxrender.inverse import (
 from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.lighting import DirectionalSources
 
-SIGMAS, LAMPS, PHOTOGRAPHS = (0.02, 0.03, 0.04, 0.06), (1, 2), (6, 20, 60)
+SIGMAS, SOURCE_COUNTS, PHOTOGRAPHS = (0.02, 0.03, 0.04, 0.06), (1, 2), (6, 20, 60)
 KD, KS, MU = np.array([0.2, 0.15, 0.1]), np.full(3, 0.1), 1.5
 SIZE, LOWEST_COSINE, NOISE, SAMPLES = 120, 0.15, 0.01, 12_000
 DEMANDED = 3.5
@@ -65,10 +65,10 @@ MATERIALS = {"microfacet": MU, "metal": None}
 
 
 class Case(NamedTuple):
-    """What the photographs show: the width of the lobe, the number of lamps and of photographs."""
+    """What the photographs show: the lobe's width, how many sources, how many photographs."""
 
     sigma: float
-    lamps: int
+    sources: int
     photographs: int
 
 
@@ -82,7 +82,7 @@ class Found(NamedTuple):
 
 
 def light_of(case: Case) -> KnownLight:
-    sources = (SOURCES.directions[: case.lamps], SOURCES.irradiance[: case.lamps])
+    sources = (SOURCES.directions[: case.sources], SOURCES.irradiance[: case.sources])
     return KnownLight(None, DirectionalSources(*sources))
 
 
@@ -112,13 +112,15 @@ def photographs_of(case: Case, material: Microfacet) -> Observations:
 
 
 def reflected(
-    material: Microfacet, samples: SurfaceSamples, lamps: DirectionalSources
+    material: Microfacet, samples: SurfaceSamples, sources: DirectionalSources
 ) -> np.ndarray:
-    """Evaluate rho cos t_i E for every lamp and add them up: the integral over delta sources."""
+    """Evaluate rho cos t_i E for every source and add them up: the integral over delta sources."""
     frames = np.asarray(world_from_local(samples.normals))
     outgoing = np.einsum("sji,sj->si", frames, np.asarray(samples.outgoing))
     total = np.zeros((len(frames), 3))
-    for direction, irradiance in zip(np.asarray(lamps.directions), np.asarray(lamps.irradiance)):
+    for direction, irradiance in zip(
+        np.asarray(sources.directions), np.asarray(sources.irradiance)
+    ):
         incoming = np.einsum("sji,j->si", frames, direction)
         rho = np.asarray(material.evaluate(jnp.asarray(incoming), jnp.asarray(outgoing)))
         total += rho * np.maximum(incoming[:, 2:], 0) * irradiance
@@ -132,7 +134,7 @@ def found_of(
     value, error = fit.parameters.value, fit.parameters.standard_error
     for name, true in truth.numbers.items():
         scores[name] = (value.of(name) - true) / error.of(name)
-    # A fit that has lost its gloss states no error, or none that is a number.
+    # A fit that has lost its lobe states no error, or none that is a number.
     scores = {k: float(s) if np.isfinite(s) else np.inf for k, s in scores.items()}
     off = abs(float(value.of("sigma") / truth.sigma) - 1)
     return Found(scores, off, fit.outcome.name, seconds)
@@ -140,15 +142,15 @@ def found_of(
 
 def factorized(pool: Observations, truth: Microfacet, seeds: range) -> list[Found]:
     """Recover light and material anew from each draw of the same photographs."""
-    kind, told = truth.with_roughness(0.1, truth.mu), sharpness(pool)
-    matt, results = KD / (KD + KS), []
+    kind, weight = truth.with_roughness(0.1, truth.mu), sharpness(pool)
+    kd_share, results = KD / (KD + KS), []
     for seed in seeds:
-        some = draw(pool, told, SAMPLES, seed).observations
+        some = draw(pool, weight, SAMPLES, seed).observations
         start = time.perf_counter()
         found = factorize(some, kind)
         seconds = time.perf_counter() - start
         value, error = found.parameters.value, found.parameters.standard_error
-        scores = {f"kd {c}": (value.kd[k] - matt[k]) / error.kd[k] for k, c in enumerate("rgb")}
+        scores = {f"kd {c}": (value.kd[k] - kd_share[k]) / error.kd[k] for k, c in enumerate("rgb")}
         results.append(found_of(found, truth, scores, seconds))
     return results
 
@@ -158,9 +160,9 @@ def fitted(pool: Observations, case: Case, truth: Microfacet, seeds: range) -> l
     light = light_of(case)
     kind = truth.with_roughness(0.1, truth.mu)
     unknowns = unknowns_of(kind)
-    told, results = leverage(pool, light), []
+    weight, results = leverage(pool, light), []
     for seed in seeds:
-        some = draw(pool, told, SAMPLES, seed).observations
+        some = draw(pool, weight, SAMPLES, seed).observations
         start = time.perf_counter()
         fit = fit_brdf(some, light, unknowns, kind, FitSettings(seed=seed), pool=pool)
         seconds = time.perf_counter() - start
@@ -180,7 +182,7 @@ def report(case: Case, pool: Observations, results: list[Found]) -> bool:
     seconds = float(np.mean([found.seconds for found in results]))
     verdict = "" if not missed else f"  {missed} of {len(results)} NOT met"
     print(
-        f"{case.sigma:6.2f}{case.lamps:7d}{case.photographs:13d}{pool.count:9d}{score:9.2f}  "
+        f"{case.sigma:6.2f}{case.sources:7d}{case.photographs:13d}{pool.count:9d}{score:9.2f}  "
         f"{name:6s}{100 * off:9.2f}{astray:8d}{seconds:9.1f}{verdict}",
         flush=True,
     )
@@ -194,7 +196,9 @@ def main():
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--material", choices=tuple(MATERIALS), default="microfacet")
     parser.add_argument("--sigma", type=float, nargs="+", default=SIGMAS)
-    parser.add_argument("--lamps", type=int, nargs="+", choices=LAMPS, default=LAMPS)
+    parser.add_argument(
+        "--sources", type=int, nargs="+", choices=SOURCE_COUNTS, default=SOURCE_COUNTS
+    )
     parser.add_argument("--photographs", type=int, nargs="+", default=PHOTOGRAPHS)
     parser.add_argument("--unknown-light", action="store_true")
     arguments = parser.parse_args()
@@ -203,9 +207,9 @@ def main():
     counts = (6,) if arguments.quick else arguments.photographs
     seeds = range(arguments.first, arguments.first + draws)
     print(f"{arguments.material}, {draws} draws of {SAMPLES} samples, noise {100 * NOISE:g} %")
-    print(" sigma  lamps  photographs   pixels    worst  of    sigma off, %  astray  seconds")
+    print(" sigma  sources  photographs   pixels    worst  of    sigma off, %  astray  seconds")
     met = True
-    for choice in itertools.product(arguments.sigma, arguments.lamps, counts):
+    for choice in itertools.product(arguments.sigma, arguments.sources, counts):
         case = Case(*choice)
         truth = material_of(case, arguments.material)
         pool = photographs_of(case, truth)

@@ -1,4 +1,4 @@
-"""A matt bowl under sky and sun: our path tracer and Mitsuba's along the same rays.
+"""A diffuse bowl under sky and sun: our path tracer and Mitsuba's along the same rays.
 
     python experiments/path_tracer_mitsuba.py [--rays 40] [--spp 2000]
 
@@ -61,13 +61,13 @@ def theirs(origins: np.ndarray, directions: np.ndarray, spp: int) -> tuple[np.nd
             "direction": (-TOWARDS_SUN).tolist(),
             "irradiance": rgb(SUN),
         }
-        matt = {"type": "diffuse", "reflectance": rgb(ALBEDO)}
+        diffuse = {"type": "diffuse", "reflectance": rgb(ALBEDO)}
         scene = mi.load_dict({
             "type": "scene",
             "sky": {"type": "constant", "radiance": rgb(SKY)},
             "sun": sun,
             # We reflect by the faces' own normals.
-            "bowl": {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": matt},
+            "bowl": {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": diffuse},
         })  # fmt: skip
     integrator = mi.load_dict({"type": "path", "max_depth": BOUNCES + 1, "rr_depth": 99})
     sampler = mi.load_dict({"type": "independent", "sample_count": 1})

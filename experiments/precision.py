@@ -150,7 +150,7 @@ def precision_of(sigma: float, rng) -> dict[str, float]:
     )
     axes = rng.standard_normal((8, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    # Lamps near mirror directions, so that narrow lobes are seen.
+    # Sources near mirror directions, so that narrow lobes are seen.
     near = np.asarray(samples.reflected)[:40] + 0.5 * sigma * rng.standard_normal((40, 3))
     near /= np.linalg.norm(near, axis=1, keepdims=True)
     sources = DirectionalSources(np.concatenate([axes, near]), np.ones((48, 1)))
@@ -161,7 +161,7 @@ def precision_of(sigma: float, rng) -> dict[str, float]:
 
 
 def slow_light_error(sigma: float, band_limit: int, nodes: int, rng) -> float:
-    """Slow light against the integral, over the largest value: lamps cut off at the band limit."""
+    """Slow light against the integral, over the largest value: sources cut at the band limit."""
     nodes = max(nodes, round(_NODES_PER_WIDTH / sigma))
     axes = rng.standard_normal((3, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)

@@ -34,8 +34,8 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def lamps(rng: np.random.Generator, directions: np.ndarray) -> np.ndarray:
-    """A few lamps of 1 to 5 degrees in a dim room."""
+def discs(rng: np.random.Generator, directions: np.ndarray) -> np.ndarray:
+    """A few discs of 1 to 5 degrees in a dim room."""
     count = rng.integers(3, 8)
     light = np.full(directions.shape, 0.05)
     for centre in unit(rng.normal(size=(count, 3))):
@@ -84,11 +84,11 @@ def broken(rng: np.random.Generator, directions: np.ndarray) -> np.ndarray:
 
 def interior(rng: np.random.Generator, directions: np.ndarray) -> np.ndarray:
     """Something of everything."""
-    return lamps(rng, directions) / 4 + soft_boxes(rng, directions) + sky(rng, directions) / 3
+    return discs(rng, directions) / 4 + soft_boxes(rng, directions) + sky(rng, directions) / 3
 
 
 PROBES: dict[str, Callable] = {
-    "lamps": lamps,
+    "discs": discs,
     "soft boxes": soft_boxes,
     "sky": sky,
     "broken": broken,

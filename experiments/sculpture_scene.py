@@ -134,8 +134,8 @@ def true_coefficients(stage: Stage, degree: int) -> tuple[np.ndarray, np.ndarray
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
     area = np.asarray(stage.area.to_environment(_ROWS).radiance)
     directions = jnp.asarray(stage.sources.nodes().directions)
-    lamps = np.asarray(real_basis(directions, degree)).T @ np.asarray(stage.sources.irradiance)
-    return np.asarray(analyse(grid, jnp.asarray(area), degree)), lamps
+    sources = np.asarray(real_basis(directions, degree)).T @ np.asarray(stage.sources.irradiance)
+    return np.asarray(analyse(grid, jnp.asarray(area), degree)), sources
 
 
 def total_of(stage: Stage) -> np.ndarray:

@@ -197,8 +197,8 @@ def main():
     options = parser.parse_args()
     rng = np.random.default_rng(0)
     grid = LatLongGrid(SIZE, SIZE)
-    lamp = np.exp((grid.directions() @ [0.6, 0.48, 0.64] - 1) * 60)[..., None]
-    image = (0.2 + 0.1 * rng.uniform(size=(SIZE, SIZE, 3)) + 5 * lamp).astype(np.float32)
+    source = np.exp((grid.directions() @ [0.6, 0.48, 0.64] - 1) * 60)[..., None]
+    image = (0.2 + 0.1 * rng.uniform(size=(SIZE, SIZE, 3)) + 5 * source).astype(np.float32)
     print(f"{os.cpu_count()} cores (load {os.getloadavg()[0]:.1f}), float32; * the true minimum")
     print(
         f"{'':22s}{'true':>6s}{'angular over frequency':>25s}{'frequency, all':>17s}"

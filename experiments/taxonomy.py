@@ -7,12 +7,12 @@ photograph, a ring of 12, and 60 views from all around a ball: the 2D, 3D and 4D
 Photographs are the exact integral of continuous light (no grid), with 1 % noise that the fits are
 told of.  Without texture a photograph is 1200, 300 or 100 pixels; with texture it shows each texel
 of 12 x 24 that it sees once.  Printed are the errors against the truth, what the program says is
-told or not, and its own words; where an answer cannot be had, what it says instead.
+identifiable or not, and its own words; where an answer cannot be had, what it says instead.
 
-Class 6 is done twice: matte, where nobody can, and glossy, where what moves with the view tells.
-Light is smooth where light and texture are both unknown or texture alone; one lamp joins it in
+Class 6 is done twice: diffuse, where nobody can, and glossy, where what moves with the view tells.
+Light is smooth where light and texture are both unknown or texture alone; one source joins it in
 classes 2, 3 and 4.  Texture errors of classes 6 and 7 are those up to one scale of all (7, 6
-glossy) or of each channel (6 matte), which no photograph tells.
+glossy) or of each channel (6 diffuse), which no photograph tells.
 """
 
 import os
@@ -43,7 +43,7 @@ from jaxrender.inverse import (
     Known,
     KnownLight,
     Observations,
-    Told,
+    Stated,
     Unknowns,
     factorize,
     fit_brdf,
@@ -71,8 +71,8 @@ AREA = SmoothLobes(
     np.radians([35.0, 45.0, 60.0]),
     np.array([[2.0, 1.9, 1.7], [1.2, 1.4, 1.6], [0.5, 0.6, 0.8]]),
 )
-LAMP = DirectionalSources(np.array([[0.2, -0.7, 0.6]]), np.array([[0.7, 0.65, 0.6]]))
-NO_LAMP = DirectionalSources.none()
+SOURCE = DirectionalSources(np.array([[0.2, -0.7, 0.6]]), np.array([[0.7, 0.65, 0.6]]))
+NO_SOURCE = DirectionalSources.none()
 LIGHT_ROWS, LOWEST_COSINE = 64, 0.2
 IMAGE = (12, 24)
 SITES = IMAGE[0] * IMAGE[1]
@@ -80,8 +80,8 @@ SITES = IMAGE[0] * IMAGE[1]
 PIXELS = {1: 1200, 12: 300, 60: 100}
 COUNTS = tuple(PIXELS)
 DIFFUSE_DEGREE, GLOSSY_DEGREE = 2, 9
-# A number is told when its 90 % interval is within this part of it.
-TOLD, NORMAL_90 = 0.25, 1.6448536269514722
+# A number is identifiable when its 90 % interval is within this part of it.
+IDENTIFIABLE, NORMAL_90 = 0.25, 1.6448536269514722
 KINDS = {1: "one", 12: "ring", 60: "dense"}
 
 
@@ -89,12 +89,12 @@ class Cell(NamedTuple):
     """What one class gave with one set of photographs.
 
     ``error`` is the worst of the errors that ``found`` lists, per cent; NaN where none was had.
-    ``told`` is the program's own verdict, ``words`` its own words.
+    ``identifiable`` is the program's own verdict, ``words`` its own words.
     """
 
     error: float
     found: str
-    told: bool
+    identifiable: bool
     words: str
 
 
@@ -137,9 +137,9 @@ def plain_samples(count: int) -> tuple[SurfaceSamples, np.ndarray]:
 
 
 def plain(count: int) -> Observations:
-    """Photograph the untextured ball under the area light and the lamp."""
+    """Photograph the untextured ball under the area light and the source."""
     samples, frame = plain_samples(count)
-    exact = photograph_function(AREA.radiance, MATERIAL, samples, frame, LAMP)
+    exact = photograph_function(AREA.radiance, MATERIAL, samples, frame, SOURCE)
     rng = np.random.default_rng(100 + count)
     return exact._replace(radiance=NOISE.add(np.asarray(exact.radiance), rng))
 
@@ -160,7 +160,7 @@ def textured(count: int, glossy: bool) -> Textured:
 
 
 def paint(coordinates: np.ndarray, glossy: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Paint of three colours in large patches, and gloss that varies by a third about .2."""
+    """Paint of three colours in large patches, and K_s that varies by a third about .2."""
     label = np.floor(4 * coordinates[:, 0]) + np.floor(3 * coordinates[:, 1])
     colours = np.array([[0.05, 0.1, 0.2], [0.25, 0.2, 0.1], [0.12, 0.05, 0.06]])
     spread = np.random.default_rng(0).normal(0, 0.3, len(coordinates))
@@ -175,21 +175,21 @@ def _under_area(samples: SurfaceSamples) -> jax.Array:
 
 # --- the classes ------------------------------------------------------------------------------
 
-KNOWN_LOBE = unknowns_of(MATERIAL, {"sigma": Told(fixed=SIGMA), "mu": Told(fixed=MU)})
+KNOWN_LOBE = unknowns_of(MATERIAL, {"sigma": Stated(fixed=SIGMA), "mu": Stated(fixed=MU)})
 NOTHING_KNOWN = unknowns_of(MATERIAL)
-# The share of gloss, sigma and mu of the untextured ball, all known.
+# The specular share, sigma and mu of the untextured ball, all known.
 SHARES = np.asarray(MATERIAL.ks) / (np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks))
 ALL_KNOWN = Known(tuple(SHARES.tolist()), KNOWN_LOBE["sigma"], KNOWN_LOBE["mu"])
 
 
 def area_alone() -> KnownLight:
     """The light of textured balls, as an image."""
-    return KnownLight(AREA.to_environment(LIGHT_ROWS), NO_LAMP)
+    return KnownLight(AREA.to_environment(LIGHT_ROWS), NO_SOURCE)
 
 
 def whole_light() -> KnownLight:
     """The light of plain balls."""
-    return KnownLight(AREA.to_environment(LIGHT_ROWS), LAMP)
+    return KnownLight(AREA.to_environment(LIGHT_ROWS), SOURCE)
 
 
 def texture_alone(count: int) -> Cell:
@@ -216,27 +216,31 @@ def _texture_cell(count: int, unknowns: Unknowns) -> Cell:
         settings=settings,
     )
     texture, seen = fit.texture, ball.seen > 0
-    sure, gloss = seen & ~texture.kd_marked, seen & ~texture.ks_marked
+    sure, known_ks = seen & ~texture.kd_marked, seen & ~texture.ks_marked
     every = _rms(texture.kd[seen] / ball.kd[seen] - 1)
     parts = [f"K_d {every:.1f} % rms of {seen.sum()} texels seen"]
     errors = [every]
     if sure.any() and not sure[seen].all():
         errors = [_rms(texture.kd[sure] / ball.kd[sure] - 1)]
         parts.append(f"{errors[0]:.1f} % of {sure.sum()} not marked")
-    if gloss.any():
-        parts.append(f"K_s {_rms(texture.ks[gloss] / ball.ks[gloss] - 1):.1f} % of {gloss.sum()}")
+    if known_ks.any():
+        parts.append(
+            f"K_s {_rms(texture.ks[known_ks] / ball.ks[known_ks] - 1):.1f} % of {known_ks.sum()}"
+        )
     words = [*fit.reasons]
     marked = seen & ~sure
     if marked.any():
         words.append(f"K_d of {marked.sum()} texels seen is marked as not to be trusted")
-    if not gloss[seen].all():
-        words.append(f"K_s of {(seen & ~gloss).sum()} texels is the prior's more than their own")
+    if not known_ks[seen].all():
+        words.append(f"K_s of {(seen & ~known_ks).sum()} texels is the prior's more than their own")
     if unknowns.names:
         lobe = [100 * (fit.sigma / SIGMA - 1), 100 * ((fit.mu - 1) / (MU - 1) - 1)]
         parts.append(f"sigma {lobe[0]:+.1f} %, mu - 1 {lobe[1]:+.1f} %")
         errors += [abs(one) for one in lobe]
-    told = fit.outcome.value == "converged" and sure[seen].mean() > 0.5
-    return Cell(max(errors), ", ".join(parts), told, f"{fit.outcome.value}: " + "; ".join(words))
+    identifiable = fit.outcome.value == "converged" and sure[seen].mean() > 0.5
+    return Cell(
+        max(errors), ", ".join(parts), identifiable, f"{fit.outcome.value}: " + "; ".join(words)
+    )
 
 
 def brdf_alone(count: int) -> Cell:
@@ -270,8 +274,8 @@ def light_alone(count: int) -> Cell:
         f"nine coefficients known to {100 * nine_error:.1f} % (standard error); forecast: "
         + "; ".join(forecast.sentences)
     )
-    told = NORMAL_90 * nine_error < TOLD
-    return Cell(errors["nine coefficients"], _listed(errors, lamps=True), told, words)
+    identifiable = NORMAL_90 * nine_error < IDENTIFIABLE
+    return Cell(errors["nine coefficients"], _listed(errors, sources=True), identifiable, words)
 
 
 def light_and_brdf(count: int) -> Cell:
@@ -286,18 +290,18 @@ def light_and_brdf(count: int) -> Cell:
     }
     light, _ = _light_errors(fit)
     words = f"{fit.outcome.value}: {_flags(fit.identifiable)}; {'; '.join(fit.reasons)}"
-    told = all(fit.identifiable.values())
-    if not told:
+    identifiable = all(fit.identifiable.values())
+    if not identifiable:
         samples, frame = observations.samples, np.asarray(observations.frame)
         supposed = Supposed(MATERIAL, NOISE)
         forecast = forecast_joint(Situation(samples, frame, whole_light()), supposed)
         words += "; forecast: " + "; ".join(forecast.sentences)
     worst = max(*errors.values(), light["nine coefficients"])
-    return Cell(worst, _listed(errors) + ", " + _listed(light, lamps=True), told, words)
+    return Cell(worst, _listed(errors) + ", " + _listed(light, sources=True), identifiable, words)
 
 
-def light_and_matte_texture(count: int) -> Cell:
-    """Class 6, matte."""
+def light_and_diffuse_texture(count: int) -> Cell:
+    """Class 6, diffuse."""
     ball = textured(count, glossy=False)
     measured = by_site(ball.observations, ball.site, SITES)
     pairs = neighbouring_texels(IMAGE, measured.seen > 0, wrap=True)
@@ -307,12 +311,12 @@ def light_and_matte_texture(count: int) -> Cell:
     ratio = found.texture / ball.kd
     off = _rms(ratio / np.nanmedian(ratio, axis=0) - 1)
     seen = int((measured.seen > 0).sum())
-    untold, every = int(found.untold.sum(axis=1).max()), found.untold.shape[1]
+    lost, every = int(found.unidentifiable.sum(axis=1).max()), found.unidentifiable.shape[1]
     words = (
-        f"{untold} of {every} directions of the light are not told: texture is known up to a "
+        f"{lost} of {every} directions of the light are not identifiable: texture is known up to a "
         "factor of the normal; these values are those that the prior of few colours picks"
     )
-    return Cell(off, f"K_d {off:.1f} % rms off scale, {seen} texels", untold == 0, words)
+    return Cell(off, f"K_d {off:.1f} % rms off scale, {seen} texels", lost == 0, words)
 
 
 def light_and_glossy_texture(count: int) -> Cell:
@@ -348,35 +352,35 @@ def _glossy_cell(count: int, unknowns: Unknowns) -> Cell:
         lobe["sigma"] = _worst(found.light.sigma, SIGMA)
         lobe["mu - 1"] = _worst(np.asarray(found.light.mu) - 1, MU - 1)
     by_degree = NORMAL_90 * found.light.relative_error_by_degree
-    lost = np.flatnonzero(by_degree > TOLD)
-    words = "every degree of the light is told by what moves with the view"
+    lost = np.flatnonzero(by_degree > IDENTIFIABLE)
+    words = "every degree of the light is determined by what moves with the view"
     if lost.size:
         numbers = ", ".join(map(str, lost))
-        words = f"the light of degree {numbers} is not told by what moves with the view"
+        words = f"the light of degree {numbers} is not determined by what moves with the view"
         if lost[0] == 0:
-            words += ", so the ratio of K_d to K_s is not told"
+            words += ", so the ratio of K_d to K_s is not identifiable"
     words += "; the scale of all is a choice"
-    told = not (lost.size and lost[0] <= 2)
-    return Cell(max((errors | lobe).values()), _listed(errors | lobe), told, words)
+    identifiable = not (lost.size and lost[0] <= 2)
+    return Cell(max((errors | lobe).values()), _listed(errors | lobe), identifiable, words)
 
 
 # --- errors and words -------------------------------------------------------------------------
 
 
 def _light_errors(fit: Factorization) -> tuple[dict[str, float], float]:
-    """The lamp's angle and energy, the nine coefficients in per cent; and their stated error."""
+    """The source's angle and energy, the nine coefficients in per cent; and their stated error."""
     total = np.asarray(MATERIAL.kd) + np.asarray(MATERIAL.ks)
     slow = np.asarray(light_coefficients(AREA.to_environment(LIGHT_ROWS), 2))
-    whole = np.asarray(light_coefficients(LAMP, 2)) + slow
+    whole = np.asarray(light_coefficients(SOURCE, 2)) + slow
     scene = fit.scene
     errors = {"nine coefficients": _norm_off(scene.total[:9], whole * total)}
     if len(scene.sources.directions):
-        towards = np.asarray(scene.sources.directions)[0] @ unit(np.asarray(LAMP.directions)[0])
-        errors["lamp off, degrees"] = float(np.degrees(np.arccos(np.clip(towards, -1, 1))))
+        towards = np.asarray(scene.sources.directions)[0] @ unit(np.asarray(SOURCE.directions)[0])
+        errors["source off, degrees"] = float(np.degrees(np.arccos(np.clip(towards, -1, 1))))
         energy = np.asarray(scene.sources.irradiance)[0]
-        errors["its energy"] = _worst(energy, np.asarray(LAMP.irradiance)[0] * total)
+        errors["its energy"] = _worst(energy, np.asarray(SOURCE.irradiance)[0] * total)
     stated = np.linalg.norm(scene.slow_error[:9]) / np.linalg.norm(scene.total[:9])
-    errors["lamps"] = len(scene.sources.directions)
+    errors["sources"] = len(scene.sources.directions)
     return errors, float(stated)
 
 
@@ -392,11 +396,11 @@ def _norm_off(found: np.ndarray, truth: np.ndarray) -> float:
     return 100 * float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
 
 
-def _listed(errors: dict[str, float], lamps: bool = False) -> str:
+def _listed(errors: dict[str, float], sources: bool = False) -> str:
     parts = []
     for name, error in errors.items():
-        if name == "lamps":
-            parts.append(f"{error:.0f} lamps found (1)")
+        if name == "sources":
+            parts.append(f"{error:.0f} sources found (1)")
         elif name.endswith("degrees"):
             parts.append(f"{name.split(',')[0]} {error:.2f} degrees")
         else:
@@ -405,7 +409,7 @@ def _listed(errors: dict[str, float], lamps: bool = False) -> str:
 
 
 def _flags(identifiable: dict[str, bool]) -> str:
-    lost = [name for name, told in identifiable.items() if not told]
+    lost = [name for name, known in identifiable.items() if not known]
     return f"not identifiable: {', '.join(lost)}" if lost else "all identifiable"
 
 
@@ -417,7 +421,7 @@ CLASSES: dict[str, tuple[str, Callable[[int], Cell]]] = {
     "3": ("light", light_alone),
     "4": ("light, BRDF", light_and_brdf),
     "5": ("texture, BRDF", texture_and_brdf),
-    "6 matte": ("light, texture", light_and_matte_texture),
+    "6 diffuse": ("light, texture", light_and_diffuse_texture),
     "6 glossy": ("light, texture", light_and_glossy_texture),
     "7": ("light, texture, BRDF", everything),
 }
@@ -443,7 +447,7 @@ def main():
         unknown, trial = CLASSES[name]
         for count in COUNTS:
             cell = table[name, count] = attempt(trial, count)
-            mark = "told" if cell.told else "NOT TOLD"
+            mark = "identifiable" if cell.identifiable else "NOT IDENTIFIABLE"
             print(f"{name:10s} {unknown:22s} {count:2d} {KINDS[count]:6s} {mark:9s} {cell.found}")
             print(textwrap.indent(textwrap.fill(cell.words, 100), " " * 12), flush=True)
     print(f"\n{time.perf_counter() - start:.0f} s")
@@ -451,7 +455,7 @@ def main():
 
 
 def draw(table: dict[tuple[str, int], Cell], names: list[str], out: str):
-    """Draw the grid: coloured by the worst error, hatched where the program says not told."""
+    """Draw the grid: coloured by the worst error, hatched where it says not identifiable."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     import matplotlib.pyplot as plt
     from matplotlib.colors import LogNorm
@@ -466,11 +470,11 @@ def draw(table: dict[tuple[str, int], Cell], names: list[str], out: str):
     for row, name in enumerate(names):
         for column, count in enumerate(COUNTS):
             cell = table[name, count]
-            if not cell.told:
+            if not cell.identifiable:
                 corner = (column - 0.5, row - 0.5)
                 axis.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", lw=0, alpha=0.35))
             number = "refused" if np.isnan(cell.error) else f"{cell.error:.1f} %"
-            text = number if cell.told else f"{number}\nnot told"
+            text = number if cell.identifiable else f"{number}\nnot\nidentifiable"
             box = {"facecolor": "white", "alpha": 0.7, "lw": 0, "pad": 1.5}
             axis.text(column, row, text, ha="center", va="center", fontsize=9, bbox=box)
     axis.set_xticks(range(len(COUNTS)), [f"{count} ({KINDS[count]})" for count in COUNTS])
@@ -478,7 +482,7 @@ def draw(table: dict[tuple[str, int], Cell], names: list[str], out: str):
     axis.set_yticks(range(len(names)), labels)
     axis.set_xlabel("photographs")
     axis.set_title(
-        "T 6.1.1: worst error of what was sought; hatched: the program says it is not told"
+        "T 6.1.1: worst error of what was sought; hatched: the program says it is not identifiable"
     )
     figure.colorbar(shown, label="error, %")
     figure.savefig(out, dpi=110)

@@ -1,4 +1,4 @@
-"""White teflon as T 6.4 measures it: one ball under complex light, and under a lamp that moves.
+"""White teflon as T 6.4 measures it: one ball under complex light, and under a source that moves.
 
 Shared by ``figure_6_2.py`` and ``figure_6_3.py``.  Photographs are the exact integral with noise;
 the material, the lights and the noise are those of ``data_synth/teflon.yaml``.
@@ -24,8 +24,8 @@ RECIPE = Path(__file__).parent.parent / "data_synth" / "teflon.yaml"
 # T 6.4.2 draws so many pixels at random.
 SAMPLES = 12000
 MIN_COSINE = 0.15
-# The lamp's angles from the camera: along an arc, as far as an arm reaches round.
-LAMP_DEGREES = np.arange(6.0, 156.0, 4.0)
+# The source's angles from the camera: along an arc, as far as an arm reaches round.
+SOURCE_DEGREES = np.arange(6.0, 156.0, 4.0)
 FINE = HalfAngleGrid()
 
 
@@ -34,13 +34,13 @@ class Scene(NamedTuple):
 
     material: Microfacet
     area: SmoothLobes
-    lamp: DirectionalSources
+    source: DirectionalSources
     noise: NoiseModel
 
-    def light(self, with_lamp: bool = True) -> ExactForward:
-        """Light the ball with the area source, and the lamp."""
-        lamp = self.lamp if with_lamp else DirectionalSources.none()
-        return ExactForward(lamp.nodes(), self.area)
+    def light(self, with_source: bool = True) -> ExactForward:
+        """Light the ball with the area source, and the source."""
+        source = self.source if with_source else DirectionalSources.none()
+        return ExactForward(source.nodes(), self.area)
 
 
 def teflon() -> Scene:
@@ -89,20 +89,20 @@ def under_complex_light(scene: Scene, views: int, seed: int = 0) -> Observations
 def moving_source_table(
     scene: Scene, size: int = 160, grid: HalfAngleGrid = FINE, seed: int = 1
 ) -> BRDFTable:
-    """Photograph the ball under one lamp after the other, and tabulate the BRDF."""
+    """Photograph the ball under one source after the other, and tabulate the BRDF."""
     view = portrait(np.array([1.0, 0, 0]), size)
     samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
     rng = np.random.default_rng(seed)
-    lamps, photographs = [], []
-    for angle in np.radians(LAMP_DEGREES):
+    sources, photographs = [], []
+    for angle in np.radians(SOURCE_DEGREES):
         towards = np.array([[np.cos(angle), np.sin(angle), 0]])
-        lamps.append(DirectionalSources(towards, np.ones((1, 3))))
-        exact = render_samples(scene.material, samples, ExactForward(lamps[-1].nodes()))
+        sources.append(DirectionalSources(towards, np.ones((1, 3))))
+        exact = render_samples(scene.material, samples, ExactForward(sources[-1].nodes()))
         photographs.append(scene.noise.add(exact, rng))
-    every = SurfaceSamples(*(np.tile(a, (len(lamps), 1)) for a in samples))
-    frame = np.repeat(np.arange(len(lamps)), len(samples.normals))
+    every = SurfaceSamples(*(np.tile(a, (len(sources), 1)) for a in samples))
+    frame = np.repeat(np.arange(len(sources)), len(samples.normals))
     observations = Observations(every, np.concatenate(photographs), frame)
-    return tabulate(brdf_samples(observations, lamps, scene.noise), grid)
+    return tabulate(brdf_samples(observations, sources, scene.noise), grid)
 
 
 def portrait(towards: np.ndarray, size: int) -> SurfaceView:

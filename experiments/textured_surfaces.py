@@ -1,7 +1,7 @@
-"""What the figures of L chapter 7 share: textured shapes under one lamp, filtered or not.
+"""What the figures of L chapter 7 share: textured shapes under one source, filtered or not.
 
-Images are linear radiance for a lamp of irradiance pi; ``render`` takes the mean of several rays a
-pixel.  A shader turns what a pixel sees (``Seen``) into the BRDF there.
+Images are linear radiance for a source of irradiance pi; ``render`` takes the mean of several rays
+a pixel.  A shader turns what a pixel sees (``Seen``) into the BRDF there.
 """
 
 import time
@@ -69,7 +69,7 @@ def camera(position: tuple[float, float, float], size: tuple[int, int], focal: f
 
 
 def render(
-    eye: Pinhole, shape: Shape, lamp: np.ndarray, texels: tuple[int, int], shader: Shader,
+    eye: Pinhole, shape: Shape, source: np.ndarray, texels: tuple[int, int], shader: Shader,
     per_side: int = 1,
 ) -> np.ndarray:  # fmt: skip
     """Shade a shape, with ``per_side`` squared rays a pixel."""
@@ -84,9 +84,9 @@ def render(
     tangents[flat] = [1, 0, 0]
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     frames = np.stack([tangents, np.cross(normals, tangents), normals], axis=1)
-    lamp = lamp / np.linalg.norm(lamp)
+    source = source / np.linalg.norm(source)
     steps = texture_steps(shape, view, pixel_steps(finer, view))[on]
-    incoming = frames @ lamp
+    incoming = frames @ source
     outgoing = np.einsum("sij,sj->si", frames, view.outgoing[on])
     seen = Seen(view_coordinates(shape, view), size_in_texels(steps, texels), incoming, outgoing)
     rho = np.asarray(shader(seen))

@@ -138,7 +138,7 @@ def axial_and_uniform() -> list[Line]:
     outgoing = np.broadcast_to([0.8, 0, 0.6], rule.directions().shape)
     transfer = SMOOTH.transfer(Components.of(rule.directions()), Components.of(outgoing))[1]
     albedo = float(np.asarray(transfer) @ rule.weights())
-    matte = lambertian_transfer(0)[0] * float(evaluate(level, POLE[None])[0, 0])
+    constant = lambertian_transfer(0)[0] * float(evaluate(level, POLE[None])[0, 0])
     return [
         Line(
             "3.2.2",
@@ -175,10 +175,10 @@ def axial_and_uniform() -> list[Line]:
         ),
         Line(
             "3.2.3",
-            "3.22  B of a matte surface",
+            "3.22  B of a diffuse surface",
             0.25,
             "ERRATA 15",
-            matte,
+            constant,
             1e-12,
             np.pi / wavelength(0),
         ),

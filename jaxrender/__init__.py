@@ -63,7 +63,7 @@ _NAMES = {
     "SmoothLobes": "lighting.SmoothLobes",
     "Sphere": "geometry.Sphere",
     "Prior": "inverse.Prior",
-    "Told": "inverse.Told",
+    "Stated": "inverse.Stated",
     "fit": "inverse.fit",
     "load_capture": "inverse.load_capture",
     "load_environment": "io.read_environment",

@@ -167,7 +167,7 @@ def _made(name: str, function: Callable, arrays: list[Tracer]) -> _Program:
         # Calls back to the host, and unusual libraries; or the function's own error, once more.
         raise _NotKept(str(error)) from error
     # Whoever reads it must know the classes of the result.
-    list(_told(result[-1]))
+    list(_described(result[-1]))
     return _Program(serialised, result[-1])
 
 
@@ -198,7 +198,7 @@ def _path(function: Callable, arguments: Any) -> Path:
     """Name the file of a program by all that tracing it depends on."""
     assert _folder is not None
     parts = [*_surroundings(), *_settings(), function.__module__, function.__qualname__]
-    digest = hashlib.sha256("\n".join([*parts, *_told(arguments)]).encode()).hexdigest()
+    digest = hashlib.sha256("\n".join([*parts, *_described(arguments)]).encode()).hexdigest()
     return _folder / f"{function.__name__}-{digest[:40]}"
 
 
@@ -220,7 +220,7 @@ def _settings() -> Iterator[str]:
             yield f"{name} {value}"
 
 
-def _told(value: Any) -> Iterator[str]:
+def _described(value: Any) -> Iterator[str]:
     """Write down all that tracing can see of a value, the same in every process."""
     kind = type(value)
     if isinstance(value, Tracer):
@@ -238,16 +238,16 @@ def _told(value: Any) -> Iterator[str]:
     elif isinstance(value, tuple | list):
         yield f"{_name(kind)} {len(value)}"
         for item in value:
-            yield from _told(item)
+            yield from _described(item)
     elif kind is dict:
         yield "dict"
-        yield from _told([*value.items()])
+        yield from _described([*value.items()])
     elif isinstance(value, functools.partial):
-        yield from _told(("partial", value.func, value.args, value.keywords))
+        yield from _described(("partial", value.func, value.args, value.keywords))
     elif dataclasses.is_dataclass(value):
         yield _name(kind)
         for field in dataclasses.fields(value):
-            yield from _told(getattr(value, field.name))
+            yield from _described(getattr(value, field.name))
     else:
         raise _NotKept(f"{value!r} has no name that another process would give it")
 

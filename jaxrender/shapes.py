@@ -238,12 +238,12 @@ class _Visit(NamedTuple):
                 for other, earlier, others in self.admitted:
                     known = others.lengths(earlier).get(axis, length)
                     if known != length:
-                        here, there = (_told(axis, count) for count in (length, known))
+                        here, there = (_described(axis, count) for count in (length, known))
                         return f": {axis} is {here} here and {there} in {other}"
         return ""
 
 
-def _told(axis: str, length: int) -> str:
+def _described(axis: str, length: int) -> str:
     """A length, with the band limit that it stands for."""
     band_limit = {"coefficient": math.isqrt(max(length, 1)) - 1, "degree": length - 1}.get(axis)
     return f"{length}" if band_limit is None else f"{length} (band limit {band_limit})"

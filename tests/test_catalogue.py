@@ -94,15 +94,15 @@ def test_every_way_to_name_a_material_makes_the_same(name):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_config_fixes_the_numbers_of_its_model(name):
     known = {"model": name, **typical(name)}
-    if MODELS[name].has_gloss:
+    if MODELS[name].has_specular:
         known["ks_per_channel"] = True
     brdf = BrdfConfig.model_validate(known)
     lobe = lobe_of(brdf)
     assert type(lobe) is type(lobe_named(name))
     config = RunConfig.model_validate({"task": "brdf", "capture": {"recipe": "r"}, "brdf": known})
     unknowns = unknowns_of(config, 1)
-    told = {name: unknowns[name].fixed[0] for name in lobe.numbers}
-    made = lobe.with_numbers(told).with_amplitudes(
+    numbers = {name: unknowns[name].fixed[0] for name in lobe.numbers}
+    made = lobe.with_numbers(numbers).with_amplitudes(
         *(np.broadcast_to(unknown.fixed, 3) for unknown in unknowns.amplitudes)
     )
     expected = at_some_directions(material_named(name, typical(name)))

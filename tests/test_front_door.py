@@ -1,7 +1,7 @@
 """The names of the front door, and the Python of the README as it stands there.
 
 - Every name leads to something; what there is none of is refused as Python does.
-- From files to a fitted material: photographs of an ellipsoid under a probe and a lamp.
+- From files to a fitted material: photographs of an ellipsoid under a probe and a source.
 - A loss of one's own finds the material that a picture was made with.
 """
 
@@ -36,8 +36,8 @@ def photographs(folder):
     """Write cameras, pictures, mesh and probe of an ellipsoid."""
     shape = Mesh.ellipsoid(np.array([1.0, 0.9, 0.8]), 3)
     probe = Environment(np.full((8, 16, 3), 0.2))
-    lamp = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
-    model, frames = forward_of(probe + lamp, shape), []
+    source = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
+    model, frames = forward_of(probe + source, shape), []
     rng = np.random.default_rng(0)
     for number in range(3):
         place = 8 * np.array([np.cos(number), np.sin(number), 0.4])

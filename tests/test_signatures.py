@@ -125,8 +125,8 @@ def is_bundle(annotation: ast.AST | None, aliases: set[str]) -> bool:
             value=ast.Name(id="tuple" | "Tuple") | ast.Attribute(attr="Tuple"), slice=held
         ):
             kinds = held.elts if isinstance(held, ast.Tuple) else [held]
-            told = {ast.unparse(kind) for kind in kinds}
-            alike = len(kinds) < 2 or "..." in told or told in [{number} for number in NUMBERS]
+            named = {ast.unparse(kind) for kind in kinds}
+            alike = len(kinds) < 2 or "..." in named or named in [{number} for number in NUMBERS]
             return not alike or any(is_bundle(kind, aliases) for kind in kinds)
     return any(is_bundle(child, aliases) for child in ast.iter_child_nodes(annotation))
 

@@ -81,7 +81,7 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     }
     numbers[kind.shape.name] = kind.shape.of_width(_ANY_WIDTH)
     if kind.has_index():
-        without = metal or not model.has_gloss
+        without = metal or not model.has_specular
         numbers[kind.index.name] = None if without else kind.index.of_index(_ANY_INDEX)
     black = dict.fromkeys(kind.amplitude_names, np.zeros(channels))
     return kind(**black, **numbers, **{**model.options, **choices}, **model.fixed)
@@ -113,7 +113,7 @@ def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:
 
 
 def _parametric(name: str) -> tuple[type[Parametric], Model]:
-    """Find the class that a fit knows a model by; Lambert's is a microfacet without gloss."""
+    """Find the class that a fit knows a model by; Lambert's is a microfacet without a lobe."""
     if name == "lambertian":
         return Microfacet, MODELS[name]
     if name not in PARAMETRIC:

@@ -8,7 +8,7 @@ number's name and symbol, where it lies, what is typical, what it means, and its
 ``searched``
     shapes a lobe: a fit looks for it unless it is fixed
 ``stated``
-    is told by whoever names the model, and no fit looks for it
+    is stated by whoever names the model, and no fit looks for it
 
 A new model is a class in ``brdf`` and an entry here.
 """
@@ -78,8 +78,8 @@ class Model(NamedTuple):
         raise KeyError(name)
 
     @property
-    def has_gloss(self) -> bool:
-        """Whether there is a part beside the diffuse one."""
+    def has_specular(self) -> bool:
+        """Whether the model has a specular lobe."""
         return "ks" in self.names("amplitude")
 
 
@@ -101,7 +101,7 @@ _KS_OF_COSINE = _amplitude(
 _MU = Number(
     "mu",
     "μ",
-    "refractive index: how much brighter the gloss gets at grazing angles; none for metals (F = 1)",
+    "refractive index: how much brighter the lobe gets at grazing angles; none for metals (F = 1)",
     Interval("(1, inf)"),
     1.5,
     may_be_none=True,
@@ -270,7 +270,7 @@ _ALL: tuple[Model, ...] = (
     ),
     Model(
         "oren-nayar",
-        "rough matt paint",
+        "rough diffuse paint",
         "oren_nayar.OrenNayarLobe",
         (
             _KD,
@@ -284,7 +284,7 @@ _ALL: tuple[Model, ...] = (
         ),
         about_mirror=False,
     ),
-    Model("lambertian", "ideal matt paint", "lambertian.Lambertian", (_KD,)),
+    Model("lambertian", "ideal diffuse paint", "lambertian.Lambertian", (_KD,)),
 )
 
 MODELS: Mapping[str, Model] = MappingProxyType({model.name: model for model in _ALL})

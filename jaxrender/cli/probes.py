@@ -108,7 +108,7 @@ def analyze(
     samples: int = 12_000,
     figure: Path | None = None,
     suppose: list[str] | None = None,
-    suggest: Literal["views", "lights"] | None = None,
+    suggest: Literal["views", "sources"] | None = None,
     aim: str = "worst",
     count: int = 5,
 ) -> int:

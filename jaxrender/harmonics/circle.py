@@ -56,7 +56,7 @@ def analyse_circle(
     count = values.shape[0]
     if band_limit > (count - 1) // 2:
         raise ValueError(
-            f"degree {band_limit} cannot be told from {count} samples on the circle; "
+            f"degree {band_limit} cannot be determined from {count} samples on the circle; "
             f"ask for {(count - 1) // 2} or less, or give more samples"
         )
     basis = circle_basis(jnp.asarray(circle_angles(count), values.real.dtype), band_limit)

@@ -74,8 +74,8 @@ def analyse_rotations(
         )
     if band_limit > grid.band_limit:
         raise ValueError(
-            f"degree {band_limit} cannot be told from a grid of band limit {grid.band_limit}; "
-            f"ask for {grid.band_limit} or less, or take a finer grid"
+            f"degree {band_limit} cannot be determined from a grid of band limit "
+            f"{grid.band_limit}; ask for {grid.band_limit} or less, or take a finer grid"
         )
     return _analyse(grid, band_limit, jnp.asarray(samples))
 

@@ -104,8 +104,8 @@ def _check_analysis(grid: Grid, image: ImageArray, band_limit: int):
     check_image(grid, image)
     if band_limit > grid.band_limit:
         raise ValueError(
-            f"degree {band_limit} cannot be told from {grid.shape[0]} x {grid.shape[1]} texels; "
-            f"ask for {grid.band_limit} or less, or give a larger image"
+            f"degree {band_limit} cannot be determined from {grid.shape[0]} x {grid.shape[1]} "
+            f"texels; ask for {grid.band_limit} or less, or give a larger image"
         )
 
 

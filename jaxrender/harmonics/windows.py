@@ -1,6 +1,6 @@
 """Windows: weights by degree that take the ringing off a lobe that is cut at a band limit.
 
-A lobe whose degrees end at F swings below zero around its peak, and a small bright lamp seen
+A lobe whose degrees end at F swings below zero around its peak, and a small bright source seen
 through it is ringed by black.  A window w_l, 1 for degree 0 and falling, trades that for a broader
 peak.  ``hann`` and ``lanczos`` reach zero at degree F + 1 whatever the lobe.  ``minimal`` bends as
 little as a lobe allows: P. P. Sloan, *Stupid Spherical Harmonics (SH) Tricks* (2008), "Windowing",

@@ -90,9 +90,9 @@ def _consensus(points: Float[np.ndarray, "point 2"]) -> Float[np.ndarray, "3"]:
     origin = points.mean(axis=0)
     triples = triples - origin
     matrices = np.concatenate([2 * triples, np.ones((_TRIALS, 3, 1))], axis=-1)
-    told = np.abs(np.linalg.det(matrices)) > 1
+    solvable = np.abs(np.linalg.det(matrices)) > 1
     solved = np.linalg.solve(
-        matrices[told], np.sum(triples[told] ** 2, axis=-1)[..., None]
+        matrices[solvable], np.sum(triples[solvable] ** 2, axis=-1)[..., None]
     ).squeeze(-1)
     radii = np.sqrt(solved[:, 2] + np.sum(solved[:, :2] ** 2, axis=1))
     circles = np.column_stack([solved[:, :2] + origin, radii])

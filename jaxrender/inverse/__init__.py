@@ -37,7 +37,7 @@
 ``light_field``
     the same in closed form, from all coefficients of a reflected light field (T 2.68)
 ``brdf_spectrum`` ``brdf_table``
-    a BRDF as coefficients; as a table, from photographs under one moving lamp
+    a BRDF as coefficients; as a table, from photographs under one moving source
 ``nearest_models``
     the models nearest to a BRDF that is a table or a tree, with what they miss
 ``texture``
@@ -68,7 +68,7 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
 from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
-from jaxrender.inverse.unknowns import Prior, Told, Unknown, Unknowns, unknowns_of
+from jaxrender.inverse.unknowns import Prior, Stated, Unknown, Unknowns, unknowns_of
 
 __all__ = [
     "AnyEstimate",
@@ -91,7 +91,7 @@ __all__ = [
     "RecoveredLight",
     "Scene",
     "Prior",
-    "Told",
+    "Stated",
     "Unknown",
     "Unknowns",
     "UnknownMaterial",

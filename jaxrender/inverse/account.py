@@ -117,12 +117,12 @@ def _why(name: str, account: Account, variant: Parametric) -> str:
         return sentence
     if account.evidence is None:
         return f"{sentence}; these views and this light show too little of the lobe's shape"
-    # Where the light is silent about any gloss, however strong, ks is lost along with the others.
+    # Where the light is silent about any specular lobe, however strong, ks is lost with the others.
     silent = not np.isfinite(account.evidence.spectrum)
     if not silent and not within_reach(account.parameters, "ks"):
-        return f"{sentence}; the gloss is too weak beside what the model leaves unexplained"
+        return f"{sentence}; the specular lobe is too weak beside what the model leaves unexplained"
     if name == variant.index.name:
-        return f"{sentence}; too few grazing samples show how the gloss grows towards the horizon"
+        return f"{sentence}; too few grazing samples show how the lobe grows towards the horizon"
     return (
         f"{sentence}; the light has too little detail for the roughness to blur, and too few "
         f"grazing samples show the horizon ({account.evidence.sentence()})"

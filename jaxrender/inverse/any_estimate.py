@@ -81,12 +81,12 @@ class AnyEstimate(abc.ABC):
         return folder
 
     def _row(self, name: str) -> str:
-        told = "" if self.identifiable.get(name, True) else "  not identifiable"
+        note = "" if self.identifiable.get(name, True) else "  not identifiable"
         span = ""
         if name in self.interval90:
             low, high = (_shown(self.interval90[name][..., end]) for end in (0, 1))
             span = f"  90 %: {low} to {high}"
-        return f"  {name:<12} {_shown(self.values[name])}{span}{told}"
+        return f"  {name:<12} {_shown(self.values[name])}{span}{note}"
 
     def _plain(self) -> dict[str, Any]:
         """Lay out the numbers and the account of them."""

@@ -1,5 +1,5 @@
-"""A fit that ended without gloss, or at the bound of a width, is held against a start from the
-data.
+"""A fit that ended without a specular lobe, or at the bound of a width, is held against a start
+from the data.
 
 A search that lost the highlights ends with ks = 0 or with a lobe as wide as allowed, and looks
 converged.  So the widths are tried in turn on the same samples, kd and ks at their best for each:

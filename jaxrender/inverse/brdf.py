@@ -170,7 +170,7 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
     """
     light, shape, settings, stage = task.light, task.shape, task.settings, task.stage
     (pool, expected), before = choice, quick
-    told = leverage(pool, light, task.widths)
+    weight = leverage(pool, light, task.widths)
     count = settings.refine_samples
     if expected is None:
         # Where the light is a few sources, many samples cost as little as few under an environment.
@@ -178,7 +178,7 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
         count = max(count, int(_LITTLE_WORK / _nodes_a_sample(nodes)))
     while True:
         with stage("refine"):
-            some, index = draw(pool, told, count, settings.seed)
+            some, index = draw(pool, weight, count, settings.seed)
             cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
             nodes = exact_nodes(light, np.asarray(some.frame), task.width(before), cells)
         seen = None

@@ -1,6 +1,6 @@
 """Where to begin with a material that the frequency view does not know: the integral, coarsely.
 
-Reflection by fibres, brushed metal or rough matt paint is no convolution about the reflected
+Reflection by fibres, brushed metal or rough diffuse paint is no convolution about the reflected
 direction, so that their fits have the exact integral alone.  Few samples under light condensed to
 coarse cells tell well enough which of many starts is the best, and where it leads.
 """
@@ -41,8 +41,8 @@ class Coarse(NamedTuple):
 def fit_coarsely(task: MaterialTask) -> Coarse:
     """Fit few samples by the integral over a condensed light."""
     observations, settings = task.observations, task.settings
-    told = leverage(observations, task.light, task.widths)
-    some, _ = draw(observations, told, _SAMPLES, settings.seed)
+    weight = leverage(observations, task.light, task.widths)
+    some, _ = draw(observations, weight, _SAMPLES, settings.seed)
     cell, stop = _WIDEST_CELL, None
     for _ in range(_ROUNDS):
         stop = _fit(task, some, cell, stop)
@@ -52,7 +52,7 @@ def fit_coarsely(task: MaterialTask) -> Coarse:
             break
         cell = wanted
     assert stop is not None
-    choice, _ = draw(observations, told, _CHOICE * settings.refine_samples, settings.seed)
+    choice, _ = draw(observations, weight, _CHOICE * settings.refine_samples, settings.seed)
     return Coarse(stop, choice, _predicted(task, stop, choice))
 
 

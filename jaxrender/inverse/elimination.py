@@ -111,14 +111,14 @@ class Problem(eqx.Module):
         lobes = len(unknowns.amplitudes)
         size = lobes * channels
         offset = np.zeros(size)
-        for at, (name, told) in enumerate(zip(unknowns.amplitude_names, unknowns.amplitudes)):
+        for at, (name, unknown) in enumerate(zip(unknowns.amplitude_names, unknowns.amplitudes)):
             rows = at * channels + np.arange(channels)
-            if told.fixed is not None:
-                offset[rows] = _per_channel(told, channels)
+            if unknown.fixed is not None:
+                offset[rows] = _per_channel(unknown, channels)
                 continue
             for group in rows[:, None] if name in unknowns.coloured else [rows]:
-                layout.append((np.isin(np.arange(size), group).astype(float), told))
-        if unknowns.free_scale and any(told.prior is not None for _, told in layout):
+                layout.append((np.isin(np.arange(size), group).astype(float), unknown))
+        if unknowns.free_scale and any(unknown.prior is not None for _, unknown in layout):
             (name, *_) = unknowns.with_prior
             raise ValueError(
                 f"{name} has a prior, but the light is known up to a factor, so that the "
@@ -129,15 +129,15 @@ class Problem(eqx.Module):
             layout.append((offset, Unknown()))
             offset = np.zeros_like(offset)
         mix = np.stack([column for column, _ in layout], 1) if layout else np.zeros((size, 0))
-        bounds = [(told.lower, told.upper) for _, told in layout]
+        bounds = [(unknown.lower, unknown.upper) for _, unknown in layout]
         lower, upper = np.array(bounds or np.zeros((0, 2))).T
         arrays = (np.asarray(a, dtype) for a in (mix, offset, lower, upper))
-        priors = _priors(unknowns, [told for _, told in layout], dtype)
+        priors = _priors(unknowns, [unknown for _, unknown in layout], dtype)
         return cls(unknowns, *arrays, priors=priors)
 
     @property
     def without_priors(self) -> "Problem":
-        """The same problem told by the data alone."""
+        """The same problem with the data alone."""
         return self if self.priors is None else dataclasses.replace(self, priors=None)
 
     def columns(self, model: Model, data: Data, physical: Physical) -> Columns:
@@ -294,7 +294,9 @@ def _priors(unknowns: Unknowns, linear: list[Unknown], dtype) -> Priors | None:
     """Line up what is known beforehand; None where nothing is."""
     own = {name: unknowns[name].prior for name in unknowns.free_numbers}
     known = {name: prior for name, prior in own.items() if prior is not None}
-    amounts = [Prior(0.0, float("inf")) if told.prior is None else told.prior for told in linear]
+    amounts = [
+        Prior(0.0, float("inf")) if unknown.prior is None else unknown.prior for unknown in linear
+    ]
     if not known and all(np.isinf(prior.standard_deviation) for prior in amounts):
         return None
     means, deviations = np.array([*known.values()] or np.zeros((0, 2)), dtype).T

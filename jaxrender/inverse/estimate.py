@@ -60,7 +60,7 @@ class Estimate(_Fields, AnyEstimate):
     def ball(self, side: int = _SIDE) -> Float[np.ndarray, "row column channel"]:
         """Render a ball of the material in the light, seen from a little above; [side, side, C].
 
-        Where the light is dark, as that of single photographs is here, a lamp beside the camera
+        Where the light is dark, as that of single photographs is here, a source beside the camera
         lights it.
         """
         pose = look_at(_EYE, np.zeros(3), np.eye(3)[2])

@@ -69,12 +69,12 @@ def fit_by_frequency(task: MaterialTask) -> FrequencyFit:
 def _rough_fit(task: MaterialTask, few: Few | None) -> Stop:
     """Find the neighbourhood of the answer from many starts."""
     unknowns, variant, settings = task.unknowns, task.glossy, task.settings
-    told = unknowns[variant.shape.name]
-    if told.free:
+    width = unknowns[variant.shape.name]
+    if width.free:
         reach = task.widths
         sigma = max(reach[0], min(_ROUGH_SIGMA, reach[1]))
     else:
-        sigma = variant.shape.width_of(told.first(0.0))
+        sigma = variant.shape.width_of(width.first(0.0))
         reach = (sigma, sigma * 1.01)
     split = "rough" if settings.split == "auto" else settings.split
     brdf = variant.with_roughness(sigma, None)
@@ -111,8 +111,8 @@ def _few(task: MaterialTask) -> Few | None:
     observations = task.observations
     if observations.count < MANY:
         return None
-    told = leverage(observations, task.light, task.widths)
-    some, index = draw(observations, told, observations.count // THINNING, task.settings.seed)
+    weight = leverage(observations, task.light, task.widths)
+    some, index = draw(observations, weight, observations.count // THINNING, task.settings.seed)
     return Few(index, some.pixels / observations.pixels[index])
 
 

@@ -92,8 +92,8 @@ def possible_bounces(
     What a place does not see of the light it sees of the object, which is about as bright as its
     albedo.  ``transfer`` are the vectors of T 6.10.
     """
-    gloss = np.asarray(brdf.lobe_amplitude) * float(brdf.energy)
-    albedo = float(np.clip(np.mean(np.pi * np.asarray(brdf.base_amplitude) + gloss), 0, 1))
+    specular = np.asarray(brdf.lobe_amplitude) * float(brdf.energy)
+    albedo = float(np.clip(np.mean(np.pi * np.asarray(brdf.base_amplitude) + specular), 0, 1))
     return PossibleBounces(albedo, hidden_fraction(transfer))
 
 

@@ -48,11 +48,11 @@ _BY_NORMAL, _BY_MIRROR = 2, 4
 
 def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
     """Find the narrowest and the widest lobe of a fit, or widths about a fixed one."""
-    told, width_of = unknowns[variant.shape.name], variant.shape.width_of
-    if told.free:
-        low, high = sorted(width_of(bound) for bound in (told.lower, told.upper))
+    unknown, width_of = unknowns[variant.shape.name], variant.shape.width_of
+    if unknown.free:
+        low, high = sorted(width_of(bound) for bound in (unknown.lower, unknown.upper))
         return low, high
-    width = width_of(told.first(0.0))
+    width = width_of(unknown.first(0.0))
     return width / _ABOUT, width * _ABOUT
 
 

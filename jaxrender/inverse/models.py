@@ -188,8 +188,8 @@ class ExactModel(eqx.Module):
         return jnp.sum(jnp.stack(parts), axis=0)
 
 
-class MatteModel(eqx.Module):
-    """A model of a base and a lobe that is dark: paint without gloss."""
+class DiffuseModel(eqx.Module):
+    """A model of a base and a lobe that is dark: a diffuse material."""
 
     model: Model
 
@@ -198,9 +198,9 @@ class MatteModel(eqx.Module):
         diffuse = self.model.columns(numbers).diffuse
         return Columns(diffuse, jnp.zeros_like(diffuse))
 
-    def take(self, index: Rows) -> "MatteModel":
+    def take(self, index: Rows) -> "DiffuseModel":
         """Keep the samples of the given indices."""
-        return MatteModel(self.model.take(index))
+        return DiffuseModel(self.model.take(index))
 
 
 class LinearisedModel(eqx.Module):

@@ -46,7 +46,7 @@ _TIE = 0.01
 # Candidates are ranked first with this few samples each, under light of cells this wide (in sigma).
 # This many times the wanted number are ranked again, with all samples under the light as it is.
 _FEW, _COARSE, _AGAIN = 48, 0.5, 2
-_LAMPS_AT_ONCE = 16
+_SOURCES_AT_ONCE = 16
 
 
 class Suggestion(NamedTuple):
@@ -95,10 +95,10 @@ def suggest_views(
     )
 
 
-def suggest_lamps(
+def suggest_sources(
     foreseen: Foreseen,
     problem: Problem,
-    directions: Float[np.ndarray, "lamp 3"] | None = None,
+    directions: Float[np.ndarray, "source 3"] | None = None,
     aim: str = "worst",
     count: int = 5,
 ) -> tuple[Suggestion, ...]:
@@ -112,8 +112,8 @@ def suggest_lamps(
     own = frame_grams(foreseen)
     grams = np.concatenate(
         [
-            _lamp_grams(foreseen, directions[start : start + _LAMPS_AT_ONCE])
-            for start in range(0, len(directions), _LAMPS_AT_ONCE)
+            _source_grams(foreseen, directions[start : start + _SOURCES_AT_ONCE])
+            for start in range(0, len(directions), _SOURCES_AT_ONCE)
         ]
     )
     found = reading.errors(reading.information(_beside(own, grams[:, :, None])))
@@ -125,8 +125,8 @@ def suggest_lamps(
         found.log_determinant[each, frames],
     )
     return tuple(
-        _suggestion(directions[lamp], int(frames[lamp]), best, int(lamp), aim)
-        for lamp in _ranked(best, aim)[:count]
+        _suggestion(directions[source], int(frames[source]), best, int(source), aim)
+        for source in _ranked(best, aim)[:count]
     )
 
 
@@ -177,20 +177,20 @@ def _thinned(samples: SurfaceSamples, count: int) -> SurfaceSamples:
     return SurfaceSamples(*(np.asarray(a)[index] for a in samples))
 
 
-def _lamp_grams(
-    foreseen: Foreseen, directions: Float[np.ndarray, "lamp 3"]
-) -> Float[np.ndarray, "lamp frame channel column column"]:
+def _source_grams(
+    foreseen: Foreseen, directions: Float[np.ndarray, "source 3"]
+) -> Float[np.ndarray, "source frame channel column column"]:
     """Foresee every present photograph, taken again with each source lit as well."""
     brdf = foreseen.supposed.brdf
     samples, frame, light = foreseen.situation
     channels = foreseen.model.at.diffuse.shape[1]
     grey = np.full(channels, float(mean_irradiance(light.of_frame(0)).mean()))
-    missing = -len(directions) % _LAMPS_AT_ONCE
+    missing = -len(directions) % _SOURCES_AT_ONCE
     padded = np.concatenate([directions, np.tile(directions[:1], (missing, 1))])
     samples = SurfaceSamples(*(jnp.asarray(np.asarray(a, float)) for a in samples))
-    lamps = LightNodes(jnp.asarray(padded), jnp.asarray(np.tile(grey, (len(padded), 1))))
-    lamp = np.asarray(_lamp_columns(kind_of(brdf), numbers_of(brdf), samples, lamps))
-    columns = columns_of(foreseen)[None] + lamp[: len(directions)]
+    sources = LightNodes(jnp.asarray(padded), jnp.asarray(np.tile(grey, (len(padded), 1))))
+    source = np.asarray(_source_columns(kind_of(brdf), numbers_of(brdf), samples, sources))
+    columns = columns_of(foreseen)[None] + source[: len(directions)]
     amplitudes = np.asarray(brdf.amplitudes).T
     radiance = np.sum(amplitudes * columns[..., : amplitudes.shape[1]], axis=-1)
     weights = np.stack([weights_of(foreseen.supposed.noise, each) for each in radiance])
@@ -198,17 +198,17 @@ def _lamp_grams(
 
 
 @eqx.filter_jit
-def _lamp_columns(
+def _source_columns(
     variant: Parametric,
     numbers: dict[str, Float[Array, ""]],
     samples: SurfaceSamples,
-    lamps: LightNodes,
-) -> Float[Array, "lamp sample channel column"]:
+    sources: LightNodes,
+) -> Float[Array, "source sample channel column"]:
     """Evaluate the columns under each source alone."""
 
-    def one(lamp: LightNodes) -> Float[Array, "sample channel column"]:
-        nodes = (jax.tree.map(lambda part: part[None], lamp),)
+    def one(source: LightNodes) -> Float[Array, "sample channel column"]:
+        nodes = (jax.tree.map(lambda part: part[None], source),)
         near = LinearisedModel.about(ExactModel(variant, samples, nodes), numbers)
         return jnp.stack(near.gathered(variant.numbers), axis=-1)
 
-    return jax.lax.map(one, lamps)
+    return jax.lax.map(one, sources)

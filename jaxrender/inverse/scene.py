@@ -3,7 +3,7 @@
     scene = Scene(unknown("ggx", sigma=(0.02, 0.5)), shape, light)
     estimate = fit(scene, capture)
 
-A material may be unknown with bounds, values or nothing told of its numbers; a light that is left
+A material may be unknown with bounds, values or nothing stated of its numbers; a light that is left
 out is unknown.  What is known of either, the fit is told; what it cannot honour is refused.
 """
 
@@ -33,7 +33,7 @@ from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
 from jaxrender.inverse.shadowing import with_transfer
-from jaxrender.inverse.unknowns import Told, Unknowns, unknowns_of
+from jaxrender.inverse.unknowns import Stated, Unknowns, unknowns_of
 from jaxrender.lighting import DirectionalSources, HarmonicLight, Light
 from jaxrender.shapes import Float
 
@@ -43,22 +43,22 @@ _CHANNELS = 3
 
 
 class UnknownMaterial(NamedTuple):
-    """A material to be found: its model, and what is told of its numbers.
+    """A material to be found: its model, and what is stated of its numbers.
 
     ``model`` is a name of the catalogue, or "" of a model of one's own.
     """
 
     model: str
     lobe: Parametric
-    told: Mapping[str, Told]
+    stated: Mapping[str, Stated]
     ks_per_channel: bool = False
 
     def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> Unknowns:
         """Put this in the words of a search.  Raises ``ValueError`` as ``unknowns_of`` does."""
         return unknowns_of(
             self.lobe,
-            self.told,
-            matt=self.model == "lambertian",
+            self.stated,
+            diffuse=self.model == "lambertian",
             ks_per_channel=self.ks_per_channel,
             free_gains=free_gains,
             free_scale=free_scale,
@@ -71,14 +71,14 @@ def unknown(
     """Say what you know of a material, by the numbers of its model; what is left out is free.
 
     Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
-    ``Told`` with a start or a prior besides, or None for an index that there is none of (a metal).
+    ``Stated`` with a start or a prior besides, or None for an index that a metal has none of.
     What a model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a
     material of a model of one's own, whose numbers do not matter.
 
     Raises ``ValueError`` for a model, a number or a choice that there is none of.
     """
     if isinstance(model, Parametric):
-        material = UnknownMaterial("", model, _told(numbers), ks_per_channel)
+        material = UnknownMaterial("", model, _stated(numbers), ks_per_channel)
     else:
         entry = MODELS.get(model)
         chosen = () if entry is None else (*entry.options, *entry.names("stated"))
@@ -89,12 +89,12 @@ def unknown(
             if not (lobe.has_index() and lobe.index.name == name):
                 raise ValueError(f"{name}=None: only an index may be left out, by a metal")
             del numbers[name]
-        told = _told(numbers)
+        stated = _stated(numbers)
         for number in MODELS[model].numbers:
-            if number.name in told:
-                _check_domain(number, told[number.name])
-        material = UnknownMaterial(model, lobe, told, ks_per_channel)
-    for name, one in material.told.items():
+            if number.name in stated:
+                _check_domain(number, stated[number.name])
+        material = UnknownMaterial(model, lobe, stated, ks_per_channel)
+    for name, one in material.stated.items():
         linear = name in material.lobe.amplitude_names
         if linear and one.start is not None:
             raise ValueError(f"{name} is solved for outright, from no start; leave it out")
@@ -106,20 +106,20 @@ def unknown(
     return material
 
 
-def _check_domain(number: Number, told: Told) -> None:
+def _check_domain(number: Number, stated: Stated) -> None:
     """Refuse what lies outside the interval of a model's number."""
-    mean = None if told.prior is None else told.prior.mean
-    given = (told.fixed, told.start, mean, *(told.bounds or ()))
+    mean = None if stated.prior is None else stated.prior.mean
+    given = (stated.fixed, stated.start, mean, *(stated.bounds or ()))
     for value in (float(v) for part in given if part is not None for v in np.atleast_1d(part)):
         if not number.domain.holds(value):
             raise ValueError(f"{number.name}={value:g}: it must be {number.domain.words}")
 
 
-def _told(numbers: Mapping[str, Any]) -> dict[str, Told]:
-    """Read what is told of each number."""
+def _stated(numbers: Mapping[str, Any]) -> dict[str, Stated]:
+    """Read what is stated of each number."""
     found = {}
     for name, value in numbers.items():
-        if isinstance(value, Told):
+        if isinstance(value, Stated):
             found[name] = value
             continue
         values = tuple(float(part) for part in np.atleast_1d(np.asarray(value, float)))
@@ -129,9 +129,9 @@ def _told(numbers: Mapping[str, Any]) -> dict[str, Told]:
             low, high = values
             if not low < high:
                 raise ValueError(f"{name} has the bounds {values}; the first must be the smaller")
-            found[name] = Told(bounds=(low, high))
+            found[name] = Stated(bounds=(low, high))
         else:
-            found[name] = Told(fixed=values)
+            found[name] = Stated(fixed=values)
     return found
 
 
@@ -250,9 +250,9 @@ def _with_the_light(
     material = scene.material
     unknowns = material.unknowns()
     channels = pool.radiance.shape[1]
-    matt = material.model in MODELS and not MODELS[material.model].has_gloss
-    _check_ratio(material, unknowns, matt)
-    known = known_of(unknowns, material.lobe, channels, matt=matt)
+    diffuse = material.model in MODELS and not MODELS[material.model].has_specular
+    _check_ratio(material, unknowns, diffuse)
+    known = known_of(unknowns, material.lobe, channels, diffuse=diffuse)
     drawn = draw(pool, sharpness(pool), *draws).observations
     found = factorize(drawn, material.lobe, settings, known, shape=scene.shape)
     given = reflectances_of(unknowns, channels)
@@ -262,15 +262,15 @@ def _with_the_light(
     return _estimate(material, found, light, found.noise, found.relative_rms)
 
 
-def _check_ratio(material: UnknownMaterial, unknowns: Unknowns, matt: bool) -> None:
+def _check_ratio(material: UnknownMaterial, unknowns: Unknowns, diffuse: bool) -> None:
     """Refuse what an unknown light leaves no room for: all but the ratio of kd and ks."""
     for name in material.lobe.amplitude_names:
-        if material.told.get(name, Told()).bounds is not None:
+        if material.stated.get(name, Stated()).bounds is not None:
             raise ValueError(
                 f"{name} has bounds; under unknown light only the ratio of kd and ks is found: "
                 "leave it free, or give kd and ks"
             )
-    if not matt and 0 < len(unknowns.free_amplitudes) < len(unknowns.amplitudes):
+    if not diffuse and 0 < len(unknowns.free_amplitudes) < len(unknowns.amplitudes):
         raise ValueError(
             "under unknown light only the ratio of kd and ks means anything; give both or none"
         )

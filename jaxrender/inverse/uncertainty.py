@@ -186,7 +186,7 @@ def to_parameters(
     amplitudes = linear.amplitudes
     scale = jnp.ones((), amplitudes.dtype)
     if problem.unknowns.free_scale:
-        fixed = not all(told.free for told in problem.unknowns.amplitudes)
+        fixed = not all(unknown.free for unknown in problem.unknowns.amplitudes)
         scale = eliminated[-1] if fixed else jnp.mean(jnp.sum(amplitudes, axis=0))
         amplitudes = amplitudes / scale
     by_name = dict(zip(problem.unknowns.amplitude_names, amplitudes))

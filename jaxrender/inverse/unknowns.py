@@ -73,8 +73,8 @@ class Unknown(eqx.Module):
         return inside if self.start is None else self.start
 
 
-class Told(NamedTuple):
-    """What is told of one of a model's own numbers: nothing, its value, or where it lies.
+class Stated(NamedTuple):
+    """What is stated of one of a model's own numbers: nothing, its value, or where it lies.
 
     ``fixed`` is one value, or one for each channel; ``bounds`` are the lowest and the highest;
     ``start`` is where the search starts; ``prior`` is what is known of it beforehand.
@@ -86,7 +86,7 @@ class Told(NamedTuple):
     prior: Prior | None = None
 
     def unknown(self, lowest: float, highest: float) -> Unknown:
-        """Make the unknown of a search, within these bounds unless told otherwise."""
+        """Make the unknown of a search, within these bounds unless stated otherwise."""
         if self.fixed is not None:
             fixed = tuple(float(value) for value in np.atleast_1d(self.fixed))
             return Unknown(fixed=fixed, prior=self.prior)
@@ -129,7 +129,9 @@ class Unknowns(eqx.Module):
     def __getitem__(self, name: str) -> Unknown:
         """What is known of an amplitude or a number; ``KeyError`` where there is none."""
         own = dict(zip(self.amplitude_names, self.amplitudes))
-        return (own | {one.name: told for one, told in zip(self.searched, self.numbers)})[name]
+        return (own | {one.name: unknown for one, unknown in zip(self.searched, self.numbers)})[
+            name
+        ]
 
     def __contains__(self, name: str) -> bool:
         """Whether the model searches for a number of this name."""
@@ -138,17 +140,17 @@ class Unknowns(eqx.Module):
     @property
     def free_amplitudes(self) -> tuple[str, ...]:
         """The amplitudes that are solved for, in the order of the lobes."""
-        told = zip(self.amplitude_names, self.amplitudes)
-        return tuple(name for name, unknown in told if unknown.free)
+        own = zip(self.amplitude_names, self.amplitudes)
+        return tuple(name for name, unknown in own if unknown.free)
 
     @property
     def free_numbers(self) -> tuple[str, ...]:
         """The numbers that are searched for, in the order of the search vector."""
-        return tuple(one.name for one, told in zip(self.searched, self.numbers) if told.free)
+        return tuple(one.name for one, unknown in zip(self.searched, self.numbers) if unknown.free)
 
     @property
     def with_prior(self) -> tuple[str, ...]:
-        """The amplitudes and numbers of which a prior is told."""
+        """The amplitudes and numbers of which a prior is stated."""
         every = (*self.amplitude_names, *(one.name for one in self.searched))
         return tuple(name for name in every if self[name].prior is not None)
 
@@ -169,8 +171,10 @@ class Unknowns(eqx.Module):
         free = iter(point)
         numbers = {
             one.name: one.origin
-            + jnp.exp(_inside(told, next(free) if told.free else None, one.origin, point.dtype))
-            for one, told in zip(self.searched, self.numbers)
+            + jnp.exp(
+                _inside(unknown, next(free) if unknown.free else None, one.origin, point.dtype)
+            )
+            for one, unknown in zip(self.searched, self.numbers)
         }
         gains = jnp.exp(jnp.stack([jnp.zeros((), point.dtype), *free]))
         return Physical(numbers, gains)
@@ -217,41 +221,41 @@ class Unknowns(eqx.Module):
 
 def unknowns_of(
     lobe: Parametric,
-    told: Mapping[str, Told] | None = None,
+    stated: Mapping[str, Stated] | None = None,
     *,
-    matt: bool = False,
+    diffuse: bool = False,
     ks_per_channel: bool = False,
     free_gains: int = 0,
     free_scale: bool = False,
 ) -> Unknowns:
-    """Put what is told of a model's own numbers, by their names, in the words of a search.
+    """Put what is stated of a model's own numbers, by their names, in the words of a search.
 
-    What is not told is free.  ``matt`` leaves all but the base black.  With ``ks_per_channel``
+    What is not stated is free.  ``diffuse`` leaves all but the base black.  With ``ks_per_channel``
     every amplitude has a value for each channel, not only those that the model colours.
 
     Raises ``ValueError`` that begins with the name of a number whose start is outside its bounds,
     for a name that there is none of, and for a model whose numbers contradict its class.
     """
-    told = told or {}
+    stated = stated or {}
     _check_numbers(lobe)
     own = [*lobe.amplitude_names, *(one.name for one in lobe.searched)]
-    for name in told:
+    for name in stated:
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")
 
     def sought(name: str, lowest: float, highest: float) -> Unknown:
         try:
-            return told.get(name, Told()).unknown(lowest, highest)
+            return stated.get(name, Stated()).unknown(lowest, highest)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
     black = Unknown(fixed=(0.0,))
     amplitudes = tuple(
-        black if matt and name not in lobe.bases else sought(name, 0.0, float("inf"))
+        black if diffuse and name not in lobe.bases else sought(name, 0.0, float("inf"))
         for name in lobe.amplitude_names
     )
     numbers = tuple(sought(one.name, one.lowest, one.highest) for one in lobe.searched)
-    if matt:
+    if diffuse:
         numbers = tuple(Unknown(fixed=(float(value),)) for value in lobe.numbers.values())
     return Unknowns(
         amplitudes,

@@ -89,8 +89,8 @@ def fit_variants(
     final, fitted = fit.final, fit.brdf
     if not isinstance(fitted, Microfacet):
         return ()
-    told = leverage(final.observations, light, width_range(final.problem.unknowns, fitted))
-    some, index = draw(final.observations, told, _SAMPLES, settings.seed)
+    weight = leverage(final.observations, light, width_range(final.problem.unknowns, fitted))
+    some, index = draw(final.observations, weight, _SAMPLES, settings.seed)
     predicted = np.asarray(final.fit.predicted)[index]
     sigma = float(fit.brdf.sigma)
     nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA)

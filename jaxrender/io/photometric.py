@@ -74,7 +74,7 @@ class Photometry(NamedTuple):
         )
 
     def intensity(self, directions: Directions) -> Float[Array, "*batch"]:
-        """Interpolate along unit directions away from the lamp, in cd."""
+        """Interpolate along unit directions away from the luminaire, in cd."""
         return self.light().intensity(directions)[..., 0]
 
     def flux(self) -> float:

@@ -2,7 +2,7 @@
 
 The slow reference integral of the reflection equation is a sum over these nodes,
 B = sum_k rho(w_k, w_o) cos t_k E_k, so a light is defined exactly by them.  Directions are world
-directions *towards* the light.  Lights add up: ``probe + lamp`` is a light.
+directions *towards* the light.  Lights add up: ``probe + source`` is a light.
 """
 
 import abc

@@ -1,12 +1,14 @@
-"""The angular distribution of a lamp: intensity as a function of direction, as goniometers give it.
+"""The angular distribution of a luminaire: intensity as a function of direction, as goniometers
+give it.
 
-Frame of the luminaire: +Z up, so that a lamp at the ceiling shines towards -Z.  The vertical angle
-v counts from the nadir -Z, the horizontal angle h from +X towards +Y, counterclockwise from above:
-the direction *away from the lamp* is (sin v cos h, sin v sin h, -cos v).  (Type C photometry.)
+Frame of the luminaire: +Z up, so that a luminaire at the ceiling shines towards -Z.  The vertical
+angle v counts from the nadir -Z, the horizontal angle h from +X towards +Y, counterclockwise from
+above: the direction *away from the luminaire* is (sin v cos h, sin v sin h, -cos v).  (Type C
+photometry.)
 
 Between the nodes intensity is linear in either angle; in the horizontal one it is periodic, in the
 vertical one zero outside the nodes.  Units are those of the table: cd, or W/sr; a receiver at
-distance r that faces the lamp gets I / r^2 (lx, or W/m^2).
+distance r that faces the luminaire gets I / r^2 (lx, or W/m^2).
 """
 
 import equinox as eqx
@@ -59,7 +61,7 @@ class AngularIntensity(eqx.Module):
 
     @checked
     def intensity(self, directions: Directions) -> Float[Array, "*batch channel"]:
-        """Interpolate along unit directions away from the lamp."""
+        """Interpolate along unit directions away from the luminaire."""
         directions = jnp.asarray(directions)
         x, y, z = (directions[..., k] for k in range(3))
         square = x * x + y * y

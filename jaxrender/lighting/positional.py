@@ -32,7 +32,7 @@ class Distribution(Protocol):
 
 
 class IsotropicIntensity(eqx.Module):
-    """The same in all directions; of a lamp of power P it is P / 4 pi."""
+    """The same in all directions; of a source of power P it is P / 4 pi."""
 
     value: Float[AnyArray, "channel"]
 

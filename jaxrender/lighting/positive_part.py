@@ -1,7 +1,7 @@
 """Light that is nowhere negative, from coefficients that were measured.
 
 A sum of few degrees dips below zero where the light is dark.  Cutting that off adds radiance, a
-tenth or a fifth of the mean, and every matt body lit by the picture comes out too bright.  Instead
+tenth or a fifth of the mean, and every diffuse body lit by it comes out too bright.  Instead
 
     minimise |x - x_0|^2 / mean^2 + sum_lm ((x_lm - c_lm) / e_lm)^2  over x >= 0
 

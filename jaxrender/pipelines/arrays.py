@@ -8,15 +8,15 @@ from jaxrender.io.netcdf import Group, Variable
 from jaxrender.shapes import AnyArray, Float
 
 _DIRECTION, _RADIANCE = ("sample", "component"), ("sample", "channel")
-_COEFFICIENT, _LAMP = ("coefficient", "channel"), ("source", "channel")
+_COEFFICIENT, _SOURCE = ("coefficient", "channel"), ("source", "channel")
 # What a light may hold: dimensions, units, meaning.
 _LIGHT = {
     "slow": (_COEFFICIENT, "radiance", "coefficients of the slow light"),
     "slow_error": (_COEFFICIENT, "radiance", "standard errors of slow"),
     "total": (_COEFFICIENT, "radiance", "coefficients of slow light and sources together"),
     "direction": (("source", "component"), "1", "unit vector towards each source, world axes"),
-    "irradiance": (_LAMP, "irradiance", "irradiance of each source, facing it"),
-    "irradiance_error": (_LAMP, "irradiance", "standard errors of irradiance"),
+    "irradiance": (_SOURCE, "irradiance", "irradiance of each source, facing it"),
+    "irradiance_error": (_SOURCE, "irradiance", "standard errors of irradiance"),
     "direction_error": (("source",), "radian", "standard error of each source's direction"),
 }
 

@@ -11,6 +11,7 @@ from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf_spectrum import (
     BRDFSpectrum,
+    DegreeOfLobe,
     SpectrumBasis,
     SpectrumEstimate,
     SpectrumSettings,
@@ -144,9 +145,19 @@ def read_spectrum(path: Path) -> BRDFSpectrum:
         group = file.group("spectrum")
         limit = int(group.array("degree", _UNKNOWN).max())
         basis = SpectrumBasis(limit, bool(group.one_of("reciprocal", (0, 1))))
-        value, told = (group.array(name, by_channel) for name in ("value", "resolution"))
+        value, resolution = (group.array(name, by_channel) for name in ("value", "resolution"))
         covariance = group.array("covariance", ("channel", *_UNKNOWN, "other_unknown"))
-    return BRDFSpectrum(basis, value, covariance, told)
+    return BRDFSpectrum(basis, value, covariance, resolution)
+
+
+def _degree(one: DegreeOfLobe) -> dict[str, Any]:
+    return {
+        "degree": one.degree,
+        "light": one.light,
+        "told": one.determined,
+        "rms_value": one.rms_value,
+        "rms_standard_error": one.rms_standard_error,
+    }
 
 
 def _summary(estimate: SpectrumEstimate) -> dict[str, Any]:
@@ -157,7 +168,7 @@ def _summary(estimate: SpectrumEstimate) -> dict[str, Any]:
         "unknowns": spectrum.basis.count,
         "determined": float(spectrum.resolution.sum(axis=0).mean()),
         "lobe_relative_error": lobe_error(spectrum),
-        "by_degree": [one._asdict() for one in estimate.by_degree()],
+        "by_degree": [_degree(one) for one in estimate.by_degree()],
         "orders": [
             {
                 "order": one.basis.band_limit,

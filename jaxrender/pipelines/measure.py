@@ -89,7 +89,7 @@ def measure(
             progress.advance(count / settings.size[2])
     with progress.stage("write"):
         found = Measurement.of(kept.blocks(settings.size[2]))
-        about = {name: _told(value) for name, value in options._asdict().items()}
+        about = {name: _plain(value) for name, value in options._asdict().items()}
         about |= {"source": "virtual gonioreflectometer", "fingerprint": digest}
         del about["embedding"]
         table = BRDFTable(*found, settings.embedding, 0, about)
@@ -205,7 +205,7 @@ def _is_finished(out: Path, digest: str, force: bool) -> bool:
     return True
 
 
-def _told(value: object) -> str | int | float:
+def _plain(value: object) -> str | int | float:
     if isinstance(value, tuple):
         return " ".join(str(part) for part in value)
     return value if isinstance(value, int | float) else str(value)

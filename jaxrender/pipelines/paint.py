@@ -66,18 +66,18 @@ def render_painted(
     """
     channels = len(recipe.brdf.number("kd"))
     none, full = np.zeros(channels), np.ones(channels)
-    gloss = lobe.with_amplitudes(none, full)
+    specular_lobe = lobe.with_amplitudes(none, full)
     diffuse = render_view(lobe.with_amplitudes(full, none), view, light)
     middle = np.asarray(shape.bounds()).mean(axis=0)
     away = view.points[view.hit] - middle
     paint = painted(recipe, away / np.linalg.norm(away, axis=1, keepdims=True))
     if paint.sigma is None:
-        specular = render_view(gloss, view, light)[view.hit]
+        specular = render_view(specular_lobe, view, light)[view.hit]
     else:
         samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
         places = SurfacePlaces.of_views([view])
-        assert isinstance(gloss, Glossy)
-        specular = render_widths(gloss, paint.sigma, samples, light, places)
+        assert isinstance(specular_lobe, Glossy)
+        specular = render_widths(specular_lobe, paint.sigma, samples, light, places)
     image = np.zeros_like(diffuse)
     image[view.hit] = paint.kd * diffuse[view.hit] + np.asarray(paint.ks)[:, None] * specular
     return image

@@ -23,7 +23,7 @@ from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel, response_named
 from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
 from jaxrender.inverse.photographs import Reading
-from jaxrender.inverse.unknowns import Prior, Told
+from jaxrender.inverse.unknowns import Prior, Stated
 from jaxrender.io import (
     Capture,
     read_capture,
@@ -115,8 +115,8 @@ def material_of(config: RunConfig) -> UnknownMaterial:
     """Translate what is known of the material; ``InputError`` for what cannot be."""
     brdf, model = config.brdf, MODELS[config.brdf.model]
     known = {name: brdf.known(name) for name in model.names("amplitude", "searched")}
-    told = {
-        name: Told(
+    stated = {
+        name: Stated(
             parameter.fixed,
             parameter.bounds,
             None if parameter.start is None else float(np.mean(parameter.start)),
@@ -125,7 +125,7 @@ def material_of(config: RunConfig) -> UnknownMaterial:
         for name, parameter in known.items()
         if parameter is not None
     }
-    material = UnknownMaterial(model.name, lobe_of(brdf), told, brdf.ks_per_channel)
+    material = UnknownMaterial(model.name, lobe_of(brdf), stated, brdf.ks_per_channel)
     try:
         material.unknowns()
     except ValueError as error:

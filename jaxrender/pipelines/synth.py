@@ -232,7 +232,7 @@ def _write_config(
         geometry = {"mesh": "shape.ply"}
     truth, model = dict(recipe.brdf), MODELS[recipe.brdf.model]
     brdf: dict = {"model": model.name}
-    if model.has_gloss:
+    if model.has_specular:
         brdf["ks_per_channel"] = len(set(truth["ks"])) > 1
     brdf |= {name: truth[name] for name in (*model.options, *model.names("stated"))}
     if truth["mu"] == "none":

@@ -10,7 +10,7 @@
 ``prefilter``
     environment maps convolved with lobes that depend on one angle
 ``subspaces``
-    the few images that all pictures of a matte object are mixed from
+    the few images that all pictures of a diffuse object are mixed from
 ``shrm``
     spherical harmonic reflection maps: any light and isotropic BRDF, for any viewer (T 5)
 ``dual``

@@ -52,7 +52,7 @@ def refuse_narrow(
 
 
 def _width_of(brdf: BRDF) -> Float[AnyArray, ""] | float | None:
-    # Oren and Nayar's sigma is that of the facets of matt paint, which has no lobe.
+    # Oren and Nayar's sigma is that of the facets of diffuse paint, which has no lobe.
     if not isinstance(brdf, Parametric) or isinstance(brdf, OrenNayar):
         return None
     if isinstance(brdf, AnisotropicWard):

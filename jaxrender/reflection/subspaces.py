@@ -1,4 +1,4 @@
-"""The few images that all pictures of a matte object are mixed from (T 4.3.3, 7.1).
+"""The few images that all pictures of a diffuse object are mixed from (T 4.3.3, 7.1).
 
 Under distant light, without shadows cast, a picture of a Lambertian object from one view is
 sum_lm L_lm b_lm with the *basis images* b_lm = albedo A_l Y_lm(n) / pi: nine of them to degree 2.
@@ -70,9 +70,9 @@ def basis_from_photographs(
         table = lights[..., channel]
         sizes = np.linalg.svd(table, compute_uv=False)
         if not sizes[-1] > _LEAST_CONDITION * sizes[0]:
-            told_apart = int(np.sum(sizes > _LEAST_CONDITION * sizes[0]))
+            distinct = int(np.sum(sizes > _LEAST_CONDITION * sizes[0]))
             raise ValueError(
-                f"the lights of channel {channel} are mixtures of {told_apart} lights, and "
+                f"the lights of channel {channel} are mixtures of {distinct} lights, and "
                 f"{coefficients} basis images are asked for: vary the light more"
             )
         condition = max(condition, float(sizes[0] / sizes[-1]))

@@ -216,8 +216,9 @@ def _check(band_limits: tuple[int, int], rule: HemisphereRule) -> None:
         coefficient_count(limit)
     if max(band_limits) >= min(rule.polar, rule.azimuth // 2):
         raise ValueError(
-            f"degree {max(band_limits)} cannot be told with {rule.polar} rows and {rule.azimuth} "
-            "columns: give a rule with more rows than the degree, and twice as many columns"
+            f"degree {max(band_limits)} cannot be determined with {rule.polar} rows and "
+            f"{rule.azimuth} columns: give a rule with more rows than the degree, and twice as "
+            "many columns"
         )
 
 

@@ -1,7 +1,7 @@
 """Ringing of a spectrum that is cut at (F, P), and the windows that take it off.
 
 A lobe cut in the degrees of the light or of the viewer falls below zero beside its peak and towards
-grazing, and a map of it shows black specks around bright lamps.  ``harmonics.windows`` has the
+grazing, and a map of it shows black specks around bright sources.  ``harmonics.windows`` has the
 windows for one degree; here they weigh both.
 """
 

@@ -92,18 +92,18 @@ def test_lambertian_texels_are_a_mip_of_kd():
 
 
 def test_a_pixel_over_a_block_is_the_mean_of_its_texels(pyramid):
-    lamp = np.array([[0.3, 0.4, np.sqrt(0.75)]])
+    source = np.array([[0.3, 0.4, np.sqrt(0.75)]])
     eye = np.array([[-0.35, -0.3, np.sqrt(1 - 0.35**2 - 0.3**2)]])
     # The cell's centre, where a table is the BRDF itself.
     centred = [
         np.asarray(NUSSELT.direction_from_square((np.floor(p * SIZE) + 0.5) / SIZE))
-        for p in (np.asarray(NUSSELT.square_from_direction(w)) for w in (lamp, eye))
+        for p in (np.asarray(NUSSELT.square_from_direction(w)) for w in (source, eye))
     ]
     shaded = np.array([np.asarray(b.evaluate(*centred))[0] for b in BRDFS])
     for level, width in ((0, 1), (1, 2), (2, 4)):
         place = np.array([[width * 0.5 / 8, 1 - width * 0.5 / 4]])
         expected = shaded[INDEX[:width, :width]].reshape(-1, 2).mean(axis=0)
-        found = pyramid.evaluate(place, np.array([float(level)]), lamp, eye)[0]
+        found = pyramid.evaluate(place, np.array([float(level)]), source, eye)[0]
         np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 

@@ -1,8 +1,8 @@
 """Reflection and transmission as four trees.
 
 - At the centres of cells the function, for each pair of sides, with Haar's and another wavelet.
-- A matt sheet: shares of uniform light that stay and pass, by hand; the 16 / pi of two discs (4 and
-  4 / pi; without the 4s of ERRATA 75 it would be a sixteenth).
+- A diffuse sheet: shares of uniform light that stay and pass, by hand; the 16 / pi of two discs (4
+  and 4 / pi; without the 4s of ERRATA 75 it would be a sixteenth).
 - The reflection of a side is its BRDF; sides are told apart by the sign of z alone.
 - Thresholded, values are not negative; trees that differ are refused.
 """
@@ -41,7 +41,7 @@ def test_cells_have_the_function(wavelet):
     np.testing.assert_allclose(found, tinted(incoming, outgoing), atol=1e-12)
 
 
-def test_shares_of_a_matt_sheet():
+def test_shares_of_a_diffuse_sheet():
     def sheet(incoming, outgoing):
         through = incoming[..., 2] * outgoing[..., 2] < 0
         return jnp.where(through, 0.3, 0.6)[..., None] / np.pi

@@ -232,7 +232,7 @@ def test_cells_beyond_the_horizon_are_zero_or_extended():
 
 @pytest.mark.parametrize("reconstruction", ["linear", "b-spline"])
 @pytest.mark.parametrize("embedding", EMBEDDINGS.values(), ids=lambda e: e.name)
-def test_a_matte_table_is_matte_to_the_horizon(embedding, reconstruction):
+def test_a_diffuse_table_is_diffuse_to_the_horizon(embedding, reconstruction):
     table = TabulatedBRDF.of(Lambertian(np.array([0.2, 0.1])), 7, embedding, reconstruction)
     a, b = upper_directions(200, 10, 1e-4), upper_directions(200, 11, 1e-4)
     np.testing.assert_allclose(evaluate(table, a, b), np.tile([0.2, 0.1], (200, 1)), rtol=1e-12)

@@ -26,7 +26,7 @@ UPPER = unit(2, seed=3) * np.array([1, 1, 0]) + np.array([0, 0, 0.4])
 UPPER /= np.linalg.norm(UPPER, axis=1, keepdims=True)
 SUN = np.array([0.48, 0.36, 0.8])
 OVERHEAD = np.array([0.0, 0.0, 1.0])
-LAMP = {
+LUMINAIRE = {
     "horizontal": np.array([0.2, 1.5, 4.0]),
     "vertical": np.array([0.1, 0.9, 2.0, 3.0]),
     "values": np.abs(normal(3, 4, 2)),
@@ -149,12 +149,14 @@ ROWS = [
     ),
     Row(
         "AngularIntensity.intensity",
-        lambda directions, **lamp: AngularIntensity(**lamp).intensity(directions),
-        {"directions": Unit(WITHIN / np.linalg.norm(WITHIN, axis=1, keepdims=True)), **LAMP},
+        lambda directions, **luminaire: AngularIntensity(**luminaire).intensity(directions),
+        {"directions": Unit(WITHIN / np.linalg.norm(WITHIN, axis=1, keepdims=True)), **LUMINAIRE},
         {place: {"directions": Unit(repeated(pole))} for place, pole in POLES.items()},
         kinks=dict.fromkeys(POLES, ON_AXIS),
     ),
-    Row("AngularIntensity.flux", lambda **lamp: AngularIntensity(**lamp).flux(), LAMP),
+    Row(
+        "AngularIntensity.flux", lambda **luminaire: AngularIntensity(**luminaire).flux(), LUMINAIRE
+    ),
     Row(
         "PointLight.arriving",
         lambda position, points, peak, world_from_local: PointLight(

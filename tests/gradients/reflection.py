@@ -62,11 +62,11 @@ EDGES = {place: {"samples": value} for place, value in PLACES.items()}
 SIGMA = {"sigma": Above(np.array(0.3))}
 MU = {"mu": Above(np.array(1.5), 1)}
 MATERIAL = {"kd": np.array([0.2, 0.1]), "ks": np.array([0.4, 0.5]), **SIGMA, **MU}
-# Lamps near the mirrors' directions, so that narrow lobes are seen.
+# Sources near the mirrors' directions, so that narrow lobes are seen.
 MIRRORS = 2 * np.sum(NORMALS * OUTGOING, axis=1, keepdims=True) * NORMALS - OUTGOING
-LAMPS = MIRRORS + 0.01 * normal(2, 3)
-LAMPS /= np.linalg.norm(LAMPS, axis=1, keepdims=True)
-LIGHT = {"directions": Unit(LAMPS), "irradiance": np.abs(normal(2, 2)) + 0.2}
+SOURCES = MIRRORS + 0.01 * normal(2, 3)
+SOURCES /= np.linalg.norm(SOURCES, axis=1, keepdims=True)
+LIGHT = {"directions": Unit(SOURCES), "irradiance": np.abs(normal(2, 2)) + 0.2}
 NARROW = {"sigma": Above(np.array(0.01))}
 CHANGES = {
     "sigma .01": NARROW,
@@ -128,7 +128,7 @@ def _images(brdf, view, model):
 
 
 def _from_camera(picture):
-    """An image of the ball by material and lamps."""
+    """An image of the ball by material and sources."""
 
     def call(kd, ks, sigma, mu, irradiance):
         # Its own geometry is in double precision, and so is the image; a view may be in single.
@@ -141,14 +141,14 @@ def _from_camera(picture):
 
 
 def _by_nodes(brdf, energy):
-    return reflection.render(brdf, CAMERA, BALL, ExactForward(LightNodes(LAMPS, energy)))
+    return reflection.render(brdf, CAMERA, BALL, ExactForward(LightNodes(SOURCES, energy)))
 
 
 def _by_a_light(brdf, energy):
-    return reflection.render_lit(brdf, DirectionalSources(LAMPS, energy), BALL, CAMERA)
+    return reflection.render_lit(brdf, DirectionalSources(SOURCES, energy), BALL, CAMERA)
 
 
-FRAMES = {"frames": FrameNodes(Unit(LAMPS[:, None]), np.ones((2, 1, 2)), Still(np.array([0, 1])))}
+FRAMES = {"frames": FrameNodes(Unit(SOURCES[:, None]), np.ones((2, 1, 2)), Still(np.array([0, 1])))}
 LIMITS = (3, 2)
 SPECTRUM = {"rho": normal(4, 3, 3, 1)}
 GRID = LatLongGrid(12, 24)
@@ -208,7 +208,7 @@ ROWS = [
             ),
         ),
         {**SIGMA, **MU, **LIGHT, "widths": Above(np.array([0.1, 0.4]))},
-        {**EDGES, **CHANGES, "lamps coincide": {"directions": Unit(LAMPS[[0, 0]])}},
+        {**EDGES, **CHANGES, "sources coincide": {"directions": Unit(SOURCES[[0, 0]])}},
     ),
     columns(
         "integral_columns_by_frame",

@@ -83,7 +83,7 @@ def test_differentiable_in_the_angle():
 
 
 def test_misuse_is_refused():
-    with pytest.raises(ValueError, match=r"degree 4 cannot be told from 8 .*3 or less"):
+    with pytest.raises(ValueError, match=r"degree 4 cannot be determined from 8 .*3 or less"):
         analyse_circle(np.zeros((8, 1)), 4)
     with pytest.raises(ValueError, match="band_limit is -1"):
         analyse_circle(np.zeros((8, 1)), -1)

@@ -134,7 +134,7 @@ def test_misuse_is_refused():
     grid = LatLongGrid(8, 16)
     image = np.zeros((8, 16, 3))
     for transform in (analyse, analyse_dense):
-        with pytest.raises(ValueError, match=r"degree 4 cannot be told.*3 or less"):
+        with pytest.raises(ValueError, match=r"degree 4 cannot be determined.*3 or less"):
             transform(grid, image, 4)
         with pytest.raises(ValueError, match="8 x 15 texels"):
             transform(grid, image[:, :15], 2)

@@ -52,13 +52,13 @@ def test_stand_hole_and_cropping_do_no_harm():
 
 
 @pytest.mark.parametrize(
-    ("mask", "told"),
+    ("mask", "message"),
     [
         (np.zeros((20, 20), bool), "outline has 0 points"),
         (np.ones((20, 20), bool), "outline has 0 points"),
         (np.pad(np.ones((4, 100), bool), 5), "lie on one circle"),
     ],
 )
-def test_what_is_no_ball_is_refused(mask, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_is_no_ball_is_refused(mask, message):
+    with pytest.raises(ValueError, match=message):
         circle_of(mask)

@@ -74,7 +74,7 @@ LIGHTS = SmoothLobes(
     np.radians([25.0, 40.0, 60.0]),
     np.array([[3.0, 2.8, 2.4], [1.2, 1.4, 1.6], [0.5, 0.6, 0.8]]),
 )
-LAMPS = DirectionalSources(
+SOURCES = DirectionalSources(
     np.array([[0.2, -0.7, 0.6], [-0.9, 0.1, 0.4]]),
     np.array([[0.5, 0.45, 0.4], [0.3, 0.3, 0.35]]),
 )
@@ -99,15 +99,15 @@ def ball_samples(count=SAMPLES, lowest_cosine=0.15, seed=0):
 
 
 def known_light(rows=ROWS):
-    return KnownLight(LIGHTS.to_environment(rows), LAMPS)
+    return KnownLight(LIGHTS.to_environment(rows), SOURCES)
 
 
-def photograph(brdf, samples, frame, radiance_of=LIGHTS.radiance, lamps=LAMPS):
+def photograph(brdf, samples, frame, radiance_of=LIGHTS.radiance, sources=SOURCES):
     """Photograph under continuous light: the fit's images of it have no part in this."""
     arrays = SurfaceSamples(*(jnp.asarray(a) for a in samples))
     columns = polar_columns(brdf, arrays, radiance_of)
-    if lamps is not None:
-        columns = columns + integral_columns(brdf, arrays, lamps.nodes())
+    if sources is not None:
+        columns = columns + integral_columns(brdf, arrays, sources.nodes())
     return Observations(samples, np.asarray(radiance(brdf, columns)), frame)
 
 
@@ -125,13 +125,13 @@ def parameter_vector(parameters):
 
 
 def microfacet_unknowns(*, kd=None, ks=None, sigma=None, mu=True, **rest):
-    """Unknowns of T 6.2, all free unless told otherwise; ``mu=None`` is a metal."""
+    """Unknowns of T 6.2, all free unless stated otherwise; ``mu=None`` is a metal."""
     free = unknowns_of(Microfacet(np.zeros(3), np.zeros(3), 0.1, 1.5 if mu else None), **rest)
-    told = [sigma or free["sigma"]]
+    numbers = [sigma or free["sigma"]]
     if mu is not None:
-        told.append(free["mu"] if mu is True else mu)
+        numbers.append(free["mu"] if mu is True else mu)
     amplitudes = (kd or free["kd"], ks or free["ks"])
-    return dataclasses.replace(free, amplitudes=amplitudes, numbers=tuple(told))
+    return dataclasses.replace(free, amplitudes=amplitudes, numbers=tuple(numbers))
 
 
 def sigma_unknown(lower=WIDTH_BOUNDS[0], upper=WIDTH_BOUNDS[1], start=None):

@@ -47,13 +47,13 @@ def phong_operator(samples, band_limit, kd, ks, exponent=EXPONENT):
     return LightOperator(rows, np.asarray(kd), np.asarray(ks), band_limit)
 
 
-def photograph(brdf, samples, lobes, lamp):
-    """Photograph without noise: the exact integral of smooth light, and of a lamp."""
+def photograph(brdf, samples, lobes, source):
+    """Photograph without noise: the exact integral of smooth light, and of a source."""
     arrays = SurfaceSamples(*(jnp.asarray(a) for a in samples))
-    return np.asarray(_integrated(brdf, arrays, lobes, lamp))
+    return np.asarray(_integrated(brdf, arrays, lobes, source))
 
 
 @eqx.filter_jit
-def _integrated(brdf, samples, lobes, lamp):
+def _integrated(brdf, samples, lobes, source):
     smooth = polar_columns(brdf, samples, lobes.radiance, polar_nodes=32)
-    return radiance(brdf, smooth + integral_columns(brdf, samples, lamp.nodes()))
+    return radiance(brdf, smooth + integral_columns(brdf, samples, source.nodes()))

@@ -1,7 +1,7 @@
-"""A matt bowl that lights itself: the albedo comes back only where the bounces are modelled.
+"""A diffuse bowl that lights itself: the albedo comes back only where the bounces are modelled.
 
 The photographs are closed form: the inside of half a sphere sees itself equally everywhere, so with
-albedo a it has the irradiance E_0 + a / 2 mean(E_0) / (1 - a / 2), E_0 from a lamp overhead that
+albedo a it has the irradiance E_0 + a / 2 mean(E_0) / (1 - a / 2), E_0 from a source overhead that
 reaches every place.
 
 - Without bounces kd is too large by what they add; with them it is within a per cent, which is what
@@ -27,7 +27,7 @@ from jaxrender.lighting import DirectionalSources
 ALBEDO = np.array([0.8, 0.5, 0.1])
 # E_0 = cos t from overhead: its mean over the half sphere is 1/2.
 ADDED = ALBEDO / 2 * 0.5 / (1 - ALBEDO / 2)
-MATT = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.4,)), mu=None)
+DIFFUSE = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.4,)), mu=None)
 BLACK = Microfacet(np.zeros(3), np.zeros(3), 0.4, None)
 LIGHT = KnownLight(None, DirectionalSources(np.array([[0.0, 0, 1]]), np.ones((1, 3))))
 
@@ -56,7 +56,7 @@ def photographed(mesh):
 
 def fit(observations, shape, bounces):
     settings = FitSettings(starts=1, interreflection=bounces)
-    return fit_brdf(observations, LIGHT, MATT, BLACK, settings, shape=shape)
+    return fit_brdf(observations, LIGHT, DIFFUSE, BLACK, settings, shape=shape)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@
 - 90 % intervals hold the truth in 90 % of repetitions (nothing of the photographs' light or
   quadrature is the fit's).
 - Metals come without mu; a parameter at a bound is an outcome; five per cent of outliers do not
-  matter to a robust loss; lamps of single photographs work.
+  matter to a robust loss; sources of single photographs work.
 - Uniform light leaves sigma unknown without grazing angles, in words, and known with them.
 - Too few samples are refused.
 """
@@ -223,14 +223,14 @@ def fit_under_uniform_light(lowest_cosine):
     return fit_brdf(with_noise(exact, seed=2), light, microfacet_unknowns(), material(), SETTINGS)
 
 
-def test_a_lamp_for_each_photograph():
+def test_a_source_for_each_photograph():
     samples, frame = ball_samples()
     turned = [np.roll(np.eye(3), shift, axis=0)[:1] + 0.3 for shift in range(4)]
-    lamps = tuple(DirectionalSources(towards, np.ones((1, 3))) for towards in turned)
-    shots = [photograph(material(), samples, frame, jnp.zeros_like, lamp) for lamp in lamps]
+    sources = tuple(DirectionalSources(towards, np.ones((1, 3))) for towards in turned)
+    shots = [photograph(material(), samples, frame, jnp.zeros_like, source) for source in sources]
     radiance = np.stack([shot.radiance for shot in shots])[frame, np.arange(SAMPLES)]
     noisy = with_noise(shots[0]._replace(radiance=radiance), 0.01, 0.002)
-    light = KnownLight(None, DirectionalSources.none(), lamps)
+    light = KnownLight(None, DirectionalSources.none(), sources)
     found = fit_brdf(noisy, light, microfacet_unknowns(), material(), SETTINGS)
     assert np.all(np.abs(scores(found)) < STATED_ERRORS)
 

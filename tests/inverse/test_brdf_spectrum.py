@@ -115,7 +115,7 @@ def test_rows_are_the_convolution_theorem(basis):
 
 @pytest.mark.parametrize("basis", FORMS)
 def test_the_series_as_a_brdf_under_the_integral(basis):
-    """A lamp lights the recovered BRDF as its coefficients light the convolution."""
+    """A source lights the recovered BRDF as its coefficients light the convolution."""
     values = some_values(basis)
     found = solve_spectrum(
         basis,
@@ -310,37 +310,39 @@ def photographed(brdf, light, count, seed, noise=0.01):
 @pytest.mark.slow
 def test_what_was_recovered_under_rich_light_renders_soft_light():
     """T figure 6.2, bottom middle: low-frequency light needs the low frequencies only."""
-    lamp = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.array([[3.0, 2.0]]))
+    source = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.array([[3.0, 2.0]]))
     soft = HarmonicLight(np.outer([3.0, 0.3, 0.8, -0.4], [1.0, 0.7]), 32)
-    rich = some_rich_light(lamp, soft, LIMIT)
+    rich = some_rich_light(source, soft, LIMIT)
     basis = SpectrumBasis(LIMIT, reciprocal=True)
     soft_shots, _ = photographed(GLOSSY, soft, 1500, 5)
-    lit, _ = photographed(GLOSSY, lamp, 1500, 5)
+    lit, _ = photographed(GLOSSY, source, 1500, 5)
     both = soft_shots._replace(radiance=soft_shots.radiance + lit.radiance)
     found = fit_brdf_spectrum(both, rich, basis)
     fresh, exact = photographed(GLOSSY, soft, 300, 6, 0.0)
     off = found.radiance(soft.coefficients, fresh.samples) - exact
     assert np.sqrt(np.sum(off**2) / np.sum(exact**2)) < 0.03
-    # The lamp's own degrees above the order are left over.
+    # The source's own degrees above the order are left over.
     assert found.relative_rms < 0.12
 
 
-def some_rich_light(lamp, soft, limit):
-    return np.asarray(light_coefficients(lamp, limit)) + np.asarray(light_coefficients(soft, limit))
+def some_rich_light(source, soft, limit):
+    return np.asarray(light_coefficients(source, limit)) + np.asarray(
+        light_coefficients(soft, limit)
+    )
 
 
 @pytest.mark.slow
 def test_sharp_brdfs_ring_and_higher_orders_are_sharper():
     brdf = Microfacet(np.full(2, 0.1), np.full(2, 0.3), 0.15, None, "half", "smith")
-    lamp = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.ones((1, 2)))
-    shots, _ = photographed(brdf, lamp, 4000, 7)
+    source = DirectionalSources(np.array([[0.3, -0.5, 0.8]]), np.ones((1, 2)))
+    shots, _ = photographed(brdf, source, 4000, 7)
     outgoing = np.array([[0.6, 0, 0.8]])
     mirror = outgoing * [-1, 1, 1]
     azimuth = np.radians(np.arange(0, 360, 10))
     ring = np.stack([0.6 * np.cos(azimuth), 0.6 * np.sin(azimuth), 0.8 + 0 * azimuth], axis=-1)
     peaks, dips = [], []
     for limit in (LIMIT, 8):
-        light = np.asarray(light_coefficients(lamp, limit))
+        light = np.asarray(light_coefficients(source, limit))
         found = fit_brdf_spectrum(shots, light, SpectrumBasis(limit, reciprocal=True))
         peaks.append(found.transfer(mirror, outgoing)[0].mean())
         dips.append(found.transfer(ring, np.repeat(outgoing, len(ring), 0))[0].min())
@@ -350,7 +352,7 @@ def test_sharp_brdfs_ring_and_higher_orders_are_sharper():
     assert min(dips) < 0.9 * 0.1 * 0.8
 
 
-def test_a_matte_surface():
+def test_a_diffuse_surface():
     """Lambertian: rho_l00 are the clamped cosine's, up to what lies below the horizon."""
     brdf = Lambertian(np.full(2, 1 / np.pi))
     light = HarmonicLight(some_light(2), 32)

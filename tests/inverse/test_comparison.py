@@ -1,7 +1,7 @@
 """Models ranked by held-out pixels: the one that made the photographs comes first.
 
 - Photographs by the exact integral of GGX rank GGX first, of Ward's model Ward first, with a
-  chi-squared of one and the others told apart; a matt material is far behind.
+  chi-squared of one and the others told apart; a diffuse material is far behind.
 - What is held out was not fitted, is the same for all, and is drawn by the seed.
 - Two equal candidates are behind by nothing, and are not told apart.
 - A sample that stands for several pixels counts as if each of them had been held out.
@@ -26,9 +26,9 @@ KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)
 GGX = Microfacet(KD, KS, 0.16, None, "half", "smith", "ggx")
 WARD = Ward(KD, KS, 0.16)
 METALLIC = microfacet_unknowns(mu=None)
-MATT = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
+DIFFUSE = microfacet_unknowns(ks=Unknown((0.0,)), sigma=Unknown((0.1,)), mu=None)
 CANDIDATES = (
-    Candidate("lambertian", Microfacet(KD, KS, 0.1, None), MATT),
+    Candidate("lambertian", Microfacet(KD, KS, 0.1, None), DIFFUSE),
     Candidate("ward", lobe_named("ward"), unknowns_of(lobe_named("ward"))),
     Candidate("ggx", GGX.with_roughness(0.1), METALLIC),
 )

@@ -1,8 +1,8 @@
 """Light and material both unknown, of an object that shadows itself.
 
 Photographs are the integral over directions of no image, with visibility and noise; the fit is the
-dual model of T 6.12.  Pinned down: with the object's shape the share of gloss and the roughness are
-found, the two lamps too; without it all of them are worse, and the photographs stay unexplained;
+dual model of T 6.12.  Pinned down: with the object's shape the specular share and the roughness are
+found, the two sources too; without it all of them are worse, and the photographs stay unexplained;
 predictions know of the shadows; samples whose places nobody gave are refused.
 """
 
@@ -21,14 +21,14 @@ from jaxrender.reflection import integral_columns, radiance
 
 STATUE = sculpture(3, seed=1)
 PAINT = Microfacet(np.array([0.24]), np.array([0.12]), 0.16, None)
-LAMPS = unit(np.array([[-0.35, 0.8, 0.5], [0.6, -0.7, 0.5]]))
+SOURCES = unit(np.array([[-0.35, 0.8, 0.5], [0.6, -0.7, 0.5]]))
 ENERGIES = np.array([[1.2], [0.85]])
 AREA = SmoothLobes(unit(np.array([[0.9, 0.5, 0.4]])), np.radians([40.0]), np.ones((1, 1)))
 COUNT, VIEWS, NODES = 700, 3, 2500
 NOISE = NoiseModel(0.01, 0.0005)
 # Without the exact integral's corrections; the shares' is what 1 % noise and degree 6 leave.
 SETTINGS = FactorSettings(band_limit=6, most_sources=2, refine=False)
-SHARE, ROUGHNESS, LAMP_DEGREES = 0.05, 0.03, 1.0
+SHARE, ROUGHNESS, SOURCE_DEGREES = 0.05, 0.03, 1.0
 
 
 def drawn() -> tuple[SurfaceSamples, np.ndarray, SurfacePlaces]:
@@ -49,11 +49,11 @@ def drawn() -> tuple[SurfaceSamples, np.ndarray, SurfacePlaces]:
 
 @pytest.fixture(scope="module")
 def photographs() -> Observations:
-    """An area light and two lamps, as the statue lets them through."""
+    """An area light and two sources, as the statue lets them through."""
     samples, frame, places = drawn()
     directions = fibonacci_sphere(NODES)
     area = 4 * np.pi / NODES * np.asarray(AREA.radiance(directions))
-    towards = np.concatenate([directions, LAMPS])
+    towards = np.concatenate([directions, SOURCES])
     nodes = LightNodes(towards, jnp.asarray(np.concatenate([area, ENERGIES])))
     columns = integral_columns(PAINT, samples, nodes, visible(STATUE, places, towards))
     exact = np.asarray(radiance(PAINT, columns))
@@ -79,7 +79,7 @@ def test_share_and_roughness_are_found(found):
     assert roughness < ROUGHNESS
     assert found.relative_rms < 0.03
     towards = np.asarray(found.scene.sources.directions)
-    assert np.all((towards @ LAMPS.T).max(axis=0) > np.cos(np.radians(LAMP_DEGREES)))
+    assert np.all((towards @ SOURCES.T).max(axis=0) > np.cos(np.radians(SOURCE_DEGREES)))
 
 
 def test_prediction_knows_of_the_shadows(photographs, found):

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import LAMPS, material, microfacet_unknowns, parameter_vector, unit
+from inverse_problems import SOURCES, material, microfacet_unknowns, parameter_vector, unit
 
 from jaxrender import reflection
 from jaxrender.geometry import (
@@ -51,7 +51,7 @@ COUNT, VIEWS, NODES = 320, 3, 3000
 LOBE = SmoothLobes(
     unit(np.array([[1.0, 0.3, 0.8]])), np.radians([22.0]), np.array([[3.0, 2.8, 2.4]])
 )
-KNOWN = KnownLight(LOBE.to_environment(64), LAMPS)
+KNOWN = KnownLight(LOBE.to_environment(64), SOURCES)
 # kd of three channels, ks, sigma, mu: what 64 rows, a lobe in 3000 nodes and few samples leave.
 REFINED = np.array([0.01, 0.01, 0.01, 0.015, 0.01, 0.02])
 FREQUENCY = np.array([0.02, 0.02, 0.02, 0.03, 0.02, 0.04])
@@ -92,13 +92,13 @@ def brute_force_sees(chosen, directions):
 
 @pytest.fixture(scope="module")
 def photographs():
-    """The integral over a lobe, at the nodes of no image, and two lamps."""
+    """The integral over a lobe, at the nodes of no image, and two sources."""
     directions = fibonacci_sphere(NODES)
     light = 4 * np.pi / NODES * np.asarray(LOBE.radiance(directions))
     lit = light.max(axis=1) > 1e-4 * light.max()
     nodes = LightNodes(
-        np.concatenate([directions[lit], LAMPS.directions]),
-        np.concatenate([light[lit], LAMPS.irradiance]),
+        np.concatenate([directions[lit], SOURCES.directions]),
+        np.concatenate([light[lit], SOURCES.irradiance]),
     )
     seen = visible(STATUE, PLACES, nodes.directions)
     # All of them would take minutes.
@@ -140,7 +140,7 @@ def test_variants_keep_the_shadows(fitted, monkeypatch):
 
 @pytest.mark.slow
 def test_sources_of_single_photographs(photographs):
-    """No environment: every photograph has a lamp of its own, hidden from some samples."""
+    """No environment: every photograph has a source of its own, hidden from some samples."""
     towards = unit(np.array([[0.9, 0.4, 0.7], [-0.5, 0.8, 0.6], [0.1, -1.0, 0.5]]))
     frames = FrameNodes(towards[:, None], np.full((VIEWS, 1, 3), 2.0), FRAME)
     every = brute_force_sees(np.arange(COUNT), towards)
@@ -148,11 +148,11 @@ def test_sources_of_single_photographs(photographs):
     assert 0.05 < 1 - seen.mean() < 0.7
     columns = integral_columns_by_frame(BRDF, ARRAYS, frames, seen)
     shots = photographs._replace(radiance=np.asarray(radiance(BRDF, columns)))
-    lamps = tuple(DirectionalSources(d[None], np.full((1, 3), 2.0)) for d in towards)
-    light = KnownLight(None, DirectionalSources.none(), lamps)
+    sources = tuple(DirectionalSources(d[None], np.full((1, 3), 2.0)) for d in towards)
+    light = KnownLight(None, DirectionalSources.none(), sources)
     found = fit_brdf(shots, light, UNKNOWNS, BRDF, SETTINGS, shape=STATUE)
-    # Nothing is approximated here but the table, to 1e-4 of the lobe's peak; one lamp a photograph
-    # says little about mu.
+    # Nothing is approximated here but the table, to 1e-4 of the lobe's peak; one source a
+    # photograph says little about mu.
     assert found.exact is not None
     assert np.all(errors(found.frequency) < [1e-3, 1e-3, 1e-3, 2e-3, 2e-3, 2e-2])
     assert np.all(errors(found.exact) < [1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 5e-3])
@@ -160,7 +160,7 @@ def test_sources_of_single_photographs(photographs):
 
 def test_the_table_is_t_6_12():
     rng = np.random.default_rng(3)
-    light = DualLight(rng.normal(size=(49, 3)), LAMPS)
+    light = DualLight(rng.normal(size=(49, 3)), SOURCES)
     shadows = cast_shadows(STATUE, PLACES, SAMPLES, light, rng.normal(size=(COUNT, 81)))
     assert 0.02 < 1 - shadows.reflected.mean() < 0.5
     table = roughness_table(BRDF, SAMPLES, light, (0.1, 0.3), shadows=shadows)
@@ -178,7 +178,7 @@ def test_masks_stay_with_their_samples(photographs):
     assert some.places is not None
     np.testing.assert_array_equal(some.places.points, PLACES.points[chosen])
     np.testing.assert_array_equal(np.asarray(some.transfer), whole.transfer[chosen])
-    nodes = (LAMPS.nodes(),)
+    nodes = (SOURCES.nodes(),)
     seen, few = (np.asarray(nodes_seen(STATUE, o, nodes))[0] for o in (whole, some))
     np.testing.assert_array_equal(few, seen[chosen])
     model = ExactModel(BRDF, ARRAYS, nodes, (seen,))
@@ -191,7 +191,7 @@ def test_masks_stay_with_their_samples(photographs):
 
 
 def test_a_convex_shape_changes_nothing(photographs):
-    light = KnownLight(None, LAMPS)
+    light = KnownLight(None, SOURCES)
     nowhere = photographs._replace(places=None)
     with_shape, without = (
         fit_brdf(nowhere, light, UNKNOWNS, BRDF, SETTINGS._replace(refine=False), shape=shape)

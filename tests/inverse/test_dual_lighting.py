@@ -4,7 +4,7 @@
   coefficients and the image come back to the grid's resolution, many samples a bin.
 - Image and coefficients are consistent: the image is U - W L, L its moments (T 6.21).
 - Transfer vectors and V(R) stand in for the convex object's nine parameters.
-- The exact integral of an area light and a lamp: closer to the truth filtered by sigma than the
+- The exact integral of an area light and a source: closer to the truth filtered by sigma than the
   coefficient method at l* = 12.
 - Unseen bins are marked, have no error bar, and follow their rule.
 - Standard errors are those that noise causes.
@@ -30,7 +30,7 @@ ROWS, COUNT = 24, 5000
 # A bilinear tent of 7.5 degrees on light of degree 2: l(l+1) h^2 / 12 twice is .017 of its size.
 RESOLUTION = 0.03
 SIGMA = 0.1
-LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.8, 0.8, 0.8]]))
+SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.8, 0.8, 0.8]]))
 
 
 def thesis_operator(samples, band_limit=2, **keywords):
@@ -84,11 +84,11 @@ def test_transfer_vectors_and_shadowed_reflections():
 def test_closer_to_the_filtered_truth_than_twelve_degrees():
     samples = samples_all_round(COUNT, lowest_cosine=0.7)
     brdf = Microfacet(np.full(3, 0.15), np.full(3, 0.2), SIGMA, 1.5)
-    exact = photograph(brdf, samples, LIGHTS, LAMP)
+    exact = photograph(brdf, samples, LIGHTS, SOURCE)
     noise = 0.01 * exact
     measured = exact + noise * np.random.default_rng(1).normal(size=exact.shape)
     light = np.asarray(light_coefficients(LIGHTS.to_environment(64), 30))
-    light = light + np.asarray(light_coefficients(LAMP, 30))
+    light = light + np.asarray(light_coefficients(SOURCE, 30))
     degree = degrees(30)
     grid = LatLongGrid(48, 96)
     filtered = np.exp(-(SIGMA**2) * degree * (degree + 1))[:, None] * light
@@ -214,16 +214,16 @@ def test_the_constrained_solve_is_that_of_the_dense_matrix():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         (DualSettings(positivity="maybe"), "choose one of none, clamp, soft, hard"),
         (DualSettings(unseen="guess"), "choose one of smooth, left-out"),
         (DualSettings(height=4), "need 5 rows"),
     ],
 )
-def test_misuse_is_refused(settings, told):
+def test_misuse_is_refused(settings, message):
     samples = samples_all_round(20)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         recover_dual(thesis_operator(samples), np.ones((20, 3)), None, settings)
 
 

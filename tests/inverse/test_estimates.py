@@ -1,10 +1,10 @@
 """From a scene with unknowns to an estimate.
 
-- Under any known light, a sky and a lamp here, the material comes back within its errors, by the
+- Under any known light, a sky and a source here, the material comes back within its errors, by the
   numbers of its own model; what is fixed stays, bounds are kept.
 - With the light unknown the ratios come back; with all of a material known, the light in its units.
 - One light for each photograph, also where one is skipped, and photographs of unknown exposure.
-- What is told wrongly is refused by its name.
+- What is stated wrongly is refused by its name.
 """
 
 import json
@@ -19,7 +19,7 @@ from jaxrender.inverse import (
     FitSettings,
     Observations,
     Scene,
-    Told,
+    Stated,
     fit,
     load_capture,
     unknown,
@@ -39,7 +39,7 @@ from jaxrender.reflection import forward_of, render, render_samples
 BALL = Sphere()
 KD, KS = np.array([0.2, 0.1, 0.15]), np.full(3, 0.12)
 PHONG = brdf_named("phong", kd=KD, ks=KS, exponent=30.0)
-LAMPS = DirectionalSources(
+SOURCES = DirectionalSources(
     np.array([[0.2, 0.6, 0.8], [0.9, -0.5, 0.3]]), np.array([[1.0, 0.9, 0.8], [0.5, 0.6, 0.7]])
 )
 SKY = OvercastSky(np.array([0.3, 0.3, 0.4]))
@@ -67,9 +67,9 @@ def off(estimate, name, truth):
     return np.max(np.abs(estimate.values[name] - truth) / estimate.standard_error[name])
 
 
-def test_a_sky_and_a_lamp_light_a_fit():
-    seen = photographs(PHONG, [SKY + LAMPS])
-    scene = Scene(unknown("phong", exponent=(5, 200)), BALL, SKY + LAMPS)
+def test_a_sky_and_a_source_light_a_fit():
+    seen = photographs(PHONG, [SKY + SOURCES])
+    scene = Scene(unknown("phong", exponent=(5, 200)), BALL, SKY + SOURCES)
     found = fit(scene, seen, QUICK)
     assert set(found.values) == {"kd", "ks", "exponent"} == set(found.identifiable)
     np.testing.assert_allclose(found.values["kd"], KD, rtol=0.03)
@@ -84,18 +84,18 @@ def test_a_sky_and_a_lamp_light_a_fit():
     assert "90 %" in str(found)
 
 
-def test_what_is_told_stays():
-    seen = photographs(PHONG, [LAMPS])
-    told = {"kd": tuple(KD), "exponent": Told(bounds=(40, 90), start=50)}
-    found = fit(Scene(unknown("phong", **told), BALL, LAMPS), seen, QUICK)
+def test_what_is_stated_stays():
+    seen = photographs(PHONG, [SOURCES])
+    stated = {"kd": tuple(KD), "exponent": Stated(bounds=(40, 90), start=50)}
+    found = fit(Scene(unknown("phong", **stated), BALL, SOURCES), seen, QUICK)
     np.testing.assert_array_equal(found.values["kd"], KD)
     assert found.outcome.value == "at_bound"
     assert found.values["exponent"] == pytest.approx(40, rel=0.01)
 
 
 def test_a_material_of_a_class_of_ones_own():
-    seen = photographs(PHONG, [LAMPS])
-    found = fit(Scene(unknown(PHONG, exponent=(5, 200)), BALL, LAMPS), seen, QUICK)
+    seen = photographs(PHONG, [SOURCES])
+    found = fit(Scene(unknown(PHONG, exponent=(5, 200)), BALL, SOURCES), seen, QUICK)
     assert off(found, "exponent", 30) < 4
     assert str(found).startswith("Phong")
 
@@ -115,7 +115,7 @@ def test_lights_of_single_photographs_and_unknown_exposures():
 
 @pytest.mark.slow
 def test_light_and_material_are_found_together():
-    seen = photographs(PHONG, [SmoothLobes(np.eye(3), np.full(3, 0.6), np.eye(3) + 0.2) + LAMPS])
+    seen = photographs(PHONG, [SmoothLobes(np.eye(3), np.full(3, 0.6), np.eye(3) + 0.2) + SOURCES])
     quick = FactorSettings(band_limit=6, most_sources=4)
     found = fit(Scene(unknown("phong"), BALL), seen, quick)
     np.testing.assert_allclose(found.values["ks"], KS / (KD + KS), atol=0.02)
@@ -138,36 +138,36 @@ def test_light_and_material_are_found_together():
         ("phong", {"exponent": None}, "exponent=None: only an index may be left out"),
         ("phong", {"exponent": (90, 40)}, "exponent has the bounds"),
         ("phong", {"exponent": (1, 2, 3, 4)}, "exponent has 4 values"),
-        ("phong", {"exponent": Told(bounds=(5, 9), start=20)}, "exponent: start"),
+        ("phong", {"exponent": Stated(bounds=(5, 9), start=20)}, "exponent: start"),
         ("phong", {"exponent": (5, 10, 20)}, "exponent is one number for all channels; give one$"),
         ("phong", {"ks": (0.1, 0.2, 0.3)}, "give one, or ks_per_channel=True"),
         ("ggx", {"sigma": (0.5, 2)}, "sigma=2: it must be above 0 and at most 1"),
         ("ggx", {"mu": 0.9}, "mu=0.9: it must be above 1"),
-        ("ggx", {"sigma": Told(bounds=(0, 1))}, "sigma=0: it must be above 0"),
+        ("ggx", {"sigma": Stated(bounds=(0, 1))}, "sigma=0: it must be above 0"),
         ("ggx", {"masking": "v"}, "masking='v': choose one of none, smith"),
-        ("ggx", {"kd": Told(start=0.2)}, "kd is solved for outright, from no start"),
+        ("ggx", {"kd": Stated(start=0.2)}, "kd is solved for outright, from no start"),
     ],
 )
-def test_what_is_told_wrongly(model, numbers, fault):
+def test_what_is_stated_wrongly(model, numbers, fault):
     with pytest.raises(ValueError, match=fault):
         unknown(model, **numbers)
 
 
 def test_what_an_unknown_light_leaves_no_room_for():
-    seen = photographs(PHONG, [LAMPS], views=1)
+    seen = photographs(PHONG, [SOURCES], views=1)
     with pytest.raises(ValueError, match="leave out free_exposure"):
         fit(Scene(unknown("phong"), BALL, free_scale=True), seen)
     with pytest.raises(ValueError, match="FitSettings are for a known light"):
         fit(Scene(unknown("phong"), BALL), seen, QUICK)
     with pytest.raises(ValueError, match="FactorSettings are for an unknown light"):
-        fit(Scene(unknown("phong"), BALL, LAMPS), seen, FactorSettings())
-    for told, fault in (
+        fit(Scene(unknown("phong"), BALL, SOURCES), seen, FactorSettings())
+    for stated, fault in (
         ({"kd": (0.1, 0.2)}, "kd has bounds; under unknown light only the ratio"),
         ({"ks": 0.1}, "only the ratio of kd and ks means anything; give both or none"),
         ({"ks_per_channel": True}, "each channel has its own ks anyway"),
     ):
         with pytest.raises(ValueError, match=fault):
-            fit(Scene(unknown("phong", **told), BALL), seen)
+            fit(Scene(unknown("phong", **stated), BALL), seen)
 
 
 def test_metals_and_choices():
@@ -181,11 +181,11 @@ def test_metals_and_choices():
 
 def test_any_light_is_sorted_into_image_and_sources():
     probe = Environment(np.ones((16, 32, 3)))
-    known = KnownLight.of(probe + LAMPS + SKY + LAMPS)
+    known = KnownLight.of(probe + SOURCES + SKY + SOURCES)
     assert known.directional.directions.shape == (4, 3)
     expected = 1 + np.asarray(SKY.to_environment(16).radiance)
     np.testing.assert_allclose(known.environment.radiance, expected, rtol=1e-6)
-    assert KnownLight.of(LAMPS).environment is None
+    assert KnownLight.of(SOURCES).environment is None
     assert KnownLight.of(SKY, height=32).environment.grid.shape == (32, 64)
     slow = HarmonicLight(np.array([[4.0]] + [[0.5]] * 3))
     assert KnownLight.of(slow).environment.grid.shape == (128, 256)
@@ -194,7 +194,7 @@ def test_any_light_is_sorted_into_image_and_sources():
 
     class Odd(Light):
         def nodes(self):
-            return LAMPS.nodes()
+            return SOURCES.nodes()
 
     with pytest.raises(ValueError, match="a light of the kind Odd; give"):
         KnownLight.of(Odd())

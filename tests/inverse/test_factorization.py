@@ -1,11 +1,11 @@
 """Light and material both unknown.
 
-- The derivatives of the joint step are those of the prediction: gloss, lobe and directions.
+- The derivatives of the joint step are those of the prediction: share, lobe and directions.
 - A step's equations, summed by blocks, are those of whole matrices.
-- A step's gain is real, and material and lamp of a small scene are found from photographs by the
+- A step's gain is real, and material and source of a small scene are found from photographs by the
   exact integral, with noise, within a few of the stated standard errors.
-- Pursuit picks the lamp that is there; on noise alone it finds nothing worth adding.
-- Two lamps found for one become one; an idle lamp is dropped.
+- Pursuit picks the source that is there; on noise alone it finds nothing worth adding.
+- Two sources found for one become one; an idle source is dropped.
 - Gauges: products of light and reflectance never change; one ks for all channels of a dielectric;
   light of one mean colour over a metal.
 - Shadows: on a concave object the shadowed model explains what the convex one cannot.
@@ -58,7 +58,7 @@ from jaxrender.inverse.unknowns import Unknown
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
-LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
+SOURCE = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
 ENERGY = np.array([1.2, 1.15, 1.05])
 PAINT = Microfacet(np.array([0.245, 0.281, 0.2]), np.full(3, 0.115), 0.15, 1.38)
 AREA = SmoothLobes(
@@ -67,15 +67,15 @@ AREA = SmoothLobes(
     np.array([[1.0, 0.97, 0.92], [0.06, 0.07, 0.09]]),
 )
 NOISE = NoiseModel(0.01, 0.0005)
-BAND_LIMIT, LAMPS = 10, 4
+BAND_LIMIT, SOURCES = 10, 4
 SIGMA, MU = Unknown(fixed=(0.15,)), Unknown(fixed=(1.38,))
 
 
 @pytest.fixture(scope="module")
 def photographs() -> Observations:
-    """An area light and a lamp on a painted ball, by the exact integral, with noise."""
+    """An area light and a source on a painted ball, by the exact integral, with noise."""
     samples, _ = ball_samples(1500, 0.15, seed=1)
-    columns = integral_columns(PAINT, samples, _lamp().nodes())
+    columns = integral_columns(PAINT, samples, _source().nodes())
     columns = columns + polar_columns(PAINT, samples, AREA.radiance)
     exact = np.asarray(radiance(PAINT, columns))
     noisy = NOISE.add(exact, np.random.default_rng(0))
@@ -84,22 +84,22 @@ def photographs() -> Observations:
 
 @pytest.fixture(scope="module")
 def found(photographs):
-    settings = FactorSettings(BAND_LIMIT, LAMPS)
+    settings = FactorSettings(BAND_LIMIT, SOURCES)
     return factorize(photographs, PAINT, settings)
 
 
-def _lamp() -> DirectionalSources:
-    return DirectionalSources(LAMP[None], ENERGY[None])
+def _source() -> DirectionalSources:
+    return DirectionalSources(SOURCE[None], ENERGY[None])
 
 
 def _task(photographs: Observations) -> Task:
-    response = MirrorResponse.of_convex(PAINT, photographs.samples, BAND_LIMIT, LAMPS)
-    settings = FactorSettings(BAND_LIMIT, LAMPS)
+    response = MirrorResponse.of_convex(PAINT, photographs.samples, BAND_LIMIT, SOURCES)
+    settings = FactorSettings(BAND_LIMIT, SOURCES)
     return Task(photographs, response, settings=settings)
 
 
-def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
-    """A state at the true material with lamps in the given directions, fitted."""
+def _with_sources(task: Task, directions: list[np.ndarray]) -> State:
+    """A state at the true material with sources in the given directions, fitted."""
     known = begin(task._replace(known=Known((0.32, 0.29, 0.365), SIGMA, MU)))
     slots, active = np.array(known.guess.directions), known.active.copy()
     for slot, direction in enumerate(directions):
@@ -110,7 +110,7 @@ def _with_lamps(task: Task, directions: list[np.ndarray]) -> State:
 
 
 @pytest.mark.slow
-def test_material_and_lamp_are_found(found):
+def test_material_and_source_are_found(found):
     total = PAINT.kd + PAINT.ks
     value, error = found.parameters.value, found.parameters.standard_error
     for name, truth in (("kd", PAINT.kd / total), ("ks", PAINT.ks / total), ("sigma", 0.15)):
@@ -119,8 +119,8 @@ def test_material_and_lamp_are_found(found):
         assert np.all(error.of(name) < 0.01), name
     assert abs(value.mu - 1.38) < 4 * error.mu < 0.02
     assert found.relative_rms == pytest.approx(0.01, rel=0.1)
-    # The lamp: within a twentieth of a degree, its energy as its error says, in the gauge.
-    assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.05))
+    # The source: within a twentieth of a degree, its energy as its error says, in the gauge.
+    assert found.scene.sources.directions[0] @ SOURCE > np.cos(np.radians(0.05))
     off = found.scene.sources.irradiance[0] - ENERGY * total
     assert np.all(np.abs(off) < 4 * found.scene.energy_error[0])
     assert np.all(found.scene.energy_error[0] < 0.01 * ENERGY)
@@ -130,31 +130,31 @@ def test_material_and_lamp_are_found(found):
 
 @pytest.mark.slow
 def test_the_light_is_found(found):
-    """The first nine coefficients, lamp included, by a quadrature that knows of no fit."""
+    """The first nine coefficients, source included, by a quadrature that knows of no fit."""
     from jaxrender.harmonics import LatLongGrid, analyse, real_basis
 
     grid = LatLongGrid(64, 128)
     image = AREA.radiance(jnp.asarray(grid.directions().reshape(-1, 3))).reshape(64, 128, 3)
-    lamp = np.asarray(real_basis(jnp.asarray(LAMP[None]), 2)).T * ENERGY
-    truth = (np.asarray(analyse(grid, image, 2)) + lamp) * (PAINT.kd + PAINT.ks)
+    source = np.asarray(real_basis(jnp.asarray(SOURCE[None]), 2)).T * ENERGY
+    truth = (np.asarray(analyse(grid, image, 2)) + source) * (PAINT.kd + PAINT.ks)
     np.testing.assert_allclose(found.scene.total[:9], truth, atol=6e-3 * np.abs(truth[0]).max())
     assert np.all(found.scene.slow_error > 0)
 
 
 def test_derivatives_of_the_prediction(photographs):
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
+    state = _with_sources(task, [SOURCE, np.array([0.6, 0.0, 0.8])])
     response = response_of(task, state)
     light = state.joint.solved.light
     tangents = _slopes(response, state.guess, light)
 
     def predict(guess: Guess):
-        share = jax.nn.sigmoid(guess.gloss)[:, None, None]
+        share = jax.nn.sigmoid(guess.specular_logit)[:, None, None]
         diffuse, specular = response.columns(guess)
         mixed = (1 - share) * diffuse[None] + share * specular[None]
         return jnp.einsum("csp,pc->cs", mixed, light)
 
-    for unknown in [0, 2, 3, 4, 5, 6, 5 + LAMPS, 6 + LAMPS]:
+    for unknown in [0, 2, 3, 4, 5, 6, 5 + SOURCES, 6 + SOURCES]:
         step = np.zeros(tangents.shape[-1])
         step[unknown] = 1e-5
         bounds = task.bounds
@@ -170,7 +170,7 @@ def test_derivatives_of_the_prediction(photographs):
 def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     """The same equations by NumPy, and blocks that do not divide the samples."""
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP, np.array([0.6, 0.0, 0.8])])
+    state = _with_sources(task, [SOURCE, np.array([0.6, 0.0, 0.8])])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     system = reduced_system(response, guess, data, at_once=220)
     solved = system.solved
@@ -203,7 +203,7 @@ def test_scatter_is_that_of_whole_matrices(photographs):
     """
     pixels = np.random.default_rng(3).uniform(1, 3, photographs.count)
     task = _task(photographs._replace(stands_for=pixels))
-    state = _with_lamps(task, [LAMP])
+    state = _with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     found, shares = reduced_system(response, guess, data), task.observations.shares
     ours = scatter(response, guess, data, jnp.asarray(shares), found)
@@ -228,7 +228,7 @@ def test_scatter_is_that_of_whole_matrices(photographs):
 
 def test_scatter_of_single_pixels_is_the_curvature(photographs):
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP])
+    state = _with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     system = reduced_system(response, guess, data)
     ours = scatter(response, guess, data, jnp.ones(photographs.count), system)
@@ -255,8 +255,10 @@ def test_a_sample_counts_as_often_as_it_stands_for_pixels(photographs):
 def test_only_good_steps_count(photographs):
     """From a far start the first trials gain nothing: more damping is tried, and a step taken."""
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP])
-    far = state.guess._replace(gloss=state.guess.gloss + 4, sigma=state.guess.sigma + 1)
+    state = _with_sources(task, [SOURCE])
+    far = state.guess._replace(
+        specular_logit=state.guess.specular_logit + 4, sigma=state.guess.sigma + 1
+    )
     response, data = response_of(task, state), measured(task, state)
     free = free_unknowns(task, state)
     end = descend_jointly(response, far, data, free, Descent(task.bounds, 1, 1e-6))
@@ -270,14 +272,16 @@ def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndar
 
 
 def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
-    """The second derivative of the cost along gloss, the light following, at the minimum."""
+    """The second derivative of the cost along the shares, the light following, at the minimum."""
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP])
+    state = _with_sources(task, [SOURCE])
     response, data = response_of(task, state), measured(task, state)
     system = reduced_system(response, state.guess, data)
 
     def cost(step: float) -> float:
-        moved = state.guess._replace(gloss=state.guess.gloss + jnp.array([step, 0.0, 0.0]))
+        moved = state.guess._replace(
+            specular_logit=state.guess.specular_logit + jnp.array([step, 0.0, 0.0])
+        )
         return float(solve_light(response, moved, data).cost)
 
     # Gauss-Newton leaves out what the residual bends: a per cent of it at this noise.
@@ -285,13 +289,13 @@ def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
     assert float(system.curvature[0, 0]) == pytest.approx(second, rel=0.03)
 
 
-def test_pursuit_finds_the_lamp_and_then_nothing(photographs):
+def test_pursuit_finds_the_source_and_then_nothing(photographs):
     task = _task(photographs)
-    dark = _with_lamps(task, [])
-    towards = np.concatenate([fibonacci_sphere(500), LAMP[None]])
+    dark = _with_sources(task, [])
+    towards = np.concatenate([fibonacci_sphere(500), SOURCE[None]])
     pursued = pursue(response_of(task, dark), dark.guess, measured(task, dark), towards, 1)
     assert int(pursued.chosen[0]) == 500
-    lit = _with_lamps(task, [LAMP])
+    lit = _with_sources(task, [SOURCE])
     # Once the exact integral has put right what the dual model leaves out.
     lit = descend(task, corrected(task, lit), 8)
     assert np.array_equal(add_sources(task, lit, 2).active, lit.active)
@@ -300,40 +304,40 @@ def test_pursuit_finds_the_lamp_and_then_nothing(photographs):
 def test_pursued_gains_are_what_the_cost_loses(photographs):
     """At fixed material and light of full rank, the gain promised is the gain had."""
     task = _task(photographs)
-    dark = _with_lamps(task, [])
+    dark = _with_sources(task, [])
     data, response = measured(task, dark), response_of(task, dark)
-    pursued = pursue(response, dark.guess, data, LAMP[None], 1)
+    pursued = pursue(response, dark.guess, data, SOURCE[None], 1)
     before = solve_light(response, dark.guess, data)
-    guess = dark.guess._replace(directions=jnp.asarray(np.tile(LAMP, (LAMPS, 1))))
-    one = np.zeros((len(task.radiance), LAMPS))
+    guess = dark.guess._replace(directions=jnp.asarray(np.tile(SOURCE, (SOURCES, 1))))
+    one = np.zeros((len(task.radiance), SOURCES))
     one[:, 0] = 1
     lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
     after = solve_light(lit, guess, data)
     assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-5)
 
 
-def test_one_lamp_found_twice_becomes_one(photographs):
+def test_one_source_found_twice_becomes_one(photographs):
     task = _task(photographs)
-    aside = np.cross(LAMP, [0.0, 0.0, 1.0]) * 0.04
-    twice = _with_lamps(task, [LAMP + aside, LAMP - aside])
+    aside = np.cross(SOURCE, [0.0, 0.0, 1.0]) * 0.04
+    twice = _with_sources(task, [SOURCE + aside, SOURCE - aside])
     merged = with_neighbours_merged(task, twice)
     assert np.count_nonzero(merged.active) == 1
-    assert np.asarray(merged.guess.directions)[merged.active][0] @ LAMP > np.cos(2e-3)
+    assert np.asarray(merged.guess.directions)[merged.active][0] @ SOURCE > np.cos(2e-3)
 
 
-def test_idle_lamps_are_switched_off(photographs):
+def test_idle_sources_are_switched_off(photographs):
     task = _task(photographs)
-    idle = _with_lamps(task, [LAMP, np.array([-0.6, -0.7, -0.3])])
+    idle = _with_sources(task, [SOURCE, np.array([-0.6, -0.7, -0.3])])
     idle = descend(task, corrected(task, idle), 8)
     kept = without_idle_sources(task, idle)
     assert np.count_nonzero(kept.active) == 1
-    assert np.asarray(kept.guess.directions)[kept.active][0] @ LAMP > 0.9999
+    assert np.asarray(kept.guess.directions)[kept.active][0] @ SOURCE > 0.9999
 
 
 @pytest.mark.parametrize("gauge", ["dielectric", "metal"])
 def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP])
+    state = _with_sources(task, [SOURCE])
     plain, light = account_of(task, state, "per-channel")
     other, changed = account_of(task, state, gauge)
     np.testing.assert_allclose(
@@ -342,7 +346,7 @@ def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
     assert np.mean(other.value.kd + other.value.ks) == pytest.approx(1)
     if gauge == "dielectric":
         np.testing.assert_allclose(other.value.ks, other.value.ks[0])
-        # The paint's own colour comes out, because its gloss has none.
+        # The paint's own colour comes out, because its specular lobe has none.
         np.testing.assert_allclose(
             other.value.kd / other.value.kd[0], PAINT.kd / PAINT.kd[0], rtol=0.02
         )
@@ -351,7 +355,7 @@ def test_gauges_keep_the_product_of_light_and_reflectance(photographs, gauge):
 
 
 def test_what_is_known_stays(photographs):
-    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+    settings = FactorSettings(BAND_LIMIT, SOURCES, refine=False)
     found = factorize(photographs, PAINT, settings, Known(sigma=SIGMA, mu=MU))
     assert float(found.brdf.sigma) == pytest.approx(0.15)
     assert found.parameters.standard_error.numbers["sigma"] == 0
@@ -377,7 +381,7 @@ def test_a_search_begins_at_the_stated_start_and_inside_the_bounds(photographs):
 )
 def test_bounds_are_honoured(photographs, name, known, bound):
     """The truth, sigma .15 and mu 1.38, lies below the bounds."""
-    settings = FactorSettings(BAND_LIMIT, LAMPS, refine=False)
+    settings = FactorSettings(BAND_LIMIT, SOURCES, refine=False)
     found = factorize(photographs, PAINT, settings, known)
     assert found.outcome is Outcome.AT_BOUND
     assert float(getattr(found.brdf, name)) == pytest.approx(bound)
@@ -391,7 +395,7 @@ def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
     task = _task(photographs)._replace(known=Known(shares, SIGMA, MU))
     # Too dim by a third, as after a search on other samples.
     darker = photographs._replace(radiance=0.7 * task.radiance)
-    start = _with_lamps(task._replace(observations=darker), [LAMP])
+    start = _with_sources(task._replace(observations=darker), [SOURCE])
     end = settle(task, start._replace(target=task.radiance), lambda _: None)
     once_more = corrected(task, end)
     moved = (once_more.target - end.target) / NOISE.standard_deviation(task.radiance)
@@ -401,23 +405,23 @@ def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
 def test_too_few_samples_are_refused(photographs):
     few = photographs.take(np.arange(100))
     with pytest.raises(ValueError, match="100 samples for light of 121 coefficients"):
-        factorize(few, PAINT, FactorSettings(BAND_LIMIT, LAMPS))
+        factorize(few, PAINT, FactorSettings(BAND_LIMIT, SOURCES))
 
 
 def test_unknown_gauge_is_refused(photographs):
     task = _task(photographs)
     with pytest.raises(ValueError, match="gauge='plastic': choose one of per-channel"):
-        account_of(task, _with_lamps(task, []), "plastic")
+        account_of(task, _with_sources(task, []), "plastic")
 
 
-def test_no_gauge_changes_what_is_known_of_gloss(photographs):
+def test_no_gauge_changes_what_is_known_of_the_specular_share(photographs):
     """The ratio of kd and ks has one error in every gauge.
 
     A gauge that rests on what was found is uncertain itself: kd of a dielectric is known no better
     than that ratio.
     """
     task = _task(photographs)
-    state = _with_lamps(task, [LAMP])
+    state = _with_sources(task, [SOURCE])
     ratio = np.concatenate([np.eye(3), -np.eye(3), np.zeros((3, 4))], axis=1)
     known = {}
     for gauge in GAUGES:
@@ -433,7 +437,7 @@ def test_no_gauge_changes_what_is_known_of_gloss(photographs):
 
 
 def test_a_penalty_belongs_to_each_part(photographs):
-    """Smoothness pulls degree l by l (l + 1), and never the mean or a lamp."""
+    """Smoothness pulls degree l by l (l + 1), and never the mean or a source."""
     task = _task(photographs)
     data = measured(task, begin(task))
     penalty = np.asarray(data.penalty)

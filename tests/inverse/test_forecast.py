@@ -2,8 +2,8 @@
 
 - Predicted standard errors are those that a fit states, within 15 %, on exact-integral photographs.
 - The information of photographs in a few numbers each gives the errors that all samples give.
-- What cannot be told is said so with its cause, and the remedy that is named does help.
-- Light: the errors are those of its recovery; a matt material tells degree 2, not 3.
+- What is not identifiable is said so with its cause, and the remedy that is named does help.
+- Light: the errors are those of its recovery; a diffuse material tells degree 2, not 3.
 - Both unknown: the errors are those of a factorization's account on noisy data.
 """
 
@@ -172,7 +172,7 @@ def test_head_on_views_under_uniform_light_do_not_tell_the_roughness():
     assert "exit cosine is above 0.7" in why
     assert "a source" in remedy
     assert "down to exit cosine 0.15" in remedy
-    # The remedy is one: with grazing samples the roughness is told, by them alone.
+    # The remedy is one: with grazing samples the roughness is identifiable, by them alone.
     samples, frame = few_samples(0.15)
     mended = foresee(Situation(samples, frame, UNIFORM), Supposed(material(), NOISE))
     forecast = forecast_material(mended, explain=False)
@@ -183,11 +183,11 @@ def test_head_on_views_under_uniform_light_do_not_tell_the_roughness():
 @pytest.mark.slow
 def test_too_much_noise_asks_for_more_samples():
     samples, frame = few_samples(count=40)
-    lamps = DirectionalSources(unit(np.array([[0.3, 0.2, 0.8]])), np.full((1, 3), 2.0))
+    sources = DirectionalSources(unit(np.array([[0.3, 0.2, 0.8]])), np.full((1, 3), 2.0))
     supposed = Supposed(material(), NoiseModel(0.25, 0.0))
-    foreseen = foresee(Situation(samples, frame, KnownLight(None, lamps)), supposed)
+    foreseen = foresee(Situation(samples, frame, KnownLight(None, sources)), supposed)
     forecast = forecast_material(foreseen)
-    lost = [name for name, told in forecast.identifiable.items() if not told]
+    lost = [name for name, known in forecast.identifiable.items() if not known]
     assert lost
     assert "times as many samples as these 40" in " ".join(forecast.sentences)
 
@@ -216,12 +216,12 @@ def test_the_light_s_errors_are_those_of_its_recovery():
     assert forecast.recoverable_degree == degree
 
 
-def test_a_matt_material_tells_the_light_to_degree_two():
+def test_a_diffuse_material_tells_the_light_to_degree_two():
     samples, frame = few_samples()
-    matt = Supposed(Microfacet(np.full(3, 0.2), np.zeros(3), 0.1, None), NOISE)
-    forecast = forecast_light(Situation(samples, frame, known_light(32)), matt)
+    diffuse = Supposed(Microfacet(np.full(3, 0.2), np.zeros(3), 0.1, None), NOISE)
+    forecast = forecast_light(Situation(samples, frame, known_light(32)), diffuse)
     assert forecast.recoverable_degree == 2
-    # T 2.65: of odd degrees above 1 a matt material shows nothing.
+    # T 2.65: of odd degrees above 1 a diffuse material shows nothing.
     assert "of degree 3, 5" in forecast.sentences[1]
     assert np.all(forecast.singular_values(3) < 1e-5 * forecast.singular_values(0).min())
 
@@ -238,10 +238,10 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
     rng = np.random.default_rng(1)
     noisy = truth.radiance + rng.normal(size=truth.radiance.shape) / truth.weights
     level = np.abs(light[0]) / np.sqrt(4 * np.pi)
-    lamps = len(guess.directions)
-    settings = FactorSettings(4, lamps, refine=False, noise=NOISE)
+    sources = len(guess.directions)
+    settings = FactorSettings(4, sources, refine=False, noise=NOISE)
     task = Task(Observations(samples, noisy, frame), response, settings=settings)
-    state = State(guess, np.ones(lamps, bool), truth.weights, noisy, level)
+    state = State(guess, np.ones(sources, bool), truth.weights, noisy, level)
     achieved, _ = account_of(task, state, "per-channel")
     for name in NAMES:
         np.testing.assert_allclose(
@@ -249,7 +249,7 @@ def test_with_the_light_unknown_errors_are_those_of_a_factorization():
             achieved.standard_error.of(name),
             rtol=WITHIN,
         )
-    assert forecast.can_be_told
+    assert forecast.is_identifiable
     assert len(forecast.gauge) == 3
     # Unknown light does not tell more than known light; the penalty on it is a little knowledge.
     known = forecast_material(foresee(situation, supposed), explain=False).parameters
@@ -266,8 +266,8 @@ def test_what_no_factorization_can_begin_with_is_refused():
         forecast_joint(situation, partly)
     with pytest.raises(ValueError, match="240 samples for light of 169 coefficients"):
         forecast_joint(situation, Supposed(), 12)
-    lamps = tuple(DirectionalSources(np.eye(3)[:1], np.ones((1, 3))) for _ in range(4))
-    moving = KnownLight(None, DirectionalSources.none(), lamps)
+    sources = tuple(DirectionalSources(np.eye(3)[:1], np.ones((1, 3))) for _ in range(4))
+    moving = KnownLight(None, DirectionalSources.none(), sources)
     with pytest.raises(ValueError, match="differs from photograph to photograph"):
         forecast_light(Situation(samples, frame, moving), Supposed())
 

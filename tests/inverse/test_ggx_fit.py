@@ -3,7 +3,8 @@
 - Known light: photographs by the exact integral are fitted within four of the stated standard
   errors, with the noise as their residual, and the frequency fit is near before refinement.
 - Variants are compared within the distribution that was fitted.
-- Unknown light: area light and lamp, the material within four standard errors, the lamp in place.
+- Unknown light: area light and source, the material within four standard errors, the source in
+  place.
 """
 
 import jax.numpy as jnp
@@ -40,7 +41,7 @@ SETTINGS = FitSettings(starts=2)
 PAINT = Microfacet(
     np.array([0.245, 0.281, 0.2]), np.full(3, 0.115), 0.15, 1.38, "half", "smith", "ggx"
 )
-LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
+SOURCE = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
 ENERGY = np.array([1.2, 1.15, 1.05])
 AREA = SmoothLobes(
     np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
@@ -92,8 +93,8 @@ def test_variants_are_of_the_same_distribution(fit):
 @pytest.mark.slow
 def test_unknown_light():
     samples, _ = ball_samples(1500, 0.15, seed=1)
-    lamp = DirectionalSources(LAMP[None], ENERGY[None])
-    columns = integral_columns(PAINT, samples, lamp.nodes())
+    source = DirectionalSources(SOURCE[None], ENERGY[None])
+    columns = integral_columns(PAINT, samples, source.nodes())
     columns = columns + polar_columns(PAINT, samples, AREA.radiance)
     exact = np.asarray(radiance(PAINT, jnp.asarray(columns)))
     measured = NoiseModel(0.01, 0.0005).add(exact, np.random.default_rng(0))
@@ -107,5 +108,5 @@ def test_unknown_light():
         assert np.all(error.of(name) < 0.02), name
     assert abs(value.mu - 1.38) < STATED_ERRORS * error.mu < 0.1
     assert found.relative_rms == pytest.approx(0.01, rel=0.1)
-    assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.2))
+    assert found.scene.sources.directions[0] @ SOURCE > np.cos(np.radians(0.2))
     assert found.brdf.distribution == "ggx"

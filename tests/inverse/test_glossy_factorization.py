@@ -1,23 +1,23 @@
 """Other glossy models than the thesis's under light that is unknown too.
 
-- Photographs of an area light and a lamp by the exact integral, with noise, give material and lamp
-  back within a few of the stated standard errors; the residual is the noise.
+- Photographs of an area light and a source by the exact integral, with noise, give material and
+  source back within a few of the stated standard errors; the residual is the noise.
 - The forecast of such a fit foresees its errors.
 - Of several models the one that was photographed predicts best what was held out.
-- The search begins with as much gloss as paint, whatever unit the model's ks has.
+- The search begins with as much specular as diffuse, whatever unit the model's ks has.
 - What is said of the width is said by the model's own name.
 """
 
 import numpy as np
 import pytest
-from area_and_lamp import AREA, ENERGY, KD, LAMP, NOISE, photographs
+from area_and_source import AREA, ENERGY, KD, NOISE, SOURCE, photographs
 from inverse_problems import ball_samples
 
 from jaxrender.brdf import CosineLobe, HeTorranceLobe, Phong, TorranceSparrow, Ward
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.comparison import Asked, compare_factorizations
 from jaxrender.inverse.factorization import FactorSettings, factorize
-from jaxrender.inverse.factorization.response import MirrorResponse, gloss_share
+from jaxrender.inverse.factorization.response import MirrorResponse, specular_share
 from jaxrender.inverse.factorization.state import Task, begin
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
@@ -36,7 +36,7 @@ STATED_ERRORS = 4
 
 # Each model compiles for some ten seconds; one without an index is found where two are compared.
 @pytest.mark.slow
-def test_material_and_lamp_are_found():
+def test_material_and_source_are_found():
     truth = MODELS["torrance-sparrow"]
     observed = photographs(truth)
     found = factorize(observed, truth.with_roughness(0.3, truth.mu), SETTINGS)
@@ -50,12 +50,12 @@ def test_material_and_lamp_are_found():
         assert np.all(off < STATED_ERRORS), (name, off)
         assert np.all(error.of(name) < 0.03 * np.asarray(true)), name
     assert found.relative_rms == pytest.approx(0.01, rel=0.15)
-    assert found.scene.sources.directions[0] @ LAMP > np.cos(np.radians(0.1))
+    assert found.scene.sources.directions[0] @ SOURCE > np.cos(np.radians(0.1))
     off = found.scene.sources.irradiance[0] - ENERGY * total
     assert np.all(np.abs(off) < STATED_ERRORS * found.scene.energy_error[0])
     assert set(found.identifiable) == {"kd", "ks", truth.shape.name, "mu"}
-    # What was foreseen, with a lamp for every part of the area light that is too fine.
-    light = KnownLight(AREA.to_environment(32), DirectionalSources(LAMP[None], ENERGY[None]))
+    # What was foreseen, with a source for every part of the area light that is too fine.
+    light = KnownLight(AREA.to_environment(32), DirectionalSources(SOURCE[None], ENERGY[None]))
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     foreseen = forecast_joint(situation, Supposed(truth, NOISE), 6).parameters.standard_error
     for name in pairs:
@@ -82,12 +82,12 @@ def test_a_comparison_needs_two_models():
         compare_factorizations(photographs(MODELS["ward"]), (Asked("a", MODELS["ward"]),), SETTINGS)
 
 
-def test_the_search_begins_with_as_much_gloss_as_paint():
+def test_the_search_begins_with_as_much_specular_as_diffuse():
     samples, _ = ball_samples(20, 0.15, seed=1)
     for truth in MODELS.values():
         grey = Observations(samples, np.ones((20, 3)), np.zeros(20, int))
         task = Task(grey, MirrorResponse.of_convex(truth, samples, 2, 2))
         guess = begin(task).guess
-        share = np.asarray(gloss_share(guess))
+        share = np.asarray(specular_share(guess))
         energy = float(task.response.lobe(guess).energy)
         np.testing.assert_allclose(share * energy, 1 - share)

@@ -31,7 +31,7 @@ from jaxrender.brdf import (
     lobe_named,
 )
 from jaxrender.geometry import Components
-from jaxrender.inverse import FitSettings, Outcome, Told, fit_brdf, unknowns_of
+from jaxrender.inverse import FitSettings, Outcome, Stated, fit_brdf, unknowns_of
 from jaxrender.spectra import exit_cosine_transfer, gaussian_transfer, spectrum_of
 
 STATED_ERRORS = 3.5
@@ -152,7 +152,7 @@ def test_the_reach_holds_the_lobe(name):
 
 def test_bounds_and_reasons_are_the_models_own():
     truth = MODELS["phong"]
-    unknowns = unknowns_of(truth, {"exponent": Told(bounds=(5.0, 15.0))})
+    unknowns = unknowns_of(truth, {"exponent": Stated(bounds=(5.0, 15.0))})
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
     settings = SETTINGS._replace(refine=False)
     fit = fit_brdf(noisy, known_light(), unknowns, truth, settings)

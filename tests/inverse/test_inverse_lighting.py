@@ -35,7 +35,7 @@ from jaxrender.spectra import light_coefficients, phong_transfer
 
 DEGREE = 12
 KD, KS = np.array([0.2, 0.1, 0.3]), np.array([0.3, 0.4, 0.1])
-LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.1, 0.1, 0.1]]))
+SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[0.1, 0.1, 0.1]]))
 PIXELS = 1200
 
 
@@ -123,9 +123,9 @@ def test_errors_follow_the_predicted_covariance():
 
 @pytest.fixture(scope="module")
 def photographed():
-    """The exact integral of smooth light and a lamp, with 1 % noise."""
+    """The exact integral of smooth light and a source, with 1 % noise."""
     samples, brdf = samples_all_round(PIXELS), glossy(0.14)
-    exact = photograph(brdf, samples, LIGHTS, LAMP)
+    exact = photograph(brdf, samples, LIGHTS, SOURCE)
     noise = 0.01 * exact
     return samples, brdf, exact + noise * np.random.default_rng(4).normal(size=exact.shape), noise
 
@@ -135,7 +135,7 @@ def test_the_exact_integral(photographed):
     operator = light_operator(brdf, samples, 14)
     found = recover_coefficients(operator, measured, 1 / noise)
     truth = np.asarray(light_coefficients(LIGHTS.to_environment(64), 8)) + np.asarray(
-        light_coefficients(LAMP, 8)
+        light_coefficients(SOURCE, 8)
     )
     nine = np.linalg.norm(found.coefficients[:9] - truth[:9]) / np.linalg.norm(truth[:9])
     assert nine < 0.03
@@ -175,7 +175,7 @@ def test_unknown_noise_is_estimated():
     np.testing.assert_allclose(found.standard_errors, known.standard_errors, rtol=0.08)
 
 
-def test_what_is_not_told_is_said_to_be_unknown():
+def test_what_is_not_identifiable_is_said_to_be_unknown():
     samples, light = samples_all_round(800), random_light(4)
     operator = phong_operator(samples, 4, KD, np.zeros(3))
     found = recover_coefficients(
@@ -203,7 +203,7 @@ def test_the_penalty_is_ridge_regression_by_degree():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         (LightSettings(6), "a degree from 0 to 5"),
         (LightSettings("all"), "give 'auto'"),
@@ -211,9 +211,9 @@ def test_the_penalty_is_ridge_regression_by_degree():
         (LightSettings(positivity="maybe"), "choose one of none, soft, hard"),
     ],
 )
-def test_misuse_is_refused(settings, told):
+def test_misuse_is_refused(settings, message):
     operator = phong_operator(samples_all_round(50), 5, KD, KS)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         recover_coefficients(operator, np.ones((50, 3)), None, settings)
 
 

@@ -12,7 +12,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import LAMPS, ball_samples, known_light, material
+from inverse_problems import SOURCES, ball_samples, known_light, material
 
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.inverse import KnownLight, Observations
@@ -56,7 +56,7 @@ def moving_light():
     one, two = (
         DirectionalSources(np.eye(3)[:count], np.full((count, 3), float(count))) for count in (1, 2)
     )
-    return KnownLight(None, LAMPS, (one, two))
+    return KnownLight(None, SOURCES, (one, two))
 
 
 def test_light_of_one_photograph_joins_shared_and_own():
@@ -65,7 +65,7 @@ def test_light_of_one_photograph_joins_shared_and_own():
         one = light.of_frame(frame)
         assert one.per_frame is None
         assert one.directional.directions.shape == (count, 3)
-        np.testing.assert_allclose(one.directional.irradiance[:2], LAMPS.irradiance)
+        np.testing.assert_allclose(one.directional.irradiance[:2], SOURCES.irradiance)
         np.testing.assert_array_equal(one.directional.irradiance[2:], frame + 1)
 
 
@@ -83,11 +83,11 @@ def test_sources_of_frames_are_stacked_with_dark_ones():
 @pytest.mark.parametrize("angle_per_sigma", [None, 0.5])
 def test_point_masses_carry_all_of_the_light(angle_per_sigma):
     environment = speckled()
-    light = KnownLight(environment, LAMPS)
+    light = KnownLight(environment, SOURCES)
     (nodes,) = exact_nodes(light, np.zeros(3, int), 0.2, angle_per_sigma)
-    expected = np.sum(environment.nodes().irradiance, axis=0) + np.sum(LAMPS.irradiance, axis=0)
+    expected = np.sum(environment.nodes().irradiance, axis=0) + np.sum(SOURCES.irradiance, axis=0)
     np.testing.assert_allclose(np.sum(nodes.irradiance, axis=0), expected, rtol=SUMS)
-    np.testing.assert_allclose(nodes.directions[:2], LAMPS.directions, rtol=SUMS)
+    np.testing.assert_allclose(nodes.directions[:2], SOURCES.directions, rtol=SUMS)
     fewer = len(nodes.directions) < environment.grid.height * environment.grid.width
     assert fewer == (angle_per_sigma is not None)
 
@@ -136,12 +136,12 @@ def test_uniform_light_needs_no_source():
 
 
 def test_light_without_an_environment_is_its_sources():
-    light = KnownLight(None, LAMPS)
+    light = KnownLight(None, SOURCES)
     prepared = prepare_light(light, observations(), material(), "auto", None)
     assert prepared.split is None
     assert prepared.dual.band_limit == 0
     np.testing.assert_array_equal(prepared.dual.slow, jnp.zeros((1, 3)))
-    np.testing.assert_allclose(prepared.dual.sources.irradiance, LAMPS.irradiance)
+    np.testing.assert_allclose(prepared.dual.sources.irradiance, SOURCES.irradiance)
 
 
 @pytest.mark.parametrize(

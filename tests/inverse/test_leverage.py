@@ -5,9 +5,9 @@
   all pixels.
 - Pixels in a narrow highlight are drawn many times more often than their share.
 - Where the light is unknown, what smooth light leaves unexplained marks the same pixels.
-- Gloss of sigma .02 under one lamp is found from any draw, within its errors; a uniform draw of the
-  same size holds a few pixels of it.
-- A fit that lost the gloss, or ended at a bound of sigma, goes on from what the data say.
+- A lobe of sigma .02 under one source is found from any draw, within its errors; a uniform draw of
+  the same size holds a few pixels of it.
+- A fit that lost the specular lobe, or ended at a bound of sigma, goes on from what the data say.
 """
 
 import numpy as np
@@ -36,8 +36,8 @@ from jaxrender.lighting import DirectionalSources
 
 KD, KS, SIGMA = np.array([0.2, 0.15, 0.1]), 0.1, 0.02
 TOWARDS = unit(np.array([0.3, 0.2, 0.9]))
-LAMP = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
-LIGHT = KnownLight(None, LAMP)
+SOURCE = DirectionalSources(TOWARDS[None], np.ones((1, 3)))
+LIGHT = KnownLight(None, SOURCE)
 METAL = Microfacet(np.zeros(3), np.zeros(3), 0.1, None)
 UNKNOWNS = microfacet_unknowns(mu=None)
 # Samples of a fit, fewer than from which a search begins with few of them.
@@ -65,7 +65,7 @@ def photographs():
 
 
 @pytest.fixture(scope="module")
-def told(photographs):
+def weight(photographs):
     return leverage(photographs, LIGHT)
 
 
@@ -78,23 +78,23 @@ def test_leverage_is_the_diagonal_of_the_projection():
     np.testing.assert_allclose(_of_columns(columns), np.sum(q**2, axis=1), rtol=1e-8)
 
 
-def test_a_draw_has_the_number_asked_for_and_stands_for_all(photographs, told):
-    some, index = draw(photographs, told, DRAWN, 0)
+def test_a_draw_has_the_number_asked_for_and_stands_for_all(photographs, weight):
+    some, index = draw(photographs, weight, DRAWN, 0)
     assert some.count == DRAWN
     assert len(np.unique(index)) == DRAWN
     np.testing.assert_array_equal(some.radiance, photographs.radiance[index])
     assert np.all(some.pixels >= 1)
     # Half of the chance is uniform, hence the limit on what one sample stands for.
     assert some.pixels.max() <= 2 * photographs.count / DRAWN * 1.2
-    everything = draw(photographs, told, photographs.count, 0)
+    everything = draw(photographs, weight, photographs.count, 0)
     assert everything.observations is photographs
 
 
-def test_sums_over_draws_are_those_over_all_pixels(photographs, told):
+def test_sums_over_draws_are_those_over_all_pixels(photographs, weight):
     values = photographs.radiance[:, 0]
     sums = []
     for seed in range(200):
-        some, index = draw(photographs, told, 500, seed)
+        some, index = draw(photographs, weight, 500, seed)
         sums.append(np.sum(some.pixels * values[index]))
     error = np.std(sums) / np.sqrt(len(sums))
     assert abs(np.mean(sums) - values.sum()) < 3.5 * error
@@ -102,15 +102,15 @@ def test_sums_over_draws_are_those_over_all_pixels(photographs, told):
     assert np.mean(values[index]) * photographs.count > 1.2 * values.sum()
 
 
-def test_highlights_are_drawn_many_times_more_often(photographs, told):
+def test_highlights_are_drawn_many_times_more_often(photographs, weight):
     reflected = np.asarray(photographs.samples.reflected)
     near = reflected @ TOWARDS > np.cos(4 * SIGMA)
-    _, index = draw(photographs, told, DRAWN, 0)
+    _, index = draw(photographs, weight, DRAWN, 0)
     assert near[index].mean() > 5 * near.mean()
 
 
-def test_pixels_are_an_even_picture_of_all(photographs, told):
-    some, _ = draw(photographs, told, DRAWN, 0)
+def test_pixels_are_an_even_picture_of_all(photographs, weight):
+    some, _ = draw(photographs, weight, DRAWN, 0)
     even = as_pixels(some)
     assert len(even) == DRAWN
     # Of the exit cosines, which highlights and grazing angles unsettle in the draw itself.
@@ -121,7 +121,7 @@ def test_pixels_are_an_even_picture_of_all(photographs, told):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
-def test_narrow_gloss_is_found_without_the_light(photographs, seed):
+def test_a_narrow_lobe_is_found_without_the_light(photographs, seed):
     """The draw knows the photographs alone, and samples of it stand for 1 to 40 pixels."""
     some = draw(photographs, sharpness(photographs), DRAWN, seed).observations
     found = factorize(some, METAL, FactorSettings(3, 4))
@@ -133,8 +133,8 @@ def test_narrow_gloss_is_found_without_the_light(photographs, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_narrow_gloss_is_found_from_any_draw(photographs, told, seed):
-    some = draw(photographs, told, DRAWN, seed).observations
+def test_a_narrow_lobe_is_found_from_any_draw(photographs, weight, seed):
+    some = draw(photographs, weight, DRAWN, seed).observations
     settings = FitSettings(refine_samples=DRAWN, starts=3, seed=seed)
     fit = fit_brdf(some, LIGHT, UNKNOWNS, METAL, settings)
     value, error = fit.parameters.value, fit.parameters.standard_error
@@ -144,8 +144,8 @@ def test_narrow_gloss_is_found_from_any_draw(photographs, told, seed):
     assert error.of("sigma") < 0.01 * SIGMA
 
 
-def test_a_fit_without_gloss_goes_on_from_the_data(photographs, told):
-    some = draw(photographs, told, DRAWN, 0).observations
+def test_a_fit_without_specular_goes_on_from_the_data(photographs, weight):
+    some = draw(photographs, weight, DRAWN, 0).observations
     settings = FitSettings()
     problem = Problem.of(UNKNOWNS, 3)
     model = ExactModel(METAL, some.samples, exact_nodes(LIGHT, some.frame, SIGMA))

@@ -3,7 +3,7 @@
 - A light photographed by the operator is irradiance plus filtered light, as the forward model has
   it, for every named transfer; ``none`` is the Fresnel ratio alone.
 - Chunks do not change the result.
-- Transfer vectors replace A_l Y_lm(n), and V(R) switches the gloss off.
+- Transfer vectors replace A_l Y_lm(n), and V(R) switches the specular lobe off.
 - The diffuse part stops at its own degree.
 - Misuse is refused.
 """

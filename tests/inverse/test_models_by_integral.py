@@ -1,9 +1,9 @@
-"""Materials whose lobe is not about the reflected direction: rough matt, brushed, fibres.
+"""Materials whose lobe is not about the reflected direction: rough diffuse, brushed, fibres.
 
 - Photographs by the exact integral with 1 % noise give the material back within 3.5 of the stated
   standard errors in its own numbers, along and across the tangent; the noise is the residual.
-- Under unknown light a brushed surface gives back both roughnesses, its gloss and the lamps.
-- The response to unknown light is the integral: under each harmonic, towards each lamp, and the
+- Under unknown light a brushed surface gives back both roughnesses, its ks and the sources.
+- The response to unknown light is the integral: under each harmonic, towards each source, and the
   radiance under a light is that of its columns.
 - A concave object keeps from itself what the integral with visibility says, and a brushed one gives
   its material back under unknown light.
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from inverse_problems import (
-    LAMPS,
+    SOURCES,
     ball_samples,
     known_light,
     photograph,
@@ -100,8 +100,8 @@ def test_brushed_metal_under_unknown_light():
     assert float(own.value.of("roughness_y")) == pytest.approx(0.35, rel=0.03)
     assert set(fit.identifiable) == {"kd", "ks", "roughness", "roughness_y"}
     assert fit.relative_rms < 0.013
-    lamp = np.asarray(LAMPS.directions)[0]
-    nearest = np.max(np.asarray(fit.scene.sources.directions) @ lamp / np.linalg.norm(lamp))
+    source = np.asarray(SOURCES.directions)[0]
+    nearest = np.max(np.asarray(fit.scene.sources.directions) @ source / np.linalg.norm(source))
     assert np.degrees(np.arccos(min(nearest, 1.0))) < 1.5
 
 
@@ -110,12 +110,12 @@ def test_brushed_metal_under_unknown_light():
 )
 def test_the_response_is_the_integral(brdf):
     samples = SurfaceSamples(*(np.asarray(a)[::20] for a in ball_samples()[0]))
-    lamps = np.array([[0.3, 0.5, 0.8], [-0.2, -0.9, 0.4]])
-    lamps = lamps / np.linalg.norm(lamps, axis=1, keepdims=True)
-    response = IntegralResponse.of_convex(brdf, samples, 2, len(lamps))
+    sources = np.array([[0.3, 0.5, 0.8], [-0.2, -0.9, 0.4]])
+    sources = sources / np.linalg.norm(sources, axis=1, keepdims=True)
+    response = IntegralResponse.of_convex(brdf, samples, 2, len(sources))
     mu = 1.5 if brdf.mu is None else float(brdf.mu)
     numbers = (np.log(float(brdf.sigma)), np.log(mu - 1))
-    guess = Guess(jnp.zeros(3), *map(jnp.asarray, numbers), jnp.asarray(lamps))
+    guess = Guess(jnp.zeros(3), *map(jnp.asarray, numbers), jnp.asarray(sources))
     found = response.columns(guess)
 
     def sky(directions):
@@ -126,7 +126,7 @@ def test_the_response_is_the_integral(brdf):
     slow = np.asarray(polar_columns(brdf, samples, sky, 64))
     for lobe, columns in enumerate(found):
         np.testing.assert_allclose(columns[:, [0, 2]], slow[:, lobe], rtol=2e-3, atol=1e-4)
-    nodes = LightNodes(lamps, np.eye(2))
+    nodes = LightNodes(sources, np.eye(2))
     fast = np.asarray(integral_columns(brdf, samples, nodes))
     for lobe, columns in enumerate(found):
         np.testing.assert_allclose(columns[:, 9:], fast[:, lobe], atol=1e-12)
@@ -167,7 +167,7 @@ STATUE = sculpture(3, seed=1)
 
 @pytest.fixture(scope="module")
 def statue() -> tuple[Observations, LightNodes]:
-    """Places on a statue that face one of four views, and the nodes of an area light and a lamp."""
+    """Places on a statue that face one of four views, and the nodes of area light and source."""
     rng = np.random.default_rng(0)
     views = unit(np.array([[1.0, 0.2, 0.4], [-0.9, 0.6, 0.3], [0.1, -1.0, 0.5], [0.3, 0.4, 1.0]]))
     frame = rng.integers(len(views), size=len(STATUE.vertices))
@@ -177,9 +177,9 @@ def statue() -> tuple[Observations, LightNodes]:
     samples = SurfaceSamples(STATUE.normals[kept], views[frame[kept]])
     directions = fibonacci_sphere(6000)
     sky = 4 * np.pi / 6000 * (1 + 0.8 * directions @ unit(np.array([0.9, 0.5, 0.4])))
-    lamp = unit(np.array([[-0.35, 0.8, 0.5]]))
+    source = unit(np.array([[-0.35, 0.8, 0.5]]))
     nodes = LightNodes(
-        np.concatenate([directions, lamp]), np.concatenate([sky, [2.0]])[:, None] * np.ones(3)
+        np.concatenate([directions, source]), np.concatenate([sky, [2.0]])[:, None] * np.ones(3)
     )
     observations = Observations(samples, np.ones((len(kept), 3)), frame[kept], places)
     return observations, nodes

@@ -1,13 +1,14 @@
-"""A BRDF from photographs with one lamp each, its table, and the fit to the table.
+"""A BRDF from photographs with one source each, its table, and the fit to the table.
 
 - Half-angle coordinates: invertible up to a turn about the normal; exchanging the directions adds
   pi to phi_d; the highlight is at t_h = 0.
-- Samples are the BRDF: exactly, in every channel, whatever the lamp's colour; none at grazing.
+- Samples are the BRDF: exactly, in every channel, whatever the source's colour; none at grazing.
 - A table keeps means, counts and standard errors (chi-squared); empty cells are NaN; a reciprocal
   grid pools both orders of a pair.
 - The model averaged over a cell is exact to second order: at the middle it is not.
 - The fit finds the material within its stated errors, and the errors are small.
-- Refusals: no lamp, two lamps, an almost empty table, a reciprocal table of a model that is not.
+- Refusals: no source, two sources, an almost empty table, a reciprocal table of a model that is
+  not.
 """
 
 import jax.numpy as jnp
@@ -46,36 +47,36 @@ def upper_directions(count, seed):
     return directions
 
 
-def lamp_at(degrees, colour=(1.0, 1.0, 1.0)):
+def source_at(degrees, colour=(1.0, 1.0, 1.0)):
     angle = np.radians(degrees)
     towards = np.array([[np.cos(angle), 0.3 * np.sin(angle), 0.954 * np.sin(angle)]])
     return DirectionalSources(towards, np.array([colour]))
 
 
-LAMPS = [lamp_at(degrees, (1.0, 0.8, 1.3)) for degrees in np.arange(6.0, 150, 9)]
+SOURCES = [source_at(degrees, (1.0, 0.8, 1.3)) for degrees in np.arange(6.0, 150, 9)]
 
 
-def photographs(lamps, count=1500, seed=0):
-    """Random pixels of a sphere from one side, under each lamp in turn: no noise."""
+def photographs(sources, count=1500, seed=0):
+    """Random pixels of a sphere from one side, under each source in turn: no noise."""
     rng = np.random.default_rng(seed)
     normals = unit(VIEW + 1.2 * unit(rng.normal(size=(count, 3))))
     normals = normals[normals @ VIEW > 0.05]
     samples = SurfaceSamples(normals, np.tile(VIEW, (len(normals), 1)))
     arrays = SurfaceSamples(*(jnp.asarray(a) for a in samples))
-    shots = [radiance(TRUTH, integral_columns(TRUTH, arrays, lamp.nodes())) for lamp in lamps]
-    every = SurfaceSamples(*(np.tile(a, (len(lamps), 1)) for a in samples))
-    frame = np.repeat(np.arange(len(lamps)), len(normals))
+    shots = [radiance(TRUTH, integral_columns(TRUTH, arrays, source.nodes())) for source in sources]
+    every = SurfaceSamples(*(np.tile(a, (len(sources), 1)) for a in samples))
+    frame = np.repeat(np.arange(len(sources)), len(normals))
     return Observations(every, np.concatenate([np.asarray(s) for s in shots]), frame)
 
 
 @pytest.fixture(scope="module")
 def exact():
-    return photographs(LAMPS)
+    return photographs(SOURCES)
 
 
 def measured(exact, seed=0):
     noisy = NOISE.add(exact.radiance, np.random.default_rng(seed))
-    return brdf_samples(exact._replace(radiance=noisy), LAMPS, NOISE)
+    return brdf_samples(exact._replace(radiance=noisy), SOURCES, NOISE)
 
 
 def test_half_angle_coordinates():
@@ -105,12 +106,12 @@ def test_the_mirror_direction_has_no_half_angle():
 
 @pytest.mark.slow
 def test_samples_are_the_brdf(exact):
-    samples = brdf_samples(exact, LAMPS, NOISE, min_cosine=0.2)
+    samples = brdf_samples(exact, SOURCES, NOISE, min_cosine=0.2)
     assert np.minimum(samples.incoming[:, 2], samples.outgoing[:, 2]).min() >= 0.2
     expected = np.asarray(TRUTH.evaluate(samples.incoming, samples.outgoing))
     np.testing.assert_allclose(samples.values, expected, rtol=1e-10)
-    # Every pixel that the lamp reaches and that is not at the rim.
-    towards = np.concatenate([np.asarray(lamp.directions) for lamp in LAMPS])[exact.frame]
+    # Every pixel that the source reaches and that is not at the rim.
+    towards = np.concatenate([np.asarray(source.directions) for source in SOURCES])[exact.frame]
     cosines = np.sum(towards * exact.samples.normals, axis=1)
     count = np.sum((cosines >= 0.2) & (np.asarray(exact.samples.exit_cosines) >= 0.2))
     assert len(samples.values) == count
@@ -160,7 +161,7 @@ def test_a_reciprocal_grid_pools_both_orders():
 @pytest.mark.slow
 def test_a_model_is_averaged_over_the_cell():
     """Cells of t_h as wide as the lobe: the mean over the cell, not the value in its middle."""
-    samples = brdf_samples(photographs(LAMPS), LAMPS, NOISE)
+    samples = brdf_samples(photographs(SOURCES), SOURCES, NOISE)
     table = tabulate(samples, HalfAngleGrid(18, 12, 6))
     averaged = table_error(table, TRUTH)
     cells = table.mean[table.filled]
@@ -185,10 +186,10 @@ def test_the_fit_finds_the_material(exact):
 
 def test_refusals(exact):
     with pytest.raises(ValueError, match="photograph 15 has no source"):
-        brdf_samples(exact, LAMPS[:-1], NOISE)
+        brdf_samples(exact, SOURCES[:-1], NOISE)
     two = DirectionalSources(np.eye(3)[:2], np.ones((2, 3)))
     with pytest.raises(ValueError, match="photograph 0 has 2 sources"):
-        brdf_samples(exact, [two, *LAMPS[1:]], NOISE)
+        brdf_samples(exact, [two, *SOURCES[1:]], NOISE)
     with pytest.raises(ValueError, match="cells: give one or more"):
         HalfAngleGrid(0, 1, 1)
     few = BRDFSamples(*(a[:2] for a in measured(exact)))

@@ -3,7 +3,7 @@
 - From the Haar tree of its own 32^4 table at 8 % of the coefficients a model is ranked first,
   misses about as much as the tree does, and is found again: shape to 3 %, amplitudes to 5 %.
 - Of an exact BRDF the fit is exact; the error of a wrong model is that of least squares by SciPy.
-- Brushed metal and rough matt paint are found again, in their own words.
+- Brushed metal and rough diffuse paint are found again, in their own words.
 - Misuse is refused.
 """
 

@@ -1,11 +1,11 @@
-"""The thesis's factorization: nested searches on binned sums, and roughness from a lamp.
+"""The thesis's factorization: nested searches on binned sums, and roughness from a source.
 
 - On model-made data K_s, mu and the light come back, from the sums and from the samples.
-- On noisy data with a lamp both routes agree, to what the bins cost.
+- On noisy data with a source both routes agree, to what the bins cost.
 - Gauges keep the products of light and reflectance; a metal has no mu.
 - Roughness is exact for a lone filtered source cut at any degree, whatever the region; T 6.25 as
   printed is low by 4.3, 8.4, 12 % or, with the other filter, .2, .7, 1.5 % (ERRATA 48).
-- Light of one radiance around the lamp does no harm; several exit angles are accounted for.
+- Light of one radiance around the source does no harm; several exit angles are accounted for.
 - A region without a directional source is refused.
 """
 
@@ -31,7 +31,7 @@ from jaxrender.spectra import lambertian_transfer
 
 BAND_LIMIT = 4
 SHARES, MU = np.array([0.3, 0.45]), 1.5
-LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
+SOURCE = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
 
 
 def _photographs(noise, extra=0.0, mu: float | None = MU):
@@ -127,9 +127,9 @@ def test_a_metal_has_no_mu():
 
 
 def _source(passed, around=0.0):
-    """Light of a lamp of irradiance 2 as a filter leaves it, with light of one radiance."""
+    """Light of a source of irradiance 2 as a filter leaves it, with light of one radiance."""
     last = len(passed) - 1
-    basis = np.asarray(real_basis(jnp.asarray(LAMP[None]), last))[0]
+    basis = np.asarray(real_basis(jnp.asarray(SOURCE[None]), last))[0]
     light = 2 * (passed[degrees(last)] * basis)[:, None]
     light[0] += around * np.sqrt(4 * np.pi)
     return light
@@ -139,11 +139,11 @@ def _source(passed, around=0.0):
 @pytest.mark.parametrize("make", [diffusion_filter, gaussian_filter])
 def test_roughness_of_a_cut_source_is_exact(sigma, make):
     passed = make(12)(sigma)
-    for region in (None, Region(LAMP, 0.8), Region(LAMP + 0.1, 1.0)):
+    for region in (None, Region(SOURCE, 0.8), Region(SOURCE + 0.1, 1.0)):
         for around in (0.0, 0.05):
             found = roughness_from_source(_source(passed, around), region, make(12))
             assert found.sigma == pytest.approx(sigma, rel=1e-6)
-            np.testing.assert_allclose(found.direction, LAMP, atol=1e-6)
+            np.testing.assert_allclose(found.direction, SOURCE, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -159,14 +159,14 @@ def test_roughness_of_a_cut_source_is_exact(sigma, make):
 )
 def test_the_printed_formula_is_low(make, sigma, low):
     """ERRATA 48, at a degree where nothing is cut and in a region that holds all of the source."""
-    found = roughness_from_source(_source(make(60)(sigma)), Region(LAMP, np.pi), make(60))
+    found = roughness_from_source(_source(make(60)(sigma)), Region(SOURCE, np.pi), make(60))
     assert found.total == pytest.approx(2, rel=1e-9)
     assert found.printed / sigma - 1 == pytest.approx(-low, abs=2e-3 if low > 0.1 else 6e-4)
     assert found.sigma == pytest.approx(sigma, rel=1e-6)
 
 
 def test_the_lobe_averaged_over_exit_angles():
-    """Against least squares itself, on samples that all reflect towards the lamp's surroundings."""
+    """Against least squares itself, on samples that all reflect towards the source's region."""
     material = glossy(0.15, 1.5)
     cosines, counts = np.array([0.5, 0.8, 1.0]), np.array([3.0, 2.0, 1.0])
     passed = lobe_filter(material, 12, cosines, counts)(0.15)
@@ -186,9 +186,9 @@ def test_a_region_without_a_source():
         roughness_from_source(dim)
     light = _source(diffusion_filter(12)(0.12), around=0.2)
     with pytest.raises(ValueError, match="no directional source"):
-        roughness_from_source(light, Region(-LAMP, 0.4))
-    aside = np.cross(LAMP, [0, 0, 1])
-    beside = np.cos(0.35) * LAMP + np.sin(0.35) * aside / np.linalg.norm(aside)
+        roughness_from_source(light, Region(-SOURCE, 0.4))
+    aside = np.cross(SOURCE, [0, 0, 1])
+    beside = np.cos(0.35) * SOURCE + np.sin(0.35) * aside / np.linalg.norm(aside)
     with pytest.raises(ValueError, match="grows towards the region's edge"):
         roughness_from_source(light, Region(beside, 0.15))
     with pytest.raises(ValueError, match="sharper than a source's"):

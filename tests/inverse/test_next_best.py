@@ -1,7 +1,7 @@
 """Which further photograph tells most.
 
-- Head-on views of a plate under uniform light: a grazing view, or a lamp, is suggested; with the
-  suggested lamp a fit's errors are those predicted, within 15 %.
+- Head-on views of a plate under uniform light: a grazing view, or a source, is suggested; with the
+  suggested source a fit's errors are those predicted, within 15 %.
 - The errors with a suggestion are those that a forecast of both together gives.
 - The parameter aimed at is the one that the first suggestion tells best.
 - Candidate cameras keep distance and lens, and look at the object.
@@ -30,7 +30,7 @@ from jaxrender.inverse.forecast import (
     foresee,
     problem_of,
 )
-from jaxrender.inverse.next_best import suggest_lamps, suggest_views
+from jaxrender.inverse.next_best import suggest_sources, suggest_views
 from jaxrender.lighting import DirectionalSources, Environment
 
 NOISE = NoiseModel(0.01, 0.0)
@@ -90,16 +90,16 @@ def test_errors_with_a_view_are_those_of_a_forecast_of_both(head_on):
 
 
 @pytest.mark.slow
-def test_a_fit_with_the_suggested_lamp_achieves_what_was_predicted(head_on):
-    best, *_ = suggest_lamps(head_on, PROBLEM, fibonacci_sphere(24), count=2)
+def test_a_fit_with_the_suggested_source_achieves_what_was_predicted(head_on):
+    best, *_ = suggest_sources(head_on, PROBLEM, fibonacci_sphere(24), count=2)
     assert max(best.errors.values()) < WITHIN
     samples, frame, _ = head_on.situation
     again = frame == best.frame
     joined = SurfaceSamples(*(np.concatenate([a, np.asarray(a)[again]]) for a in samples))
     number = np.concatenate([frame, np.full(np.count_nonzero(again), 2)])
     # As bright as the uniform light of radiance 1 is on a plane: pi.
-    lamp = DirectionalSources(best.direction[None], np.full((1, 3), np.pi))
-    per_frame = (DirectionalSources.none(), DirectionalSources.none(), lamp)
+    source = DirectionalSources(best.direction[None], np.full((1, 3), np.pi))
+    per_frame = (DirectionalSources.none(), DirectionalSources.none(), source)
     light = KnownLight(UNIFORM.environment, DirectionalSources.none(), per_frame)
     exact = photograph(
         material(),
@@ -108,7 +108,7 @@ def test_a_fit_with_the_suggested_lamp_achieves_what_was_predicted(head_on):
         lambda towards: jnp.ones((towards.shape[0], 3)),
         DirectionalSources.none(),
     )
-    lit = photograph(material(), joined, number, jnp.zeros_like, lamp).radiance
+    lit = photograph(material(), joined, number, jnp.zeros_like, source).radiance
     observations = exact._replace(radiance=exact.radiance + lit * (number == 2)[:, None])
     settings = FitSettings(starts=1, noise=NOISE, split="off")
     achieved = fit_brdf(
@@ -123,7 +123,7 @@ def test_a_fit_with_the_suggested_lamp_achieves_what_was_predicted(head_on):
 def test_the_parameter_aimed_at_comes_first(head_on):
     directions = fibonacci_sphere(24)
     for aim in ("mu", "kd"):
-        ranked = suggest_lamps(head_on, PROBLEM, directions, aim, 24)
+        ranked = suggest_sources(head_on, PROBLEM, directions, aim, 24)
         errors = [one.errors[aim] for one in ranked]
         assert errors[0] <= 1.02 * min(errors)
         assert np.all(np.diff(errors) > -0.02 * np.array(errors[1:]))
@@ -134,9 +134,9 @@ def test_what_is_fixed_cannot_be_aimed_at(head_on):
     with pytest.raises(
         ValueError, match="aim='mu' is not a free parameter; choose one of worst, kd"
     ):
-        suggest_lamps(head_on, fixed, aim="mu")
-    with pytest.raises(ValueError, match="aim='gloss'"):
-        suggest_lamps(head_on, PROBLEM, aim="gloss")
+        suggest_sources(head_on, fixed, aim="mu")
+    with pytest.raises(ValueError, match="aim='shine'"):
+        suggest_sources(head_on, PROBLEM, aim="shine")
     with pytest.raises(ValueError, match="no candidate camera sees"):
         suggest_views(head_on, PROBLEM, [])
 

@@ -14,7 +14,7 @@ import pytest
 from inverse_problems import ball_samples, known_light, photograph, with_noise
 
 from jaxrender.brdf import CosineLobe, Searched
-from jaxrender.inverse import FitSettings, Outcome, Told, factorize, fit_brdf, unknowns_of
+from jaxrender.inverse import FitSettings, Outcome, Stated, factorize, fit_brdf, unknowns_of
 
 STATED_ERRORS = 3.5
 KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.6)
@@ -32,7 +32,7 @@ class BentLobe(CosineLobe):
 class Misnamed(CosineLobe):
     """One that says a number which it has not."""
 
-    searched: ClassVar = (Searched("gloss", 0.1, 1.0, 0.5),)
+    searched: ClassVar = (Searched("shine", 0.1, 1.0, 0.5),)
 
 
 class Contradictory(CosineLobe):
@@ -63,8 +63,8 @@ def test_every_number_is_found_and_named(photographs):
 
 @pytest.mark.slow
 def test_bounds_of_the_further_number_are_honoured(photographs):
-    told = {"c_z": Told(bounds=(0.95, 1.5)), "exponent": Told(fixed=25.0)}
-    unknowns = unknowns_of(TRUTH, told)
+    stated = {"c_z": Stated(bounds=(0.95, 1.5)), "exponent": Stated(fixed=25.0)}
+    unknowns = unknowns_of(TRUTH, stated)
     fit = fit_brdf(photographs, known_light(), unknowns, TRUTH, FitSettings(starts=2))
     assert fit.outcome is Outcome.AT_BOUND
     assert float(fit.brdf.c_z) == pytest.approx(0.95, rel=0.01)
@@ -80,7 +80,7 @@ def test_a_further_number_is_refused_where_the_light_is_unknown(photographs):
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        (Misnamed, r"Misnamed.searched: there is no field 'gloss'"),
+        (Misnamed, r"Misnamed.searched: there is no field 'shine'"),
         (Contradictory, r"Contradictory.exponent: .* start 50 must lie between 1 and 10"),
     ],
 )

@@ -3,7 +3,7 @@
 - The hard constraint finds the minimum that Lawson and Hanson's least-distance programming finds.
 - The soft penalty is the minimum of T 6.24, as a general minimiser finds it.
 - Light that is positive anyway stays as it is.
-- In ``recover_coefficients`` a dark room under a lamp stays dark.
+- In ``recover_coefficients`` a dark room under a source stays dark.
 """
 
 import numpy as np
@@ -93,12 +93,12 @@ def test_positive_light_stays_as_it_is():
     np.testing.assert_allclose(hard_positive(misfit).light, light, rtol=1e-12)
 
 
-def test_a_dark_room_under_a_lamp():
-    """Light cut at degree 6 rings about a lamp; the constraint takes the ringing away."""
+def test_a_dark_room_under_a_source():
+    """Light cut at degree 6 rings about a source; the constraint takes the ringing away."""
     samples = samples_all_round(800)
-    lamp = DirectionalSources(np.array([[0.6, 0.0, 0.8]]), np.ones((1, 1)))
-    truth = np.asarray(light_coefficients(lamp, 12))
-    # The lobe of the lamp's own width, so that the light filtered by it is nowhere negative.
+    source = DirectionalSources(np.array([[0.6, 0.0, 0.8]]), np.ones((1, 1)))
+    truth = np.asarray(light_coefficients(source, 12))
+    # The lobe of the source's own width, so that the light filtered by it is nowhere negative.
     degree = degrees(12)[:, None]
     truth = truth * np.exp(-(0.35**2) * degree * (degree + 1))
     exact = np.asarray(phong_operator(samples, 12, [0.1], [0.4]).apply(truth))

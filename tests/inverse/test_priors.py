@@ -4,7 +4,7 @@
 - A number that the photographs say nothing of keeps its prior, mean and error, and says so.
 - A prior that contradicts the photographs is named, and its number is not called identifiable.
 - A wide prior changes nothing.
-- Priors that contradict what else is told are refused by the number's name.
+- Priors that contradict what else is stated are refused by the number's name.
 """
 
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from jaxrender.inverse import (
     KnownLight,
     Outcome,
     Prior,
-    Told,
+    Stated,
     fit_brdf,
     unknowns_of,
 )
@@ -38,12 +38,12 @@ def photographs():
 
 
 def fitted(photographs, light=None, **priors):
-    told = {name: Told(prior=Prior(*prior)) for name, prior in priors.items()}
-    unknowns = unknowns_of(TRUTH, told)
+    stated = {name: Stated(prior=Prior(*prior)) for name, prior in priors.items()}
+    unknowns = unknowns_of(TRUTH, stated)
     return fit_brdf(photographs, light or known_light(), unknowns, TRUTH, SETTINGS)
 
 
-def told_of(fit, name):
+def found_of(fit, name):
     value, error = (part.of(name) for part in (fit.parameters.value, fit.parameters.standard_error))
     return np.asarray(value), np.asarray(error)
 
@@ -56,16 +56,16 @@ def free(photographs):
 @pytest.mark.parametrize("name", ["ks", "sigma", "mu"])
 def test_two_normal_distributions_make_one(name, photographs, free):
     """By how much each is sure: all other numbers follow, as their covariance asks."""
-    value, error = (np.max(part) for part in told_of(free, name))
+    value, error = (np.max(part) for part in found_of(free, name))
     prior = (value + 2 * error, error)
-    found, spread = (np.max(part) for part in told_of(fitted(photographs, **{name: prior}), name))
+    found, spread = (np.max(part) for part in found_of(fitted(photographs, **{name: prior}), name))
     assert found == pytest.approx(value + error, abs=0.15 * error)
     assert spread == pytest.approx(error / np.sqrt(2), rel=0.05)
 
 
 @pytest.mark.parametrize(("off", "contradicts"), [(2, False), (12, True)])
 def test_a_prior_that_contradicts_the_photographs_is_said_to(off, contradicts, photographs, free):
-    value, error = (float(part) for part in told_of(free, "sigma"))
+    value, error = (float(part) for part in found_of(free, "sigma"))
     fit = fitted(photographs, sigma=(value + off * error, error))
     said = [reason for reason in fit.reasons if "off its prior: one of the two is wrong" in reason]
     assert bool(said) == contradicts
@@ -77,7 +77,7 @@ def test_a_prior_that_contradicts_the_photographs_is_said_to(off, contradicts, p
 def test_a_wide_prior_changes_nothing(photographs, free):
     fit = fitted(photographs, sigma=(0.2, 50.0), kd=(0.1, 100.0))
     for name in ("kd", "ks", "sigma", "mu"):
-        (value, error), (before, _) = told_of(fit, name), told_of(free, name)
+        (value, error), (before, _) = found_of(fit, name), found_of(free, name)
         assert np.all(np.abs(value - before) < 0.01 * error)
 
 
@@ -88,7 +88,7 @@ def test_what_the_photographs_do_not_say_stays_the_prior():
     seen = photograph(TRUTH, *ball_samples(lowest_cosine=0.8), even, None)
     seen = with_noise(seen, NOISE.relative, NOISE.floor)
     fit = fitted(seen, light, sigma=(0.16, 0.004), mu=(1.6, 0.05), ks=(0.21, 0.005))
-    value, error = told_of(fit, "sigma")
+    value, error = found_of(fit, "sigma")
     assert abs(value - 0.16) < 0.004
     assert error == pytest.approx(0.004, rel=0.1)
     assert not fit.identifiable["sigma"]
@@ -97,22 +97,22 @@ def test_what_the_photographs_do_not_say_stays_the_prior():
 
 
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("stated", "said"),
     [
-        (Told(fixed=0.1, prior=Prior(0.1, 0.01)), "sigma: a fixed value needs no prior"),
-        (Told(bounds=(0.2, 0.3), prior=Prior(0.1, 0.01)), "sigma: prior mean 0.1 is outside"),
-        (Told(prior=Prior(0.1, 0.0)), "sigma: prior standard deviation 0: give a number above 0"),
+        (Stated(fixed=0.1, prior=Prior(0.1, 0.01)), "sigma: a fixed value needs no prior"),
+        (Stated(bounds=(0.2, 0.3), prior=Prior(0.1, 0.01)), "sigma: prior mean 0.1 is outside"),
+        (Stated(prior=Prior(0.1, 0.0)), "sigma: prior standard deviation 0: give a number above 0"),
     ],
 )
-def test_contradictions_are_refused(told, said):
+def test_contradictions_are_refused(stated, said):
     with pytest.raises(ValueError, match=said):
-        unknowns_of(TRUTH, {"sigma": told})
+        unknowns_of(TRUTH, {"sigma": stated})
 
 
 def test_priors_are_refused_where_no_fit_asks_for_them(photographs):
-    unknowns = unknowns_of(TRUTH, {"sigma": Told(prior=Prior(0.1, 0.01))})
+    unknowns = unknowns_of(TRUTH, {"sigma": Stated(prior=Prior(0.1, 0.01))})
     with pytest.raises(ValueError, match=r"sigma has a prior; .* under known light"):
         known_of(unknowns, TRUTH)
-    scaled = unknowns_of(TRUTH, {"kd": Told(prior=Prior(0.1, 0.01))}, free_scale=True)
+    scaled = unknowns_of(TRUTH, {"kd": Stated(prior=Prior(0.1, 0.01))}, free_scale=True)
     with pytest.raises(ValueError, match="kd has a prior, but the light is known up to a factor"):
         fit_brdf(photographs, known_light(), scaled, TRUTH, SETTINGS)

@@ -2,7 +2,7 @@
 
 - The JSON holds values, errors, intervals and the account as they are; what is not finite is null.
 - Sources and coefficients are numbers; a sky and an environment are panoramas that read back.
-- The ball is bright where a lamp is mirrored, and lit even where the light itself is dark.
+- The ball is bright where a source is mirrored, and lit even where the light itself is dark.
 - What stands in the way of the folder is named.
 """
 
@@ -22,7 +22,7 @@ from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight, O
 
 EYE = np.array([2.0, -3.0, 1.2])
 TOWARDS = EYE / np.linalg.norm(EYE)
-LAMP = DirectionalSources(TOWARDS[None], np.array([[2.0, 1.0, 0.5]]))
+SOURCE = DirectionalSources(TOWARDS[None], np.array([[2.0, 1.0, 0.5]]))
 SKY = OvercastSky(np.array([0.3, 0.3, 0.4]))
 PROBE = Environment(np.random.default_rng(0).uniform(0, 1, (16, 32, 3)))
 PAINT = brdf_named("phong", kd=np.array([0.2, 0.1, 0.1]), ks=np.full(3, 0.3), exponent=60.0)
@@ -33,9 +33,9 @@ def estimate(light):
     numbers = {"kd": np.array([0.2, 0.1, 0.1]), "exponent": np.array(60.0)}
     errors = {"kd": np.full(3, 0.01), "exponent": np.array(np.inf)}
     intervals = {"kd": np.array([[0.1, 0.3]] * 3), "exponent": np.array([1.0, np.inf])}
-    told, noise = {"kd": True, "exponent": False}, NoiseModel(0.01, 0.002)
+    identifiable, noise = {"kd": True, "exponent": False}, NoiseModel(0.01, 0.002)
     end = (Outcome.NOT_IDENTIFIABLE, ("exponent is lost",), noise, 0.02, None)
-    return Estimate("phong", PAINT, light, numbers, errors, intervals, told, *end)
+    return Estimate("phong", PAINT, light, numbers, errors, intervals, identifiable, *end)
 
 
 def saved(light, folder):
@@ -44,7 +44,7 @@ def saved(light, folder):
 
 
 def test_numbers_are_saved_as_they_are(tmp_path):
-    found = saved(LAMP, tmp_path)
+    found = saved(SOURCE, tmp_path)
     assert found["model"] == "phong"
     assert found["values"] == {"kd": [0.2, 0.1, 0.1], "exponent": 60.0}
     assert found["standard_error"]["exponent"] is None
@@ -55,9 +55,9 @@ def test_numbers_are_saved_as_they_are(tmp_path):
 
 
 def test_every_light_is_saved(tmp_path):
-    found = saved(LAMP + SMOOTH + SKY + PROBE, tmp_path)["light"]
-    np.testing.assert_allclose(found[0]["directions"], LAMP.directions)
-    np.testing.assert_allclose(found[0]["irradiance"], LAMP.irradiance)
+    found = saved(SOURCE + SMOOTH + SKY + PROBE, tmp_path)["light"]
+    np.testing.assert_allclose(found[0]["directions"], SOURCE.directions)
+    np.testing.assert_allclose(found[0]["irradiance"], SOURCE.irradiance)
     np.testing.assert_allclose(found[1]["coefficients"], SMOOTH.coefficients)
     sky, probe = (
         read_environment(tmp_path / "fit" / one["environment"], "z-up") for one in found[2:]
@@ -66,14 +66,14 @@ def test_every_light_is_saved(tmp_path):
     np.testing.assert_allclose(sky.radiance, SKY.to_environment(128).radiance, rtol=1e-6)
 
 
-@pytest.mark.parametrize("light", [LAMP, DirectionalSources.none(3)])
-def test_the_ball_shows_the_lamp(light):
+@pytest.mark.parametrize("light", [SOURCE, DirectionalSources.none(3)])
+def test_the_ball_shows_the_source(light):
     found = estimate(light)
     ball = found.ball(64)
     assert ball.shape == (64, 64, 3)
     row, column = np.unravel_index(np.argmax(ball.sum(axis=-1)), (64, 64))
-    if light is LAMP:
-        # The lamp stands behind the camera: it is mirrored in the middle.
+    if light is SOURCE:
+        # The source stands behind the camera: it is mirrored in the middle.
         assert abs(row - 31.5) <= 2
         assert abs(column - 31.5) <= 2
     assert ball.max() > 0
@@ -86,5 +86,5 @@ def test_the_ball_shows_the_lamp(light):
 def test_what_is_in_the_way_is_named(tmp_path):
     (tmp_path / "fit").write_text("a file")
     with pytest.raises(InputError, match="fit: cannot be written to: File exists"):
-        estimate(LAMP).save(tmp_path / "fit")
+        estimate(SOURCE).save(tmp_path / "fit")
     assert (tmp_path / "fit").read_text() == "a file"

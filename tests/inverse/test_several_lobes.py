@@ -2,7 +2,7 @@
 
 - Two glossy lobes over a base, by a class that stands in this file alone, are found from
   photographs by the exact integral within their stated errors, every number by its name.
-- Amplitudes can be fixed, bounded, and told apart by channel, each by itself.
+- Amplitudes can be fixed, bounded, and found by channel, each by itself.
 - What has one such lobe alone is refused, by its reason: unknown light.
 - A forecast says the same errors beforehand.
 """
@@ -17,7 +17,7 @@ from inverse_problems import ball_samples, known_light, photograph, with_noise
 
 from jaxrender.brdf import ByOwnNumber, Phong, Searched, ShapeParameter
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, Outcome, Told, factorize, fit_brdf, unknowns_of
+from jaxrender.inverse import FitSettings, Outcome, Stated, factorize, fit_brdf, unknowns_of
 from jaxrender.inverse.forecast import Supposed, forecast_material, foresee
 from jaxrender.inverse.forecast.situation import Situation
 from jaxrender.shapes import AnyArray, Float
@@ -89,14 +89,14 @@ def test_a_forecast_says_the_errors_beforehand(fit, photographs):
     forecast = forecast_material(foreseen, explain=False)
     assert all(forecast.identifiable.values())
     for name in NUMBERS:
-        foretold = np.asarray(forecast.parameters.standard_error.of(name))
+        foreseen = np.asarray(forecast.parameters.standard_error.of(name))
         achieved = np.asarray(fit.parameters.standard_error.of(name))
-        np.testing.assert_allclose(foretold, achieved, rtol=0.35)
+        np.testing.assert_allclose(foreseen, achieved, rtol=0.35)
 
 
-def test_each_amplitude_can_be_told_by_itself(photographs):
-    told = {"coat": Told(fixed=(0.15, 0.15, 0.15)), "ks": Told(bounds=(0.25, 0.4))}
-    unknowns = unknowns_of(TRUTH, told)
+def test_each_amplitude_can_be_stated_by_itself(photographs):
+    stated = {"coat": Stated(fixed=(0.15, 0.15, 0.15)), "ks": Stated(bounds=(0.25, 0.4))}
+    unknowns = unknowns_of(TRUTH, stated)
     settings = FitSettings(starts=1, refine=False)
     fit = fit_brdf(photographs, known_light(), unknowns, TRUTH, settings)
     assert fit.outcome is Outcome.AT_BOUND

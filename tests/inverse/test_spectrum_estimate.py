@@ -1,6 +1,6 @@
 """A BRDF's coefficients from photographs of a ball, as an estimate.
 
-- A matt ball under lamps: the lobe is the clamped cosine cut at the order, within its error.
+- A diffuse ball under sources: the lobe is the clamped cosine cut at the order, within its error.
 - The estimate prints its degrees, saves numbers that say which coefficient is which, and renders.
 - Light without degrees does not tell the lobe, and that is said.
 - Concave shapes, moving light, coarse light and too few samples are refused with a remedy.
@@ -19,7 +19,7 @@ from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.reflection import forward_of, render_lit, render_samples
 
 BALL, KD = Sphere(), np.array([0.2, 0.1, 0.05])
-LAMPS = DirectionalSources(
+SOURCES = DirectionalSources(
     np.array([[0.5, 0.6, 0.62], [0.3, -0.7, 0.2], [0.9, 0.0, 0.9]]),
     np.array([[2.0, 1.8, 1.5], [1.2, 1.4, 1.8], [0.8, 0.8, 0.8]]),
 )
@@ -30,7 +30,7 @@ PEAK = 1 / 4 + 1 / 2 + 5 / 16
 
 
 def photographs(light):
-    """Pixels of a matt ball from four sides, with 1 % noise."""
+    """Pixels of a diffuse ball from four sides, with 1 % noise."""
     rng, rows = np.random.default_rng(0), []
     for number in range(4):
         place = 4 * np.array([np.cos(number), np.sin(number), 0.4])
@@ -53,27 +53,27 @@ def photographs(light):
 
 @pytest.fixture(scope="module")
 def seen():
-    return photographs(LAMPS)
+    return photographs(SOURCES)
 
 
 @pytest.fixture(scope="module")
 def found(seen):
     orders = []
-    estimate = estimate_spectrum(seen, BALL, LAMPS, ORDER_2, orders.append)
+    estimate = estimate_spectrum(seen, BALL, SOURCES, ORDER_2, orders.append)
     assert [one.basis.band_limit for one in orders] == [1, 2]
     return estimate
 
 
-def test_the_lobe_of_a_matt_ball(found):
+def test_the_lobe_of_a_diffuse_ball(found):
     assert isinstance(found, AnyEstimate)
     assert found.identifiable == {"lobe": True}
     incoming, outgoing = np.array([[0.0, 0.0, 1.0]]), np.array([[0.6, 0.0, 0.8]])
     value, error = found.spectrum.transfer(incoming, outgoing)
     np.testing.assert_allclose(value[0], PEAK * KD, rtol=0.1)
     assert (error < 0.05 * value).all()
-    rho, told = found.values["rho"], found.interval90["rho"]
+    rho, interval = found.values["rho"], found.interval90["rho"]
     assert rho.shape == found.standard_error["rho"].shape == (found.spectrum.basis.count, 3)
-    np.testing.assert_allclose(told.mean(axis=-1), rho, atol=1e-12)
+    np.testing.assert_allclose(interval.mean(axis=-1), rho, atol=1e-12)
 
 
 def test_it_is_printed_saved_and_rendered(found, tmp_path):
@@ -89,7 +89,8 @@ def test_it_is_printed_saved_and_rendered(found, tmp_path):
     pose = look_at(np.array([4.0, 0.0, 1.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     camera = Orthographic(16, 16, pose, scale=0.13)
     images = [
-        np.asarray(render_lit(one, LAMPS, BALL, camera)) for one in (found.material, Lambertian(KD))
+        np.asarray(render_lit(one, SOURCES, BALL, camera))
+        for one in (found.material, Lambertian(KD))
     ]
     bright = images[1] > 0.3 * images[1].max()
     ratio = images[0][bright] / images[1][bright]
@@ -101,18 +102,18 @@ def test_light_without_degrees_does_not_tell_the_lobe():
     assert found.outcome.value == "not_identifiable"
     assert "next to nothing of degree 1, 2" in str(found)
     assert "not identifiable" in str(found)
-    told = [one.told for one in found.by_degree()]
-    assert told[0] > 0.9
-    assert max(told[1:]) < 0.1
+    determined = [one.determined for one in found.by_degree()]
+    assert determined[0] > 0.9
+    assert max(determined[1:]) < 0.1
 
 
 def test_bad_input_is_refused_in_words(seen):
     with pytest.raises(ValueError, match="the shape is concave"):
-        estimate_spectrum(seen, sculpture(2, 0), LAMPS, ORDER_2)
-    moving = KnownLight(None, LAMPS, (LAMPS,) * 4)
+        estimate_spectrum(seen, sculpture(2, 0), SOURCES, ORDER_2)
+    moving = KnownLight(None, SOURCES, (SOURCES,) * 4)
     with pytest.raises(ValueError, match="each photograph has a light of its own"):
         estimate_spectrum(seen, BALL, moving, ORDER_2)
     with pytest.raises(ValueError, match="8 rows has degrees to 3: lower the order"):
         estimate_spectrum(seen, BALL, Environment(np.ones((8, 16, 3))), SpectrumSettings(4))
     with pytest.raises(ValueError, match=r"100 samples for \d+ coefficients; lower the order"):
-        estimate_spectrum(seen, BALL, LAMPS, SpectrumSettings(order=8, count=100))
+        estimate_spectrum(seen, BALL, SOURCES, SpectrumSettings(order=8, count=100))

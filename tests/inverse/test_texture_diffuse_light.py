@@ -1,9 +1,9 @@
-"""A matte object's texture under unknown light (T 6.1.1, class 6); exact integrals, 1 % noise.
+"""A diffuse object's texture under unknown light (T 6.1.1, class 6); exact integrals, 1 % noise.
 
 - At rest, any light of the family explains the photographs as well, to rounding, and the family is
   everything that the light's irradiance can be; odd degrees above 1 are no part of it.
 - Total variation picks paint of few colours to a few per cent, least variance paint without trend.
-- The ratio of sites of one normal is told whatever light is assumed.
+- The ratio of sites of one normal is identifiable whatever light is assumed.
 - An object that turns tells all but the scale.
 """
 
@@ -69,11 +69,11 @@ def test_every_light_of_the_family_explains_the_photographs_as_well(shot):
     problem, found = factored(shot, texture()[0], "variance", 4)
     # Degrees 0, 1, 2 and 4: 1 + 3 + 5 + 9; degree 3 makes no irradiance.
     assert found.directions.shape[1] == 18
-    assert found.untold.all()
+    assert found.unidentifiable.all()
     rng = np.random.default_rng(0)
     before = predicted(problem, found.light, found.texture)
     for _ in range(3):
-        light = found.moved(0.05 * rng.normal(size=found.untold.shape))
+        light = found.moved(0.05 * rng.normal(size=found.unidentifiable.shape))
         other = texture_under(problem, light)
         assert np.nanmax(np.abs(other / found.texture - 1)) > 0.05
         np.testing.assert_allclose(predicted(problem, light, other), before, rtol=1e-9)
@@ -83,7 +83,7 @@ def predicted(problem, light, found):
     return (problem.basis @ light) * found[problem.measured.site]
 
 
-def test_ratios_of_sites_of_one_normal_are_told(shot):
+def test_ratios_of_sites_of_one_normal_are_identifiable(shot):
     _, measured = shot.measured(texture()[0], np.zeros(SITES))
     normals = np.asarray(shot.samples.normals).copy()
     # Let pairs of sites have one normal.
@@ -97,7 +97,7 @@ def test_ratios_of_sites_of_one_normal_are_told(shot):
     normals = mean[shot.site - shot.site % 2]
     problem = diffuse_problem(twin, normals, np.zeros((0, 2), int))
     found = factor_diffuse(problem, "variance")
-    light = found.moved(0.1 * np.ones(found.untold.shape))
+    light = found.moved(0.1 * np.ones(found.unidentifiable.shape))
     ratio = [t[0::2] / t[1::2] for t in (found.texture, texture_under(problem, light))]
     # The moved light may be negative somewhere, and where depends on the signs of eigenvectors.
     lit = np.isfinite(ratio[1])
@@ -116,8 +116,8 @@ def test_an_object_that_turns_tells_all_but_the_scale(shot):
     _, measured = shot.measured(kd, np.zeros(SITES), diffuse)
     problem = diffuse_problem(measured, turned, np.zeros((0, 2), int), pose=shot.frame)
     found = factor_diffuse(problem, "variance")
-    assert found.untold.sum(axis=1).tolist() == [1, 1, 1]
-    # The one that is not told is the scale: the light itself.
+    assert found.unidentifiable.sum(axis=1).tolist() == [1, 1, 1]
+    # The one that is not identifiable is the scale: the light itself.
     scale = found.directions[:, 0]
     alike = np.einsum("ck,kc->c", scale, found.light)
     alike /= np.linalg.norm(scale, axis=1) * np.linalg.norm(found.light, axis=0)

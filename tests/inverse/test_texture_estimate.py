@@ -1,10 +1,10 @@
 """A texture from a scene and its photographs, as an estimate.
 
-- A checkered ball under lamps: sigma within its interval, kd of every texel within its errors.
+- A checkered ball under sources: sigma within its interval, kd of every texel within its errors.
 - The estimate prints what became of the texels and saves maps that read back.
 - Its prediction is the photograph, to the noise.
 - Colours of a picture are regions; a mesh without texture coordinates has vertices.
-- Of matt paint under unknown light the texture is right up to what is said to be open.
+- Of diffuse paint under unknown light the texture is right up to what is said to be open.
 - What a texture cannot honour is refused with a remedy.
 """
 
@@ -32,8 +32,8 @@ from jaxrender.reflection import forward_of
 
 BALL, NOISE, ROWS = Sphere(), 0.01, 8
 KD = np.array([[0.2, 0.1, 0.05], [0.08, 0.15, 0.25]])
-GLOSS = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
-LAMPS = DirectionalSources(
+FACETS = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
+SOURCES = DirectionalSources(
     np.array([[0.5, 0.6, 0.62], [0.3, -0.7, 0.2], [0.9, 0.0, 0.9]]),
     np.array([[2.0, 1.8, 1.5], [1.2, 1.4, 1.8], [0.8, 0.8, 0.8]]),
 )
@@ -55,7 +55,7 @@ def capture(folder, ks, views=7):
         camera = Pinhole(32, 32, pose, fl_x=140.0)
         view = observe(camera, BALL)
         samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
-        columns = texture_columns(GLOSS, samples, forward_of(LAMPS, BALL))
+        columns = texture_columns(FACETS, samples, forward_of(SOURCES, BALL))
         paint = which(sphere_coordinates(view.points[view.hit]))
         exact = KD[paint] * columns.diffuse + ks * columns.specular
         image = np.zeros((*view.hit.shape, 4))
@@ -74,13 +74,13 @@ def glossy(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def matt(tmp_path_factory):
-    return capture(tmp_path_factory.mktemp("matt"), 0.0)
+def diffuse(tmp_path_factory):
+    return capture(tmp_path_factory.mktemp("diffuse"), 0.0)
 
 
 @pytest.fixture(scope="module")
 def found(glossy):
-    scene = Scene(unknown("microfacet", sigma=(0.05, 0.6), mu=1.5), BALL, LAMPS)
+    scene = Scene(unknown("microfacet", sigma=(0.05, 0.6), mu=1.5), BALL, SOURCES)
     return estimate_texture(scene, glossy, QUICK, ROWS)
 
 
@@ -121,7 +121,7 @@ def test_it_is_printed_and_saved(found, tmp_path):
 
 def test_it_predicts_the_photographs(found, glossy):
     photographs = glossy.photographs(BALL)
-    lit = LitTexture(found, observations_of(photographs), KnownLight.of(LAMPS), exact=False)
+    lit = LitTexture(found, observations_of(photographs), KnownLight.of(SOURCES), exact=False)
     images = np.stack(lit.predict([one.view for one in photographs]))
     radiance = np.stack([one.radiance for one in photographs])
     usable, level = np.stack([one.selection.usable for one in photographs]), radiance.sum(axis=-1)
@@ -130,35 +130,35 @@ def test_it_predicts_the_photographs(found, glossy):
 
 
 def test_lights_stay_with_their_photographs(glossy, found):
-    """Lamps that are said of every photograph are those that all share."""
-    scene = Scene(found.material, BALL, per_frame=(LAMPS,) * 7)
+    """Sources that are said of every photograph are those that all share."""
+    scene = Scene(found.material, BALL, per_frame=(SOURCES,) * 7)
     again = estimate_texture(scene, glossy, QUICK, ROWS)
     np.testing.assert_allclose(again.values["sigma"], found.values["sigma"], rtol=1e-4)
     with pytest.raises(ValueError, match="per_frame lights 2 photographs of 7"):
-        estimate_texture(scene._replace(per_frame=(LAMPS,) * 2), glossy, QUICK, ROWS)
+        estimate_texture(scene._replace(per_frame=(SOURCES,) * 2), glossy, QUICK, ROWS)
 
 
-def test_regions_of_matt_paint(matt, tmp_path):
+def test_regions_of_diffuse_paint(diffuse, tmp_path):
     write_image(tmp_path / "halves.png", np.kron([[0.0], [1.0]], np.ones((4, 16, 3))))
-    scene = Scene(unknown("lambertian"), BALL, LAMPS)
-    found = estimate_texture(scene, matt, rows=ROWS, regions=tmp_path / "halves.png")
+    scene = Scene(unknown("lambertian"), BALL, SOURCES)
+    found = estimate_texture(scene, diffuse, rows=ROWS, regions=tmp_path / "halves.png")
     assert [lobe.name for lobe in found.lobes] == ["#000000", "#ffffff"]
     assert set(found.values) == {"kd"}
     assert 0.8 < np.sqrt(np.mean(off(found) ** 2)) < 1.3
 
 
-def test_a_mesh_without_coordinates_has_vertices(matt, tmp_path):
-    scene = Scene(unknown("lambertian"), Mesh.icosphere(2), LAMPS)
-    found = estimate_texture(scene, matt)
+def test_a_mesh_without_coordinates_has_vertices(diffuse, tmp_path):
+    scene = Scene(unknown("lambertian"), Mesh.icosphere(2), SOURCES)
+    found = estimate_texture(scene, diffuse)
     assert "162 vertices" in str(found)
     found.save(tmp_path)
     assert len(read_mesh(tmp_path / "textures" / "vertices.ply").vertices) == 162
     with pytest.raises(ValueError, match="a picture of regions needs texture coordinates"):
-        estimate_texture(scene, matt, regions=tmp_path / "halves.png")
+        estimate_texture(scene, diffuse, regions=tmp_path / "halves.png")
 
 
-def test_matt_paint_under_unknown_light(matt, tmp_path):
-    found = estimate_texture(Scene(unknown("lambertian"), BALL), matt, rows=ROWS)
+def test_diffuse_paint_under_unknown_light(diffuse, tmp_path):
+    found = estimate_texture(Scene(unknown("lambertian"), BALL), diffuse, rows=ROWS)
     assert "T 6.1.1, class 6" in found.ambiguity
     assert str(found).count("class 6") == 1
     truth = KD[which(texel_coordinates((ROWS, 2 * ROWS)))]
@@ -170,7 +170,7 @@ def test_matt_paint_under_unknown_light(matt, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("told", "options", "fault"),
+    ("changed", "options", "fault"),
     [
         ({"free_scale": True}, {}, "leave free_exposure and free_scale out"),
         ({"light": None}, {"settings": QUICK}, "give UnknownLightSettings"),
@@ -179,19 +179,19 @@ def test_matt_paint_under_unknown_light(matt, tmp_path):
         (
             {"light": None},
             {"settings": UnknownLightSettings(exact=False)},
-            "matt paint has no gloss to find",
+            "diffuse paint has no specular lobe to find",
         ),
         (
             {"light": None, "material": unknown("ggx")},
             {"settings": UnknownLightSettings(prior="variance")},
             "not by a prior",
         ),
-        ({}, {"settings": QUICK}, "matt paint is found without a search"),
-        ({}, {"control_points": 5}, "matt paint has no sigma that could vary"),
+        ({}, {"settings": QUICK}, "diffuse paint is found without a search"),
+        ({}, {"control_points": 5}, "diffuse paint has no sigma that could vary"),
         ({"material": unknown("phong")}, {}, "phong: a texture fits facets"),
     ],
 )
-def test_what_a_texture_cannot_honour(matt, told, options, fault):
-    scene = Scene(unknown("lambertian"), BALL, LAMPS)._replace(**told)
+def test_what_a_texture_cannot_honour(diffuse, changed, options, fault):
+    scene = Scene(unknown("lambertian"), BALL, SOURCES)._replace(**changed)
     with pytest.raises(ValueError, match=fault):
-        estimate_texture(scene, matt, rows=ROWS, **options)
+        estimate_texture(scene, diffuse, rows=ROWS, **options)

@@ -4,7 +4,7 @@
 - The thesis's method comes close, the joint one closer.
 - Regions have a sigma of their own; noise is estimated free of what the texture fitted away;
   cutting into chunks changes nothing.
-- What cannot be told is refused with the remedy.
+- What is not identifiable is refused with the remedy.
 """
 
 import jax.numpy as jnp
@@ -115,14 +115,14 @@ def test_cutting_into_chunks_changes_nothing(monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
-def test_one_photograph_does_not_tell_gloss_from_matt():
+def test_one_photograph_does_not_tell_specular_from_diffuse():
     """Lobe and light known, each site seen once: K_d's error must hold what is not known of K_s."""
     toy = Toy(noise=0.01)
     once = toy.measured.take(np.arange(0, len(toy.site), 8))
     fixed = microfacet_unknowns(sigma=Unknown((0.2,)), mu=Unknown((1.7,)))
     fit = fit_texture(once, toy.forward, fixed, TextureSettings(noise=NoiseModel(0.01, 0.0)))
     assert fit.outcome is Outcome.NOT_IDENTIFIABLE
-    assert "kd is not told at most sites" in " ".join(fit.reasons)
+    assert "kd is not identifiable at most sites" in " ".join(fit.reasons)
     assert np.isinf(fit.texture.ks_error).all()
     # Many times off what noise alone would allow, and within what is stated.
     off = np.abs(fit.texture.kd - toy.kd)
@@ -130,7 +130,7 @@ def test_one_photograph_does_not_tell_gloss_from_matt():
     assert np.mean(off < 2 * fit.texture.kd_error) > 0.9
 
 
-def test_what_cannot_be_told_is_refused():
+def test_what_is_not_identifiable_is_refused():
     toy = Toy()
     once = toy.measured.take(np.arange(0, len(toy.site), 8))
     with pytest.raises(ValueError, match="more photographs, larger texels"):

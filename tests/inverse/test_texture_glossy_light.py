@@ -144,7 +144,7 @@ def test_errors_of_light_and_texture(glossy, truth):
     assert 0.6 < np.sqrt(np.mean(off**2)) < 1.4
 
 
-def test_what_nothing_can_be_told_of_is_refused(shot):
+def test_what_is_not_identifiable_is_refused(shot):
     seen, measured = shot.measured(texture()[0], texture()[1])
     once = measured.take(np.unique(measured.site, return_index=True)[1])
     with pytest.raises(ValueError, match="no site is seen more than once"):

@@ -107,7 +107,7 @@ def test_the_prior_is_one_more_measurement():
         np.testing.assert_allclose(float(material.ks[site]), expected[3], **TIGHT)
 
 
-def test_where_nothing_tells_the_gloss_it_is_the_priors_mean():
+def test_where_nothing_tells_ks_it_is_the_priors_mean():
     data, columns, _ = problem(2, noise=0.01)
     # Specular like diffuse at one site, nothing at all at another, no light at a third.
     specular = np.array(columns.specular)
@@ -155,7 +155,7 @@ def test_standard_errors_are_those_of_the_inverse_system():
         np.testing.assert_allclose(float(errors.ks[site]), expected[3], **TIGHT)
 
 
-def test_the_spread_of_the_gloss_is_found_through_its_noise():
+def test_the_spread_of_ks_is_found_through_its_noise():
     rng = np.random.default_rng(5)
     error = rng.uniform(0.02, 0.2, 4000)
     estimates = rng.normal(0.3, 0.07, 4000) + error * rng.normal(size=4000)

@@ -98,8 +98,8 @@ def test_a_sigma_for_each_sample(scene):
     sigma, mu = jnp.linspace(0.1, 0.3, few.count), jnp.asarray(1.6)
     nodes = exact_nodes(known_light(8), few.frame, 0.2)
     slow = np.random.default_rng(0).normal(size=(25, 3))
-    lamps = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
-    dual = DualLight(slow, lamps)
+    sources = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
+    dual = DualLight(slow, sources)
     for model_of in (
         lambda seen: ExactModel(lobe, seen.samples, nodes),
         lambda seen: DualModel(lobe, seen.samples, dual, None, FACETS),
@@ -117,12 +117,12 @@ def test_a_sigma_for_each_sample(scene):
             np.testing.assert_allclose(moved.specular[k], own[0], rtol=1e-4)
 
 
-def test_only_facets_and_gloss_have_widths(scene):
+def test_only_facets_with_a_lobe_have_widths(scene):
     samples = scene[0].take(np.arange(4)).samples
-    lamps = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
-    light, widths = DualLight(np.ones((4, 3)), lamps), np.full(4, 0.2)
+    sources = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
+    light, widths = DualLight(np.ones((4, 3)), sources), np.full(4, 0.2)
     lobe = Microfacet(np.ones(3), np.ones(3), 0.2, 1.5)
     with pytest.raises(ValueError, match="lobes of one width: choose 'facets'"):
         dual_columns(lobe, samples, light, widths=widths)
     with pytest.raises(ValueError, match="only a parametric BRDF has a width"):
-        integral_columns(Lambertian(np.ones(3)), samples, lamps.nodes(), widths=widths)
+        integral_columns(Lambertian(np.ones(3)), samples, sources.nodes(), widths=widths)

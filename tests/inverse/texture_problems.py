@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from inverse_problems import LAMPS, LIGHTS, unit
+from inverse_problems import LIGHTS, SOURCES, unit
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, look_at, observe
@@ -73,7 +73,7 @@ def exact_columns(samples, sigma=SIGMA, mu=MU):
 @eqx.filter_jit
 def _integrated(lobe, samples):
     columns = polar_columns(lobe, samples, LIGHTS.radiance, polar_nodes=32)
-    return columns + integral_columns(lobe, samples, LAMPS.nodes())
+    return columns + integral_columns(lobe, samples, SOURCES.nodes())
 
 
 def textured_ball(count=8, seed=0):

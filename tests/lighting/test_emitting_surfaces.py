@@ -5,7 +5,7 @@
 - Normals of closed surfaces point outwards: the divergence theorem gives the volume.
 - Rays cross a surface at the place whose point lies on the ray, and miss it where they should.
 - A rectangle's solid angle is that of quadrature, and 4 pi / 6 for a face seen from the middle.
-- Drawn places have the density that is told: means of functions over draws are integrals.
+- Drawn places have the density that is stated: means of functions over draws are integrals.
 - Bad rectangles, boxes, radii and grids are refused.
 """
 
@@ -145,7 +145,7 @@ def test_solid_angle_of_a_rectangle():
 
 
 @pytest.mark.parametrize("name", ["rectangle", "sphere", "cylinder"])
-def test_drawn_places_have_the_told_density(name):
+def test_drawn_places_have_the_stated_density(name):
     """E[g / p] over draws = int g dw, for g = cos t_e + height: by quadrature over the area."""
     surface = SURFACES[name]
     point = np.array([3.0, 1.5, 2.9])

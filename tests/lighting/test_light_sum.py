@@ -26,17 +26,17 @@ from jaxrender.lighting import (
 from jaxrender.spectra import light_coefficients
 
 SKY = OvercastSky(np.array([0.5, 0.6, 0.7]))
-LAMP = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
+SOURCE = DirectionalSources(np.array([[0.0, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
 PROBE = Environment(np.random.default_rng(0).uniform(size=(16, 32, 3)))
 LOBES = SmoothLobes(np.array([[1.0, 1.0, 1.0]]), np.array([0.3]), np.array([[2.0, 1.0, 0.5]]))
 LIGHTS = {
     "overcast sky": SKY,
     "clear sky": ClearSky(np.array([0.6, 0.0, 0.8]), np.array([0.5, 0.6, 0.7])),
-    "sources": LAMP,
+    "sources": SOURCE,
     "environment": PROBE,
     "lobes": LOBES,
     "harmonics": HarmonicLight(np.random.default_rng(1).normal(size=(9, 3))),
-    "sum": PROBE + LAMP,
+    "sum": PROBE + SOURCE,
 }
 # The sky about the sun is steep.
 NODES_MISS = 2e-3
@@ -73,20 +73,20 @@ def test_twice_a_light_is_twice_as_bright(name):
 
 
 def test_nodes_and_coefficients_add_up():
-    light = PROBE + LAMP + SKY
+    light = PROBE + SOURCE + SKY
     assert isinstance(light, LightSum)
-    assert light.parts == (PROBE, LAMP, SKY)
+    assert light.parts == (PROBE, SOURCE, SKY)
     counts = [len(part.nodes().directions) for part in light.parts]
     nodes = light.nodes()
     assert len(nodes.directions) == sum(counts)
-    np.testing.assert_array_equal(nodes.irradiance[counts[0]], LAMP.irradiance[0])
+    np.testing.assert_array_equal(nodes.irradiance[counts[0]], SOURCE.irradiance[0])
     expected = sum(np.asarray(light_coefficients(part, 6)) for part in light.parts)
     np.testing.assert_allclose(light_coefficients(light, 6), expected, atol=1e-12)
 
 
 def test_sums_of_sums_are_flat():
-    one = (PROBE + LAMP) + (SKY + LAMP)
-    assert one.parts == (PROBE, LAMP, SKY, LAMP)
+    one = (PROBE + SOURCE) + (SKY + SOURCE)
+    assert one.parts == (PROBE, SOURCE, SKY, SOURCE)
     assert (PROBE + one).parts == (PROBE, *one.parts)
 
 
@@ -95,7 +95,7 @@ def test_a_lobe_is_the_point_masses_that_it_integrates_to():
     k = 1 - np.cos(0.3)
     expected = 2 * np.pi * k * (1 - np.exp(-2 / k)) * np.asarray(LOBES.middle[0])
     np.testing.assert_allclose(LOBES.nodes().irradiance.sum(axis=0), expected, rtol=1e-6)
-    assert (LOBES + LAMP).parts == (LOBES, LAMP)
+    assert (LOBES + SOURCE).parts == (LOBES, SOURCE)
 
 
 def test_what_cannot_be_added():
@@ -105,4 +105,4 @@ def test_what_cannot_be_added():
         LightSum(())
     grey = HarmonicLight(np.ones((4, 1)))
     with pytest.raises(ValueError, match="lights of 1 and 3 channels"):
-        (grey + LAMP).nodes()
+        (grey + SOURCE).nodes()

@@ -63,9 +63,9 @@ def test_samples_come_back_on_every_face_of_a_box(wavelet):
 
 
 def test_the_back_is_dark_and_what_misses_sees_nothing():
-    lamp = Luminaire.uniform([WINDOW], np.array([2.0]))
+    luminaire = Luminaire.uniform([WINDOW], np.array([2.0]))
     origins = np.array([[3.0, 1, 0.5], [-3.0, 1, 0.5], [3.0, 1, 0.5]])
-    seen = lamp.radiance_along(origins, np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]))
+    seen = luminaire.radiance_along(origins, np.array([[-1.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]]))
     np.testing.assert_allclose(np.asarray(seen.radiance)[:, 0], [2, 0, 0])
     np.testing.assert_allclose(seen.distance, [2, 4, np.inf])
 
@@ -136,10 +136,10 @@ def test_corners_hold_the_nearest_direction():
 
 
 def test_single_precision_stays():
-    lamp = measure_luminaire(scene, [WINDOW], 4)
-    found = lamp.radiance(np.full((3, 2), 0.3), np.tile([1.0, 0, 0], (3, 1)))
+    luminaire = measure_luminaire(scene, [WINDOW], 4)
+    found = luminaire.radiance(np.full((3, 2), 0.3), np.tile([1.0, 0, 0], (3, 1)))
     assert found.dtype == np.float32
-    assert lamp.power().dtype == np.float32
+    assert luminaire.power().dtype == np.float32
 
 
 def test_bad_luminaires_are_refused():

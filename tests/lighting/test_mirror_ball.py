@@ -2,7 +2,7 @@
 
 - A photograph rendered from smooth light gives that light back, whatever the camera's pose and
   wherever between the pixels the ball lies, to the photograph's own resolution.
-- A lamp appears where it is.
+- A source appears where it is.
 - The confidence is the exit cosine: 1 towards the camera, 0 straight behind the ball.
 - Pixels that are not usable are filled, and have no confidence; reflectance divides.
 """
@@ -64,10 +64,10 @@ def test_smooth_light_comes_back(pose):
     assert np.abs(radiance - truth)[sure].max() < TOLERANCE * truth.max()
 
 
-def test_a_lamp_appears_where_it_is():
+def test_a_source_appears_where_it_is():
     towards = np.array([[0.36, 0.48, 0.8]])
-    lamp = SmoothLobes(towards, np.radians([6.0]), np.array([[5.0, 5.0, 5.0]]))
-    found = light_of_ball(photograph(lamp, POSE), BALL, POSE)
+    source = SmoothLobes(towards, np.radians([6.0]), np.array([[5.0, 5.0, 5.0]]))
+    found = light_of_ball(photograph(source, POSE), BALL, POSE)
     environment = found.environment
     assert environment.grid.height == 41
     nodes = environment.nodes()

@@ -2,7 +2,7 @@
 
 - Integrated over the sphere an isotropic light has power 4 pi I, a spot 2 pi I / (n + 1), and a
   cone of half angle a of an isotropic one 2 pi (1 - cos a) I: by quadrature.
-- The light is asked along -w_s: a lamp at the ceiling that shines down lights the floor, and with
+- The light is asked along -w_s: a light at the ceiling that shines down lights the floor, and with
   the argument w_s (as L 6.3 prints, ERRATA 67) would not.
 - The rotation turns the beam; flaps cut by places; a table of intensities fits in.
 - Derivatives by position and exponent are those of finite differences; single precision stays.
@@ -60,9 +60,9 @@ def test_power(light, power):
     )
 
 
-def test_a_lamp_that_shines_down_lights_the_floor():
-    lamp = PointLight(np.array([0, 0, 3.0]), SpotIntensity(ONE, 2.0), DOWN)
-    arrival = lamp.arriving(POINTS)
+def test_a_light_that_shines_down_lights_the_floor():
+    light = PointLight(np.array([0, 0, 3.0]), SpotIntensity(ONE, 2.0), DOWN)
+    arrival = light.arriving(POINTS)
     towards = np.array([0, 0, 3.0]) - POINTS
     distance = np.linalg.norm(towards, axis=1)
     np.testing.assert_allclose(arrival.directions, towards / distance[:, None])
@@ -75,14 +75,14 @@ def test_a_lamp_that_shines_down_lights_the_floor():
 
 def test_flaps_cut_by_places():
     flaps = Flaps(np.array([[1.0, 0, 0], [0, 0, 1.0]]), np.array([0.3, 4.0]))
-    lamp = PointLight(np.array([0, 0, 3.0]), IsotropicIntensity(ONE), flaps=flaps)
-    lit = np.asarray(lamp.arriving(POINTS).intensity)[:, 0] > 0
+    light = PointLight(np.array([0, 0, 3.0]), IsotropicIntensity(ONE), flaps=flaps)
+    lit = np.asarray(light.arriving(POINTS).intensity)[:, 0] > 0
     np.testing.assert_array_equal(lit, [False, True, False])
 
 
 def test_at_the_light_itself_there_is_none():
-    lamp = PointLight(np.zeros(3), IsotropicIntensity(ONE))
-    arrival = lamp.arriving(np.zeros((1, 3)))
+    light = PointLight(np.zeros(3), IsotropicIntensity(ONE))
+    arrival = light.arriving(np.zeros((1, 3)))
     assert not np.asarray(arrival.intensity).any()
     assert np.isfinite(np.asarray(arrival.directions)).all()
 
@@ -91,8 +91,8 @@ def test_a_table_of_intensities_fits_in():
     table = AngularIntensity(
         np.zeros(1), np.array([0, np.pi / 2]), np.array([[[4.0, 8.0], [0.0, 0.0]]])
     )
-    lamp = PointLight(np.array([0, 0, 3.0]), table)
-    arrival = lamp.arriving(np.array([[0, 0, 0.0], [3.0, 0, 0], [0, 0, 4.0]]))
+    light = PointLight(np.array([0, 0, 3.0]), table)
+    arrival = light.arriving(np.array([[0, 0, 0.0], [3.0, 0, 0], [0, 0, 4.0]]))
     np.testing.assert_allclose(arrival.intensity, [[4, 8], [2, 4], [0, 0]], atol=1e-12)
 
 
@@ -100,8 +100,8 @@ def test_derivatives():
     @jax.jit
     def total(parameters):
         position, exponent = parameters[:3], parameters[3]
-        lamp = PointLight(position, SpotIntensity(ONE, exponent), DOWN)
-        arrival = lamp.arriving(jnp.asarray(POINTS[:2]))
+        light = PointLight(position, SpotIntensity(ONE, exponent), DOWN)
+        arrival = light.arriving(jnp.asarray(POINTS[:2]))
         return jnp.sum(arrival.intensity / arrival.distance[:, None] ** 2)
 
     start = jnp.array([0.1, 0.3, 3.0, 2.0])
@@ -113,8 +113,8 @@ def test_derivatives():
 
 
 def test_single_precision_stays():
-    lamp = PointLight(np.zeros(3), ConeIntensity(SpotIntensity(ONE, 2.0), 0.5), DOWN)
-    arrival = lamp.arriving(POINTS.astype(np.float32))
+    light = PointLight(np.zeros(3), ConeIntensity(SpotIntensity(ONE, 2.0), 0.5), DOWN)
+    arrival = light.arriving(POINTS.astype(np.float32))
     assert {part.dtype for part in arrival} == {np.dtype(np.float32)}
 
 

@@ -1,7 +1,7 @@
 """Light that is nowhere negative, from measured coefficients.
 
 - A light that is positive as it is stays as it is; a channel without light stays dark.
-- Of lamps seen through few degrees, whose sum rings below zero, the positive part has the
+- Of sources seen through few degrees, whose sum rings below zero, the positive part has the
   coefficients within their errors, where cutting off is out by many.
 - What is least known gives way: a coefficient with a large error takes up the change.
 - Coefficients that no light can have are met as well as their errors ask for.
@@ -17,14 +17,14 @@ from jaxrender.lighting import positive_part_of
 LIMIT = 8
 GRID = LatLongGrid(96, 192)
 DEGREE = degrees(LIMIT)
-LAMPS = np.array([[0.3, -0.5, 0.81], [-0.8, 0.2, 0.1]])
-LAMPS /= np.linalg.norm(LAMPS, axis=1, keepdims=True)
+SOURCES = np.array([[0.3, -0.5, 0.81], [-0.8, 0.2, 0.1]])
+SOURCES /= np.linalg.norm(SOURCES, axis=1, keepdims=True)
 BREADTH = 0.02
 
 
 def ringing(background=0.02):
-    """Two broad lamps over a dark sky, to degree 8, in two channels."""
-    basis = np.asarray(real_basis(jnp.asarray(LAMPS), LIMIT))
+    """Two broad sources over a dark sky, to degree 8, in two channels."""
+    basis = np.asarray(real_basis(jnp.asarray(SOURCES), LIMIT))
     found = basis.T @ np.array([[1.0, 0.5], [0.4, 0.9]])
     found *= np.exp(-BREADTH * DEGREE * (DEGREE + 1))[:, None]
     found[0] += background * np.sqrt(4 * np.pi)
@@ -66,7 +66,7 @@ def test_the_positive_part_has_the_coefficients_that_were_measured(error):
     kept = coefficients_of(picture(positive_part_of(coefficients, errors))) - coefficients
     assert rms(cut[DEGREE <= 2]) > 3
     assert rms(kept / errors) < 0.5
-    # Cutting off brightens the sky; no picture of a matt body is to be brighter.
+    # Cutting off brightens the sky; no picture of a diffuse body is to be brighter.
     assert np.all(np.abs(kept[0]) < 0.02 * (errors * cut)[0])
 
 

@@ -1,6 +1,6 @@
 """Slow and fast light apart.
 
-Pinned down: slow + sources is the light, in every cell and channel; lamps come out with their
+Pinned down: slow + sources is the light, in every cell and channel; discs come out with their
 energy and direction, a wide bright disc as several sources; smooth light stays slow; the same light
 at two resolutions splits alike, down to what the dual model makes of it; a wanted energy is reached
 to within one source; black light, both precisions and the refusals.
@@ -25,7 +25,7 @@ from jaxrender.reflection import dual_columns, dual_light
 
 ROUNDING = 1e-12
 SIGMA = 0.12
-LAMPS = (((0.3, 0.2, 0.9), 0.07, 2.0), ((-0.8, 0.1, 0.4), 0.09, 3.0), ((0.1, -0.9, -0.3), 0.3, 2.0))
+DISCS = (((0.3, 0.2, 0.9), 0.07, 2.0), ((-0.8, 0.1, 0.4), 0.09, 3.0), ((0.1, -0.9, -0.3), 0.3, 2.0))
 COLOUR = np.array([1.0, 0.8, 0.6])
 
 
@@ -42,10 +42,10 @@ def box_averaged(light_of, rows, finest=512):
     return Environment((texels(sines * light) / texels(sines))[..., None] * COLOUR)
 
 
-def lamps(directions):
+def discs(directions):
     """Gaussian lobes, each of a given irradiance, over a slow ambient of radiance near 1."""
     light = 1 + 0.5 * directions[..., 2]
-    for direction, radius, irradiance in LAMPS:
+    for direction, radius, irradiance in DISCS:
         towards = np.array(direction) / np.linalg.norm(direction)
         lobe = np.exp((directions @ towards - 1) / radius**2) / (2 * np.pi * radius**2)
         light = light + irradiance * lobe
@@ -67,7 +67,7 @@ def energies(found):
     return np.asarray(found.sources.irradiance).sum(axis=1)
 
 
-ROOM = box_averaged(lamps, 64)
+ROOM = box_averaged(discs, 64)
 
 
 @pytest.mark.parametrize("count", [0, 1, 40, 10**6])
@@ -106,7 +106,7 @@ def test_candidates_fall_in_strength():
 
 
 @pytest.mark.parametrize("ambient", [0.0, 1.0])
-def test_a_lamp_comes_out_with_its_energy_and_direction(ambient):
+def test_a_disc_comes_out_with_its_energy_and_direction(ambient):
     radius = 0.05
     radiance = 3 / (2 * np.pi * (1 - np.cos(radius)))
     found = candidates(box_averaged(disc(radius, radiance, ambient), 128), SIGMA)
@@ -172,7 +172,7 @@ def columns(split, band_limit=26):
 
 def test_the_answer_does_not_depend_on_the_resolution():
     """The same light on 64 x 128 and 256 x 512 texels."""
-    coarse, fine = ROOM, box_averaged(lamps, 256)
+    coarse, fine = ROOM, box_averaged(discs, 256)
     of_coarse, of_fine = candidates(coarse, SIGMA), candidates(fine, SIGMA)
     assert of_coarse.cells.rows == of_fine.cells.rows == 64
     assert len(of_coarse.cell) == pytest.approx(len(of_fine.cell), rel=0.02)

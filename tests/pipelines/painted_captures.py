@@ -1,7 +1,8 @@
 """Captures of painted balls that the tests of textures share: T 6.13 in plain NumPy.
 
-B = kd(x) D + ks(x) S with D and S of ``small_captures``: sums over lamps, nothing of the program's
-forward model.  Paint is a checkerboard of latitude and longitude whose cells hold whole texels.
+B = kd(x) D + ks(x) S with D and S of ``small_captures``: sums over sources, nothing of the
+program's forward model.  Paint is a checkerboard of latitude and longitude whose cells hold whole
+texels.
 """
 
 from collections.abc import Sequence
@@ -16,13 +17,13 @@ from small_captures import SIGMA, Ball, cameras, focal_length, write_json
 from jaxrender.geometry import Shape, observe
 from jaxrender.io import write_image
 
-LAMPS = (
+SOURCES = (
     ((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)),
     ((0.3, -0.7, 0.2), (1.2, 1.4, 1.8)),
     ((0.9, 0.0, 0.9), (0.8, 0.8, 0.8)),
 )
-_LAMPS = ", ".join(f"{{direction: {list(d)}, irradiance: {list(e)}}}" for d, e in LAMPS)
-LIGHTING = f"lighting: {{directional: [{_LAMPS}]}}\n"
+_SOURCES = ", ".join(f"{{direction: {list(d)}, irradiance: {list(e)}}}" for d, e in SOURCES)
+LIGHTING = f"lighting: {{directional: [{_SOURCES}]}}\n"
 NOISE, CELLS = 0.01, 4
 KD = np.array([[0.2, 0.1, 0.05], [0.08, 0.15, 0.25]])
 KS = np.array([0.06, 0.12])
@@ -49,7 +50,7 @@ class Paint(NamedTuple):
         return SIGMA * np.exp(self.growth * height)
 
 
-CHECKER, MATTE = Paint(), Paint(ks=np.zeros(2))
+CHECKER, DIFFUSE = Paint(), Paint(ks=np.zeros(2))
 
 
 def write_painted(
@@ -57,7 +58,7 @@ def write_painted(
     paint: Paint = CHECKER,
     views: int = 9,
     shape: Shape | None = None,
-    lamps: Sequence = LAMPS,
+    sources: Sequence = SOURCES,
 ):
     """Write pictures of the ball (or of another shape) and transforms.json."""
     ball = Ball(views=views, size=40)
@@ -69,7 +70,7 @@ def write_painted(
         view = observe(camera, shape)
         kd, ks = paint.of(view.points[view.hit])
         sigma = paint.sigma_of(view.points[view.hit])
-        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], lamps, sigma)
+        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], sources, sigma)
         image = np.zeros((*view.hit.shape, 4))
         exact = kd * diffuse + ks[:, None] * specular
         image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))
@@ -83,7 +84,7 @@ def write_painted(
 
 
 def soft_light(count: int = 900) -> list:
-    """Two wide lights of different colours and a dim surround, as many small lamps."""
+    """Two wide lights of different colours and a dim surround, as many small sources."""
     height = 1 - (2 * np.arange(count) + 1) / count
     turn = np.pi * (1 + 5**0.5) * np.arange(count)
     radius = np.sqrt(1 - height**2)
@@ -94,12 +95,12 @@ def soft_light(count: int = 900) -> list:
     return list(zip(directions.tolist(), (radiance * 4 * np.pi / count).tolist()))
 
 
-def columns(normals, outgoing, lamps=LAMPS, sigma=SIGMA):
+def columns(normals, outgoing, sources=SOURCES, sigma=SIGMA):
     """D and S of T 6.13, with the mu of ``small_captures``."""
     found = []
     for kd, ks in (((1.0, 1.0, 1.0), 0.0), ((0.0, 0.0, 0.0), 1.0)):
         with mock.patch.multiple(small_captures, KD=kd, KS=ks, SIGMA=sigma):
-            found.append(small_captures.reflected(normals, outgoing, lamps))
+            found.append(small_captures.reflected(normals, outgoing, sources))
     return found
 
 

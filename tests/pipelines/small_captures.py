@@ -100,8 +100,8 @@ def reflected(normals: np.ndarray, outgoing: np.ndarray, lights) -> np.ndarray:
         half /= np.linalg.norm(half, axis=1, keepdims=True)
         angle = np.arccos(np.clip(np.sum(half * normals, axis=1), -1, 1))
         lobe = np.exp(-((angle / SIGMA) ** 2)) / (np.pi * SIGMA**2) * (cosine > 0)
-        gloss = KS * fresnel(exit_cosine) * lobe / (4 * exit_cosine)
-        total += (cosine[:, None] * np.array(KD) + gloss[:, None]) * np.array(irradiance)
+        specular = KS * fresnel(exit_cosine) * lobe / (4 * exit_cosine)
+        total += (cosine[:, None] * np.array(KD) + specular[:, None]) * np.array(irradiance)
     return total
 
 

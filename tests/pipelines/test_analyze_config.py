@@ -46,7 +46,7 @@ def test_no_photograph_is_needed(planned, capsys):
 def test_uniform_light_seen_head_on(planned, capsys):
     config = uniform(planned)
     figure = planned.parent / "forecast.svg"
-    options = ["samples.min_cosine=0.7", "--suggest", "lights", "--count", "2"]
+    options = ["samples.min_cosine=0.7", "--suggest", "sources", "--count", "2"]
     assert jaxrender("analyze", config, *options, "--figure", figure) == 0
     text = capsys.readouterr().out
     assert "no energy above degree 0" in text
@@ -54,7 +54,7 @@ def test_uniform_light_seen_head_on(planned, capsys):
     assert "what would help: a source" in text
     table = text[text.index("source towards") :].splitlines()
     now, best = (row.rstrip().split("%") for row in table[1:3])
-    # Columns kd, ks, sigma, mu: sigma is told with the lamp, whatever it was before.
+    # Columns kd, ks, sigma, mu: sigma is identifiable with the source, whatever it was before.
     assert float(best[2]) < 5
     assert "nothing" in table[1] or float(now[2]) > 20
     assert "photographed as" in table[2]
@@ -110,7 +110,7 @@ def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--suppose", "gloss=1"], "--suppose gloss=1: microfacet has kd, ks, sigma, mu"),
+        (["--suppose", "shine=1"], "--suppose shine=1: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "sigma=-1"], "give 1 number above 0"),
         (["--suppose", "exponent=9"], "--suppose exponent=9: microfacet has kd, ks, sigma, mu"),
         (["--suppose", "kd=red"], "'red' is no number"),
@@ -132,9 +132,9 @@ def test_broken_cameras_are_refused_as_a_fit_does(tmp_path, capsys):
     planned = write_ball(tmp_path)
     edit_json(planned.parent / "transforms.json", lambda content: content.pop("fl_x"))
     assert jaxrender("analyze", planned) == 2
-    told = capsys.readouterr().err
+    shown = capsys.readouterr().err
     assert jaxrender("fit", planned) == 2
-    assert told.splitlines()[-1] == capsys.readouterr().err.splitlines()[-1]
+    assert shown.splitlines()[-1] == capsys.readouterr().err.splitlines()[-1]
 
 
 def test_options_of_configs_do_not_go_with_panoramas(planned, capsys):

@@ -515,7 +515,7 @@ def test_spawned_workers_fit_and_a_killed_ones_run_is_done_again(place, monkeypa
     assert (place / "dead").exists()
     table = opened()
     assert "InputError" in (place / "out" / table.run.values[1] / "error.json").read_text()
-    # The truth is (.2, .15, .1) and some gloss, which a diffuse material takes as its own.
+    # The truth is (.2, .15, .1) and a specular lobe, which a diffuse material takes as its own.
     assert np.all((table.kd.values[0] > 0.08) & (table.kd.values[0] < 0.4))
     # Float64, which the command line's set-up turns on.
     arrays = place / "out" / table.run.values[0] / "result.nc"

@@ -1,7 +1,8 @@
 """``task: brdf-spectrum`` from config to result folder; photographs in plain NumPy, 1 % noise.
 
-- A matte ball under lamps: the lobe is kd cos t_i cut at the order, within its error; photographs
-  are predicted to the noise; coefficients are written with their covariance and read back.
+- A diffuse ball under sources: the lobe is kd cos t_i cut at the order, within its error;
+  photographs are predicted to the noise; coefficients are written with their covariance and read
+  back.
 - The result renders again by the integral, without standard deviations of its own.
 - Light without degrees: not identifiable, in words.
 - Concave shapes, moving light and too few samples are refused in words.
@@ -44,7 +45,7 @@ def run(capture, name, *overrides, **config):
     return out, read_result(out)
 
 
-def test_the_lobe_of_a_matte_ball(found):
+def test_the_lobe_of_a_diffuse_ball(found):
     folder, result = found
     assert (result["task"], result["outcome"]) == ("brdf-spectrum", "converged")
     said = result["spectrum"]
@@ -73,7 +74,7 @@ def test_arrays_and_pictures(found, ball):
         for path in (ball / "images/1.exr", folder / "images/1_predicted.exr")
     )
     inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
-    # Degrees above 2, which lamps have, make some 5 % of what a matte surface reflects.
+    # Degrees above 2, which sources have, make some 5 % of what a diffuse surface reflects.
     assert NOISE / 2 < np.median(np.abs(predicted[inside] / photograph[inside] - 1)) < 8 * NOISE
     page = (folder / "report.html").read_text()
     assert "BRDF recovered as coefficients" in page
@@ -97,9 +98,9 @@ def test_light_without_degrees_tells_no_lobe(ball):
     assert result["outcome"] == "not_identifiable"
     assert result["identifiable"] == {"lobe": False}
     assert any("next to nothing of degree 1, 2" in reason for reason in result["reasons"])
-    told = [one["told"] for one in result["spectrum"]["by_degree"]]
-    assert told[0] > 0.9
-    assert max(told[1:]) < 0.1
+    determined = [one["told"] for one in result["spectrum"]["by_degree"]]
+    assert determined[0] > 0.9
+    assert max(determined[1:]) < 0.1
 
 
 def test_bad_input_is_refused_in_words(ball, tmp_path):

@@ -1,10 +1,10 @@
 """Fits whose light is unknown, from config to result folder.
 
-- ``task: factorize`` finds two lamps and the material of a ball in plain NumPy's photographs, in
+- ``task: factorize`` finds two sources and the material of a ball in plain NumPy's photographs, in
   the gauge it states, and predicts the photographs.
-- ``task: lighting`` finds the lamps' own irradiance, given the material.
-- Any glossy model can be fitted, and is told in its own words.
-- A matt ball's lamps are found, too, and which degrees of the light it cannot tell is said.
+- ``task: lighting`` finds the sources' own irradiance, given the material.
+- Any glossy model can be fitted, and is reported in its own words.
+- A diffuse ball's sources are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
   slow part with the coefficients that were found.
 - The result renders again, and under another environment.
@@ -32,8 +32,8 @@ from jaxrender.pipelines.light import light_images
 from jaxrender.pipelines.render import Scene, render_config
 from jaxrender.pipelines.summary import summary_of
 
-LAMPS = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
-BALL = Ball(views=6, size=40, lights=(LAMPS,) * 6, gains=(1.0,) * 6)
+SOURCES = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
+BALL = Ball(views=6, size=40, lights=(SOURCES,) * 6, gains=(1.0,) * 6)
 CONFIG = """\
 task: {task}
 capture: {{transforms: transforms.json, geometry: {{sphere: {{radius: 1}}}}}}
@@ -46,7 +46,7 @@ GIVEN = f"kd: [{KD[0]}, {KD[1]}, {KD[2]}], ks: {KS}, sigma: {SIGMA}, mu: {MU}"
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("lamps") / "capture"
+    folder = tmp_path_factory.mktemp("sources") / "capture"
     write_ball(folder, BALL)
     return folder
 
@@ -71,14 +71,14 @@ def _run(capture, task, brdf, count=1200, name=None):
 
 
 def _angles(result):
-    """Between each true lamp and the nearest found one, degrees, and which that is."""
-    found = np.array([lamp["direction"] for lamp in result["lighting"]["directional"]])
-    truth = np.array([direction for direction, _ in LAMPS])
+    """Between each true source and the nearest found one, degrees, and which that is."""
+    found = np.array([source["direction"] for source in result["lighting"]["directional"]])
+    truth = np.array([direction for direction, _ in SOURCES])
     cosines = truth / np.linalg.norm(truth, axis=1, keepdims=True) @ found.T
     return np.degrees(np.arccos(np.clip(cosines.max(axis=1), -1, 1))), cosines.argmax(axis=1)
 
 
-def test_factorize_finds_material_and_lamps(factorized):
+def test_factorize_finds_material_and_sources(factorized):
     _, result = factorized
     assert (result["task"], result["outcome"]) == ("factorize", "converged")
     kd = np.array(KD)
@@ -90,7 +90,7 @@ def test_factorize_finds_material_and_lamps(factorized):
     angles, which = _angles(result)
     assert np.all(angles < 0.2)
     energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
-    truth = np.array([energy for _, energy in LAMPS]) * (kd + KS)
+    truth = np.array([energy for _, energy in SOURCES]) * (kd + KS)
     np.testing.assert_allclose(energies, truth, rtol=0.03)
 
 
@@ -124,7 +124,7 @@ def test_another_model_speaks_its_own_words(capture):
     ],
     ids=["lighting", "factorize"],
 )
-def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
+def test_a_diffuse_ball_tells_its_sources(tmp_path, task, brdf, scale):
     with mock.patch.object(small_captures, "KS", 0.0):
         write_ball(tmp_path / "capture", BALL)
     output, result = _run(tmp_path / "capture", task, "model: lambertian" + brdf)
@@ -133,12 +133,12 @@ def test_a_matt_ball_tells_its_lamps(tmp_path, task, brdf, scale):
     assert np.all(angles < 0.5)
     energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
     np.testing.assert_allclose(
-        energies, [energy * np.array(scale) for _, energy in LAMPS], rtol=0.03
+        energies, [energy * np.array(scale) for _, energy in SOURCES], rtol=0.03
     )
-    told = "of the slow light degrees 0 to 2 are identifiable; smoothness fills in the rest"
-    assert result["lighting"]["sentence"] == told
+    sentence = "of the slow light degrees 0 to 2 are identifiable; smoothness fills in the rest"
+    assert result["lighting"]["sentence"] == sentence
     assert result["lighting"]["told"][3] < 0.05
-    assert told in summary_of(result)
+    assert sentence in summary_of(result)
     page = (output / "report.html").read_text()
     assert "The material is diffuse: it reflects light in all directions" in page
     assert "the material compensates for" not in page
@@ -151,7 +151,7 @@ def test_lighting_finds_irradiance_in_its_own_units(relit):
     angles, which = _angles(result)
     assert np.all(angles < 0.2)
     energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
-    np.testing.assert_allclose(energies, [energy for _, energy in LAMPS], rtol=0.02)
+    np.testing.assert_allclose(energies, [energy for _, energy in SOURCES], rtol=0.02)
     assert result["brdf"]["kd"] == list(KD)
     assert result["identifiable"] == {}
 
@@ -178,16 +178,16 @@ def test_the_light_is_written_with_its_energy(factorized):
     folder, result = factorized
     nodes = read_environment(folder / "lighting.exr").nodes()
     slow = read_environment(folder / "lighting_slow.exr").nodes()
-    lamps = np.sum([lamp["irradiance"] for lamp in result["lighting"]["directional"]], axis=0)
+    sources = np.sum([source["irradiance"] for source in result["lighting"]["directional"]], axis=0)
     energy = np.asarray(nodes.irradiance).sum(0) - np.asarray(slow.irradiance).sum(0)
-    np.testing.assert_allclose(energy, lamps, rtol=1e-4)
+    np.testing.assert_allclose(energy, sources, rtol=1e-4)
     brightest = np.asarray(nodes.directions)[np.asarray(nodes.irradiance).sum(1).argmax()]
-    truth = np.array(LAMPS[0][0]) / np.linalg.norm(LAMPS[0][0])
+    truth = np.array(SOURCES[0][0]) / np.linalg.norm(SOURCES[0][0])
     assert brightest @ truth > np.cos(np.radians(2))
 
 
 def test_the_image_of_a_dark_sky_is_no_brighter_than_the_light_found():
-    """A broad lamp to degree 3 rings below zero: merely cut off, it is out by 27 errors."""
+    """A broad source to degree 3 rings below zero: merely cut off, it is out by 27 errors."""
     towards = jnp.array([[0.0, 0.6, 0.8]])
     fading = np.exp(-0.05 * degrees(3) * (degrees(3) + 1))[:, None]
     slow = fading * np.asarray(real_basis(towards, 3)).T * np.array([[1.0, 0.8, 0.6]])
@@ -225,7 +225,7 @@ def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path
 
 
 def test_relighting_by_another_environment(factorized, tmp_path):
-    """White light on kd + ks = 1 with gloss: a bright ball, the same from every side."""
+    """White light on kd + ks = 1 with a specular lobe: a bright ball, the same from every side."""
     folder, result = factorized
     write_environment(tmp_path / "white.exr", Environment(np.ones((32, 64, 3))))
     scene = Scene(tmp_path / "white.exr")

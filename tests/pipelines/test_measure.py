@@ -1,6 +1,6 @@
 """``jaxrender measure``: what is written, going on after an interrupt, and what is refused.
 
-- A flat height image of a matt colour has that colour as its table; the command says so.
+- A flat height image of a diffuse colour has that colour as its table; the command says so.
 - Interrupted and started again it gives the same table as in one go, without measuring rows twice;
   finished, it is reused; another recipe is refused unless forced.
 - Patches and facets are made as named, colours for each material; mistakes name the word.
@@ -110,10 +110,10 @@ def test_patches_by_name(tmp_path):
 
 
 def test_facets_by_name():
-    red, gloss = facets_of(["lambertian:kd=0.3/0.1/0", "microfacet:sigma=0.2,kd=0.1"], 2)
+    red, facets = facets_of(["lambertian:kd=0.3/0.1/0", "microfacet:sigma=0.2,kd=0.1"], 2)
     np.testing.assert_allclose(red.kd, [0.3, 0.1, 0])
-    np.testing.assert_allclose(gloss.kd, [0.1] * 3)
-    np.testing.assert_allclose(gloss.ks, [1] * 3)
+    np.testing.assert_allclose(facets.kd, [0.1] * 3)
+    np.testing.assert_allclose(facets.ks, [1] * 3)
     white, same = facets_of(["lambertian"], 2)
     np.testing.assert_allclose(white.kd, [1 / np.pi])
     assert white is same

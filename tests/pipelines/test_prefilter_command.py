@@ -22,7 +22,7 @@ from jaxrender.lighting.layouts import Cross
 
 @pytest.fixture
 def probe(tmp_path):
-    """A cross of faces of 16 x 16 texels, uniform but for a lamp straight up (own +y)."""
+    """A cross of faces of 16 x 16 texels, uniform but for a source straight up (own +y)."""
     layout = Cross()
     directions = layout.directions(64)
     pixels = np.where(layout.covers(64), 0.2, 0.0)[..., None] * np.ones(3)
@@ -49,10 +49,10 @@ def test_coefficients_are_in_the_probes_own_axes(probe):
     assert document["order"] == ["00", "1-1", "10", "11", "2-2", "2-1", "20", "21", "22"]
     found = np.array(document["coefficients"])
     up = np.asarray(explicit_basis(np.array([[0, 1.0, 0]])))[0]
-    lamp = found - 0.2 * np.sqrt(4 * np.pi) * (np.arange(9) == 0)[:, None]
-    # The lamp is 14 degrees wide, so degree 2 falls short of a point's by some percent.
-    np.testing.assert_allclose(lamp / lamp[0], (up / up[0])[:, None] * np.ones(3), atol=0.1)
-    assert lamp[1, 0] / lamp[1, 2] == pytest.approx(39.8 / 19.8, rel=0.01)
+    source = found - 0.2 * np.sqrt(4 * np.pi) * (np.arange(9) == 0)[:, None]
+    # The source is 14 degrees wide, so degree 2 falls short of a point's by some percent.
+    np.testing.assert_allclose(source / source[0], (up / up[0])[:, None] * np.ones(3), atol=0.1)
+    assert source[1, 0] / source[1, 2] == pytest.approx(39.8 / 19.8, rel=0.01)
 
 
 def test_world_axes_turn_the_probe_upright(probe):
@@ -67,7 +67,7 @@ def test_the_matrix_is_the_irradiance_map(probe):
     normals = LatLongGrid(*latlong.shape[:2]).directions()
     extended = np.concatenate([normals, np.ones_like(normals[..., :1])], -1)
     quadratic = np.einsum("rci,kij,rcj->rck", extended, np.array(document["matrix"]), extended)
-    # The map has the degrees above 2 as well: under a lamp at most 9.4 % of its light.
+    # The map has the degrees above 2 as well: under a source at most 9.4 % of its light.
     np.testing.assert_allclose(quadratic, latlong, atol=0.094 * latlong.max())
 
 
@@ -85,7 +85,7 @@ def test_the_cube_shows_the_same_map(probe):
 
 
 def test_a_window_takes_the_ringing_off(probe, capsys):
-    """The 14 degrees of the lamp are as sharp as degree 15 of the probe."""
+    """The 14 degrees of the source are as sharp as degree 15 of the probe."""
     lowest = {}
     for window in ("none", "minimal"):
         arguments = ("--convention", "cross", "--brdf", "mirror", "--window", window)

@@ -76,7 +76,7 @@ def test_materials_drawn_from_the_covariance_scatter_as_the_map_says(finished, r
     assert np.percentile(np.abs(ratio - 1), 90) < 0.15
     alone = np.sqrt(np.diag(matrix))
     loose = rng.normal(values_of(read_result(finished)), alone, (DRAWS, 8))[:, :3]
-    # kd's own error without the gloss that makes up for it is not what a diffuse pixel scatters by.
+    # kd's own error without the lobe that makes up for it is not what a diffuse pixel scatters by.
     assert np.std(loose, axis=0) == pytest.approx(alone[:3], rel=0.15)
 
 

@@ -51,7 +51,7 @@ def test_every_promised_key_is_there(result):
         assert all(isinstance(section[name], float) for name in ("ks", "sigma", "mu"))
     assert all(isinstance(result["identifiable"][name], bool) for name in MATERIAL)
     assert set(result["residual"]) == {"relative_rms", "samples"}
-    # Under one lamp the refinement takes every usable pixel: fewer would not be quicker.
+    # Under one source the refinement takes every usable pixel: fewer would not be quicker.
     assert result["residual"]["samples"] == result["pixels"]["usable"] > 300
     assert {"gauge", "directional"} <= set(result["lighting"])
     assert result["lighting"]["gauge"] == "given"

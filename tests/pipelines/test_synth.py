@@ -229,11 +229,11 @@ def test_a_capture_that_breaks_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_a_phong_ball_is_photographed(tmp_path):
-    """ks (s + 1) / (2 pi) (R.w)^s cos-weighted light of one lamp, in NumPy."""
+    """ks (s + 1) / (2 pi) (R.w)^s cos-weighted light of one source, in NumPy."""
     brdf = {"model": "phong", "kd": KD, "ks": KS, "exponent": 20.0}
     direction, irradiance = SUN
-    lamp = {"direction": direction, "irradiance": irradiance}
-    recipe = recipe_of(brdf=brdf, lighting={"directional": [lamp]}, noise={"relative": 0.0})
+    source = {"direction": direction, "irradiance": irradiance}
+    recipe = recipe_of(brdf=brdf, lighting={"directional": [source]}, noise={"relative": 0.0})
     folder = make(recipe, tmp_path / "capture")
     assert load_run_config(folder / "config.yaml", []).brdf.model == "phong"
     view = observe(cameras_of(recipe.views, np.zeros(3))[0], shape_of(recipe.geometry))

@@ -4,10 +4,10 @@
   maps, marks, arrays, predictions and the page are written, and agree with each other.
 - Unseen texels are counted and marked; the maps go on beyond the seam and are 0 further off.
 - The result renders again, to the noise; colours of a mask are regions with a lobe each.
-- Matte paint: a mesh file with texture coordinates gets texels, one without gets its vertices, and
-  says so; under unknown light the texture is right up to what cannot be told, which is said; gloss
-  that is not there is not told.
-- Gloss under unknown light: sigma, mu and the texture within their errors, up to one scale.
+- Diffuse paint: a mesh file with texture coordinates gets texels, one without gets its vertices,
+  and says so; under unknown light the texture is right up to what is not identifiable, which is
+  said; a specular lobe that is not there is not identifiable.
+- A glossy texture under unknown light: sigma, mu and texture within their errors, up to one scale.
 - A sigma that varies over the ball is a map with errors, by which predictions and renderings go.
 - Bad input is refused in words.
 """
@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from painted_captures import (
     CHECKER,
+    DIFFUSE,
     KD,
-    MATTE,
     NOISE,
     Paint,
     soft_light,
@@ -38,7 +38,7 @@ from jaxrender.pipelines.render import render_config
 ROWS, WITHIN = 16, 3.5
 TASK = "task: texture\ntexture: {size: 16}\nsolve: {starts: 1, refine: off}\n"
 SOFT_TASK = "task: texture\ntexture: {size: 16}\nsolve: {noise: {relative: 0.01}}\n"
-MATTE_TASK = "task: texture\ntexture: {size: 16}\nbrdf: {model: lambertian}\n"
+DIFFUSE_TASK = "task: texture\ntexture: {size: 16}\nbrdf: {model: lambertian}\n"
 
 
 CHECKER_GROWING = CHECKER._replace(growth=0.25)
@@ -50,8 +50,8 @@ def ball(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def matte(tmp_path_factory):
-    return write_painted(tmp_path_factory.mktemp("matte") / "capture", MATTE)
+def diffuse(tmp_path_factory):
+    return write_painted(tmp_path_factory.mktemp("diffuse") / "capture", DIFFUSE)
 
 
 @pytest.fixture(scope="module")
@@ -94,9 +94,9 @@ def test_every_texel_is_within_its_error(found):
     assert good.sum() > 100
     # Errors of a texel's channels go together through its K_s: some 100 count for themselves.
     assert 0.8 < np.sqrt(np.mean(off[good] ** 2)) < 1.2
-    told = good & (texture["ks_marked"].ravel() == 0)
+    sure = good & (texture["ks_marked"].ravel() == 0)
     off = (texture["ks"].ravel() - ks) / texture["ks_error"].ravel()
-    assert 0.75 < np.sqrt(np.mean(off[told] ** 2)) < 1.3
+    assert 0.75 < np.sqrt(np.mean(off[sure] ** 2)) < 1.3
 
 
 def test_maps_are_the_arrays_and_unseen_texels_are_marked(found):
@@ -150,18 +150,18 @@ def test_a_mesh_without_coordinates_has_vertices(tmp_path):
     folder = write_painted(tmp_path / "capture", plain, 3, mesh)
     write_mesh(folder / "ball.ply", mesh)
     with pytest.raises(InputError, match=r"texture\.size: found 16, but the mesh has no texture"):
-        run(folder, MATTE_TASK, shape="mesh: ball.ply")
-    out, result = run(folder, MATTE_TASK, "texture.size=auto", shape="mesh: ball.ply")
+        run(folder, DIFFUSE_TASK, shape="mesh: ball.ply")
+    out, result = run(folder, DIFFUSE_TASK, "texture.size=auto", shape="mesh: ball.ply")
     said = result["texture"]
     assert said["sentence"] == (
         "162 vertices: the mesh has no texture coordinates, or not everywhere"
     )
     assert said["files"] == {"vertices": "textures/vertices.ply"}
     texture = arrays(out)
-    told = texture["kd_marked"] == 0
+    sure = texture["kd_marked"] == 0
     off = (texture["kd"] - KD[0]) / texture["kd_error"]
-    assert told.sum() > 60
-    assert 0.8 < np.sqrt(np.mean(off[told] ** 2)) < 1.2
+    assert sure.sum() > 60
+    assert 0.8 < np.sqrt(np.mean(off[sure] ** 2)) < 1.2
     assert len(read_mesh(out / "textures/vertices.ply").vertices) == 162
     assert "vertices.ply" in (out / "report.html").read_text()
 
@@ -183,28 +183,28 @@ def test_a_mesh_file_with_coordinates_has_texels(tmp_path):
     mesh = Mesh(ball.vertices, ball.faces, ball.normals, np.stack([u, v], axis=-1))
     folder = write_painted(tmp_path / "capture", paint, 3, mesh)
     write_mesh(folder / "ball.obj", mesh)
-    out, result = run(folder, MATTE_TASK, shape="mesh: ball.obj")
+    out, result = run(folder, DIFFUSE_TASK, shape="mesh: ball.obj")
     assert result["texture"]["sentence"] == "16 x 16 texels of the mesh's texture coordinates"
     texture = arrays(out)
     u, v = texel_coordinates((16, 16)).T
     kd, _ = paint.of(np.stack([4 * u % 2 - 1, 2 * v - 1], axis=-1))
-    told = texture["kd_marked"].ravel() == 0
+    sure = texture["kd_marked"].ravel() == 0
     off = (texture["kd"].reshape(-1, 3) - kd) / texture["kd_error"].reshape(-1, 3)
-    assert told.sum() > 60
-    assert 0.8 < np.sqrt(np.mean(off[told] ** 2)) < 1.2
+    assert sure.sum() > 60
+    assert 0.8 < np.sqrt(np.mean(off[sure] ** 2)) < 1.2
 
 
-def test_matte_paint_under_unknown_light(matte):
-    folder, result = run(matte, MATTE_TASK, lighting="")
+def test_diffuse_paint_under_unknown_light(diffuse):
+    folder, result = run(diffuse, DIFFUSE_TASK, lighting="")
     assert result["outcome"] == "not_identifiable"
     assert "T 6.1.1, class 6" in result["ambiguity"]
     assert "total-variation" in result["ambiguity"]
     assert "0.18 / pi" in result["lighting"]["gauge"]
     texture = arrays(folder)
-    kd, _ = texel_paint(ROWS, MATTE)
+    kd, _ = texel_paint(ROWS, DIFFUSE)
     good = (texture["seen"].ravel() > 3) & np.isfinite(texture["kd"]).all(axis=-1).ravel()
     ratio = texture["kd"].reshape(-1, 3)[good] / kd[good]
-    # Neighbouring cells of different paint: what varies faster than the surface is told.
+    # Neighbouring cells of different paint: what varies faster than the surface is identifiable.
     within = np.abs(np.log(ratio / np.median(ratio, axis=0)))
     assert np.median(within) < 0.1
     assert (folder / "lighting.exr").is_file()
@@ -212,9 +212,9 @@ def test_matte_paint_under_unknown_light(matte):
 
 
 @pytest.mark.slow
-def test_gloss_under_unknown_light(tmp_path):
+def test_a_glossy_texture_under_unknown_light(tmp_path):
     """T 6.1.1, class 7: what moves with the view tells light, sigma and mu, and so the texture."""
-    capture = write_painted(tmp_path / "capture", views=10, lamps=soft_light())
+    capture = write_painted(tmp_path / "capture", views=10, sources=soft_light())
     folder, result = run(capture, SOFT_TASK, lighting="")
     assert result["outcome"] == "converged"
     for name, truth in (("sigma", SIGMA), ("mu", MU)):
@@ -232,14 +232,14 @@ def test_gloss_under_unknown_light(tmp_path):
     assert found == pytest.approx(np.mean(ks[good]), rel=0.1)
 
 
-def test_gloss_that_is_not_there_is_not_told(matte, found):
-    _, result = run(matte, TASK)
+def test_a_specular_lobe_that_is_not_there_is_not_identifiable(diffuse, found):
+    _, result = run(diffuse, TASK)
     assert result["outcome"] in ("not_identifiable", "at_bound")
     assert any("sigma" in reason for reason in result["reasons"])
 
 
-def test_texels_without_end_are_marked_not_made_up(matte):
-    _, result = run(matte, MATTE_TASK, "texture.size=96")
+def test_texels_without_end_are_marked_not_made_up(diffuse):
+    _, result = run(diffuse, DIFFUSE_TASK, "texture.size=96")
     said = result["texture"]
     assert said["unseen"] > said["seen"]
     assert said["median_observations"] <= 2
@@ -299,11 +299,11 @@ def test_schema_and_dry_run_know_the_task(ball, capsys):
     assert "no such image file" in capsys.readouterr().err
 
 
-def test_regions_are_put_together(matte, tmp_path):
+def test_regions_are_put_together(diffuse, tmp_path):
     kd, _ = texel_paint(ROWS, CHECKER)
     which = (kd[:, 0] > 0.1).reshape(ROWS, 2 * ROWS)
     write_image(tmp_path / "mask.png", np.repeat(which[..., None] * 1.0, 3, axis=-1))
-    folder, result = run(matte, MATTE_TASK, f"texture.regions={tmp_path / 'mask.png'}")
+    folder, result = run(diffuse, DIFFUSE_TASK, f"texture.regions={tmp_path / 'mask.png'}")
     assert [region["name"] for region in result["regions"]] == ["#000000", "#ffffff"]
     assert sum(region["sites"] for region in result["regions"]) == result["texture"]["seen"]
     texture = arrays(folder)
@@ -332,10 +332,10 @@ def test_sigma_varies_over_the_ball(varying):
     maps = arrays(folder)
     height = np.cos((np.arange(ROWS) + 0.5) * np.pi / ROWS)[:, None]
     true = np.broadcast_to(SIGMA * np.exp(CHECKER_GROWING.growth * height), maps["sigma"].shape)
-    told = maps["sigma_error"] < 0.03 * true
-    assert told.mean() > 0.3
+    sure = maps["sigma_error"] < 0.03 * true
+    assert sure.mean() > 0.3
     # A texel is 11 degrees wide, over which sigma changes by 5 %.
-    assert np.sqrt(np.mean((maps["sigma"][told] / true[told] - 1) ** 2)) < 0.03
+    assert np.sqrt(np.mean((maps["sigma"][sure] / true[sure] - 1) ** 2)) < 0.03
     low, high = result["texture"]["sigma_range"]
     assert low < 0.9 * SIGMA
     assert high > 1.1 * SIGMA
@@ -343,7 +343,7 @@ def test_sigma_varies_over_the_ball(varying):
     unseen = maps["seen"] == 0
     assert unseen.any()
     assert np.isnan(maps["sigma"][unseen]).all()
-    assert true[told].max() / true[told].min() > 1.4
+    assert true[sure].max() / true[sure].min() > 1.4
     # A texel has one sigma, by which mu is off by more than its error.
     assert result["brdf"]["mu"] == pytest.approx(MU, rel=0.015)
     # With one sigma for all it is more than three times the noise.

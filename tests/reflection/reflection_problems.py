@@ -58,16 +58,16 @@ def smooth_coefficients(seed=0, channels=3):
     return coefficients
 
 
-# Lamps as (direction, radius in radians, irradiance): two wider than a texel of 64 rows, one broad.
-LAMPS = (((0.3, 0.2, 0.9), 0.07, 2.0), ((-0.8, 0.1, 0.4), 0.09, 3.0), ((0.1, -0.9, -0.3), 0.3, 2.0))
+# Discs as (direction, radius in radians, irradiance): two wider than a texel of 64 rows, one broad.
+DISCS = (((0.3, 0.2, 0.9), 0.07, 2.0), ((-0.8, 0.1, 0.4), 0.09, 3.0), ((0.1, -0.9, -0.3), 0.3, 2.0))
 
 
-def lit_room(rows, finest=512, lamps=LAMPS, ambient=1.0):
-    """The same light at any resolution: lamps over a slow ambient, averaged over each texel."""
+def lit_room(rows, finest=512, discs=DISCS, ambient=1.0):
+    """The same light at any resolution: discs over a slow ambient, averaged over each texel."""
     grid = LatLongGrid(finest, 2 * finest)
     directions = grid.directions()
     light = ambient * (1 + 0.5 * directions[..., 2])
-    for direction, radius, irradiance in lamps:
+    for direction, radius, irradiance in discs:
         towards = np.array(direction) / np.linalg.norm(direction)
         lobe = np.exp((directions @ towards - 1) / radius**2) / (2 * np.pi * radius**2)
         light = light + irradiance * lobe

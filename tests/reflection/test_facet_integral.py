@@ -124,7 +124,7 @@ def test_the_split_for_facets_needs_no_source_where_light_is_slow(samples):
 
 
 @pytest.mark.slow
-def test_the_dual_model_filters_by_facets_where_told(samples, slow):
+def test_the_dual_model_filters_by_facets_where_asked(samples, slow):
     dark = DirectionalSources(np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 2)))
     kind = Microfacet(ONES, ONES, 0.2, 1.5)
     found = np.asarray(dual_columns(kind, samples, DualLight(slow, dark), FACETS))

@@ -1,9 +1,9 @@
 """Irradiance as a sum of harmonics.
 
 Pinned down: it is the hemispherical integral of band-limited light; uniform light gives pi L;
-linear light gives 2 pi / 3 of its gradient (ERRATA 42: A_l, not rho_l); under a lamp it is the
-clamped cosine to no more than what is left out, in both precisions.  The matrix and the polynomial
-of T 4.14 to 4.16 are the degrees up to 2; the constants are those of T 4.15 with ERRATA 29; the
+linear light gives 2 pi / 3 of its gradient (ERRATA 42: A_l, not rho_l); under a source it is the
+clamped cosine to no more than is left out, in both precisions.  The matrix and the polynomial of
+T 4.14 to 4.16 are the degrees up to 2; the constants are those of T 4.15 with ERRATA 29; the
 polynomial's own derivative rule agrees with finite differences in the normal and in the light; the
 bounds of T 4.3.1 hold and are reached by a directional source.
 """
@@ -55,13 +55,13 @@ def test_linear_light_gives_two_thirds_pi():
 
 
 @pytest.mark.parametrize(("dtype", "rounding"), [(np.float64, 1e-11), (np.float32, 1e-5)])
-def test_all_degrees_of_a_lamp_count(dtype, rounding):
-    """A lamp at +Z to degree 128: E is the cosine but for degrees above, not for those above 32."""
+def test_all_degrees_of_a_source_count(dtype, rounding):
+    """A source at +Z to degree 128: E is the cosine but for degrees above, not above 32."""
     band_limit = 128
-    lamp = np.asarray(real_basis(np.array([0, 0, 1.0]), band_limit), dtype)[:, None]
+    source = np.asarray(real_basis(np.array([0, 0, 1.0]), band_limit), dtype)[:, None]
     cosines = np.concatenate([np.linspace(-1, 1, 41), [1e-3, -1e-3]])
     normals = np.stack([np.sqrt(1 - cosines**2), 0 * cosines, cosines], axis=1).astype(dtype)
-    found = irradiance(lamp, normals)
+    found = irradiance(source, normals)
     assert found.dtype == dtype
     off = np.abs(np.asarray(found)[:, 0] - np.maximum(cosines, 0))
     bound = irradiance_error(band_limit).worst

@@ -19,7 +19,7 @@ CAMERA = Pinhole(
     10, 10, look_at(np.array([6.0, 0, 1]), np.zeros(3), np.array([0.0, 0, 1])), fl_x=25.0
 )
 BALL = Sphere()
-LAMP = DirectionalSources(np.array([[0.7, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
+SOURCE = DirectionalSources(np.array([[0.7, 0.6, 0.8]]), np.array([[1.0, 0.9, 0.8]]))
 PROBE = Environment(np.random.default_rng(0).uniform(size=(8, 16, 3)))
 LOBES = SmoothLobes(np.array([[1.0, 0.4, 1.0]]), np.array([0.4]), np.array([[2.0, 1.0, 0.5]]))
 KD = np.array([0.2, 0.1, 0.1])
@@ -30,8 +30,8 @@ def ggx(sigma=0.3, kd=KD):
 
 
 def test_a_sum_of_lights_is_a_sum_of_pictures():
-    apart = [np.asarray(render_lit(ggx(), part, BALL, CAMERA)) for part in (PROBE, LAMP, LOBES)]
-    found = render_lit(ggx(), PROBE + LAMP + LOBES, BALL, CAMERA)
+    apart = [np.asarray(render_lit(ggx(), part, BALL, CAMERA)) for part in (PROBE, SOURCE, LOBES)]
+    found = render_lit(ggx(), PROBE + SOURCE + LOBES, BALL, CAMERA)
     assert all(image.any() for image in apart)
     np.testing.assert_allclose(found, sum(apart), rtol=1e-12, atol=1e-14)
 
@@ -48,27 +48,27 @@ def test_lobes_are_integrated():
 
 def test_concave_shapes_shadow_themselves():
     shape = sculpture(2, 0)
-    assert isinstance(forward_of(LAMP, shape), ShadowedForward)
-    found = np.asarray(render_lit(ggx(), LAMP + LOBES, shape, CAMERA))
-    lit = np.asarray(render(ggx(), CAMERA, shape, ExactForward((LAMP + LOBES).nodes())))
+    assert isinstance(forward_of(SOURCE, shape), ShadowedForward)
+    found = np.asarray(render_lit(ggx(), SOURCE + LOBES, shape, CAMERA))
+    lit = np.asarray(render(ggx(), CAMERA, shape, ExactForward((SOURCE + LOBES).nodes())))
     assert (found <= lit + 1e-12).all()
     assert (found < 0.9 * lit).any()
 
 
 SLOW = np.random.default_rng(1).normal(size=(9, 3)) * 0.1 + np.eye(9, 3)
 PATHS = {
-    "sigma": (0.3, lambda s: render_lit(ggx(s), LAMP, BALL, CAMERA)),
-    "kd": (KD, lambda kd: render_lit(ggx(kd=kd), LAMP, BALL, CAMERA)),
-    "coefficients": (SLOW, lambda c: render_lit(ggx(), HarmonicLight(c) + LAMP, BALL, CAMERA)),
+    "sigma": (0.3, lambda s: render_lit(ggx(s), SOURCE, BALL, CAMERA)),
+    "kd": (KD, lambda kd: render_lit(ggx(kd=kd), SOURCE, BALL, CAMERA)),
+    "coefficients": (SLOW, lambda c: render_lit(ggx(), HarmonicLight(c) + SOURCE, BALL, CAMERA)),
     "lobes": (
         np.asarray(LOBES.middle),
         lambda m: render_lit(
-            ggx(), LAMP + SmoothLobes(LOBES.directions, LOBES.widths, m), BALL, CAMERA
+            ggx(), SOURCE + SmoothLobes(LOBES.directions, LOBES.widths, m), BALL, CAMERA
         ),
     ),
     "direction": (
         np.array([[0.7, 0.6, 0.8]]),
-        lambda d: render_lit(ggx(), DirectionalSources(d, LAMP.irradiance), BALL, CAMERA),
+        lambda d: render_lit(ggx(), DirectionalSources(d, SOURCE.irradiance), BALL, CAMERA),
     ),
 }
 

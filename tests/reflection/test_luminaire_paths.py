@@ -1,10 +1,11 @@
 """A tree's directions and a luminaire's places, joined along paths by the balance heuristic.
 
-- A glossy table under a lamp near by: with directions from the BRDF's tree, from the cosine, and
-  with the lamp drawn or only met, paths have the mean of the area integral; nothing counts twice
-  (both ways unweighted would double it), neither frame is taken for the other (ERRATA 69).
-- Drawing directions from the tree leaves less noise than the cosine where only they find the lamp.
-- A ray from the camera sees the lamp, unless something is in between.
+- A glossy table under a luminaire near by: with directions from the BRDF's tree, from the cosine,
+  and with the luminaire drawn or only met, paths have the mean of the area integral; nothing counts
+  twice (both ways unweighted would double it), neither frame is taken for the other (ERRATA 69).
+- Drawing directions from the tree leaves less noise than the cosine where only they find the
+  luminaire.
+- A ray from the camera sees the luminaire, unless something is in between.
 """
 
 import jax.numpy as jnp
@@ -29,7 +30,7 @@ TABLE_TOP = Mesh(
     np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 )
 # Shines downwards: u x v = -z.
-LAMP = Rectangle(np.array([0.2, -0.5, 0.8]), np.array([0.0, 1, 0]), np.array([0.8, 0, 0]))
+LUMINAIRE = Rectangle(np.array([0.2, -0.5, 0.8]), np.array([0.0, 1, 0]), np.array([0.8, 0, 0]))
 # In the plane of incidence of its own azimuth the local x axis is the world's.
 TANGENTS = np.tile([1.0, 0, 0], (2, 1))
 
@@ -61,7 +62,7 @@ def camera_rays(count=24):
 
 
 def test_paths_have_the_mean_of_the_integral(tree):
-    brdf, light = WaveletBRDF(tree), Luminaire.uniform([LAMP], np.array([2.0]))
+    brdf, light = WaveletBRDF(tree), Luminaire.uniform([LUMINAIRE], np.array([2.0]))
     places, towards = camera_rays()
     normals, outgoing = np.tile([0.0, 0, 1], (len(places), 1)), np.tile(towards, (len(places), 1))
     shaded = ShadedPoints.of(places, normals, outgoing)
@@ -84,8 +85,8 @@ def test_paths_have_the_mean_of_the_integral(tree):
     assert noise["tree"] < noise["tree alone"]
 
 
-def test_the_camera_sees_the_lamp(tree):
-    light = LuminaireEmitter(Luminaire.uniform([LAMP], np.array([2.0])))
+def test_the_camera_sees_the_luminaire(tree):
+    light = LuminaireEmitter(Luminaire.uniform([LUMINAIRE], np.array([2.0])))
     scene = Scene.of(TABLE_TOP, [WaveletBRDF(tree)], tangents=TANGENTS)
     origins = np.array([[0.5, 0, 0.3], [0.5, 0, -1.0], [-3, 0, 0.3]])
     up = np.tile([0.0, 0, 1], (3, 1))

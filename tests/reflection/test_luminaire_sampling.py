@@ -37,7 +37,7 @@ def samples(size: int = 4) -> np.ndarray:
     return RNG.uniform(0.5, 2, (size, size, size, size, 2))
 
 
-def lamp(name: str) -> Luminaire:
+def luminaire(name: str) -> Luminaire:
     if name == "box":
         faces = box_faces(np.array([-1.0, 0, 1]), np.array([0.0, 0.7, 2]))
         return Luminaire(faces, [compressed(samples()) for _ in faces], convex=True)
@@ -56,7 +56,7 @@ def lamp(name: str) -> Luminaire:
     return Luminaire([surface], [compressed(samples())])
 
 
-LAMPS = {name: lamp(name) for name in ("rectangle", "box", "sphere", "cylinder", "bowl")}
+LUMINAIRES = {name: luminaire(name) for name in ("rectangle", "box", "sphere", "cylinder", "bowl")}
 
 
 def all_directions(rows: int) -> np.ndarray:
@@ -72,28 +72,28 @@ def facing_share(name: str) -> float:
     """The part of (u, v) that faces the point, of surfaces drawn on their dark side too."""
     if name != "bowl":
         return 1.0
-    on = LAMPS[name].patches[0].at(RNG.uniform(size=(20000, 2)))
+    on = LUMINAIRES[name].patches[0].at(RNG.uniform(size=(20000, 2)))
     return float((np.einsum("pi,pi->p", on.normals, POINT - on.points) > 0).mean())
 
 
-@pytest.mark.parametrize("name", LAMPS)
+@pytest.mark.parametrize("name", LUMINAIRES)
 def test_density_integrates_to_one(name):
     directions = all_directions(600)
     points = np.broadcast_to(POINT, directions.shape)
-    density = LuminaireSampler(LAMPS[name]).density(points, directions)
+    density = LuminaireSampler(LUMINAIRES[name]).density(points, directions)
     # Edges cut through cells, and the cylinder's density grows towards its silhouette.
     assert 4 * np.pi * density.mean() == pytest.approx(facing_share(name), abs=1e-2)
 
 
-@pytest.mark.parametrize("name", LAMPS)
+@pytest.mark.parametrize("name", LUMINAIRES)
 def test_density_of_a_draw_is_that_of_its_direction(name):
-    sampler = LuminaireSampler(LAMPS[name])
+    sampler = LuminaireSampler(LUMINAIRES[name])
     points = np.broadcast_to(POINT, (500, 3))
     drawn = sampler.draw(points, RNG.uniform(size=(500, 2)))
     np.testing.assert_allclose(np.linalg.norm(drawn.directions, axis=1), 1)
     drawn_at_all = drawn.density > 0
     assert drawn_at_all.mean() > facing_share(name) - 0.06
-    seen = LAMPS[name].radiance_along(points, drawn.directions)
+    seen = LUMINAIRES[name].radiance_along(points, drawn.directions)
     near = (np.abs(seen.distance - drawn.distance) < 1e-6) & drawn_at_all
     # At edges a rounding decides whether the ray meets it.
     assert near.sum() > 0.99 * drawn_at_all.sum()
@@ -104,7 +104,7 @@ def test_density_of_a_draw_is_that_of_its_direction(name):
 
 
 def test_only_faces_that_can_be_seen_are_drawn():
-    drawn = LuminaireSampler(LAMPS["box"]).draw(
+    drawn = LuminaireSampler(LUMINAIRES["box"]).draw(
         np.broadcast_to(POINT, (2000, 3)), RNG.uniform(size=(2000, 2))
     )
     assert (np.asarray(drawn.radiance) > 0).all()
@@ -114,7 +114,7 @@ def test_only_faces_that_can_be_seen_are_drawn():
     assert all(face.any() for face in on)
 
 
-@pytest.mark.parametrize("name", LAMPS)
+@pytest.mark.parametrize("name", LUMINAIRES)
 def test_sampled_is_integrated_within_standard_errors(name):
     normal = np.array([[0.1, 0.3, 0.9]]) / np.linalg.norm([0.1, 0.3, 0.9])
     outgoing = np.array([[0.3, -0.5, 0.6]]) / np.linalg.norm([0.3, -0.5, 0.6])
@@ -123,17 +123,17 @@ def test_sampled_is_integrated_within_standard_errors(name):
     ball = Sphere(np.array([0.2, 0.0, 0.5]), 0.12)
     uniforms = RNG.uniform(size=(1, 20000, 2))
     estimates = np.asarray(
-        sampled_light(shaded, brdf, LuminaireSampler(LAMPS[name]), uniforms, ball)
+        sampled_light(shaded, brdf, LuminaireSampler(LUMINAIRES[name]), uniforms, ball)
     )[0]
-    truth = np.asarray(direct_light(shaded, brdf, LAMPS[name], cell_rule(128), ball))[0]
+    truth = np.asarray(direct_light(shaded, brdf, LUMINAIRES[name], cell_rule(128), ball))[0]
     error = estimates.std(axis=0) / np.sqrt(len(estimates))
     assert (error < 0.05 * truth).all()
     assert (np.abs(estimates.mean(axis=0) - truth) < 4 * error + 2e-3 * truth).all()
 
 
 def test_balance_heuristic_joins_two_ways_of_drawing():
-    """Light drawn over the lamp, and cosine-distributed directions that happen to meet it."""
-    sampler, count = LuminaireSampler(LAMPS["box"]), 40000
+    """Light drawn over the luminaire, and cosine-distributed directions that happen to meet it."""
+    sampler, count = LuminaireSampler(LUMINAIRES["box"]), 40000
     points = np.broadcast_to(POINT, (count, 3))
     drawn = sampler.draw(points, RNG.uniform(size=(count, 2)))
     cosine = np.maximum(drawn.directions[:, 2], 0)
@@ -144,10 +144,10 @@ def test_balance_heuristic_joins_two_ways_of_drawing():
     towards = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
     other = sampler.density(points, towards)
     second = balance_weight(height / np.pi, other)
-    met = second * np.asarray(LAMPS["box"].radiance_along(points, towards).radiance)[:, 0]
+    met = second * np.asarray(LUMINAIRES["box"].radiance_along(points, towards).radiance)[:, 0]
     shaded = ShadedPoints.of(POINT[None], np.array([[0, 0, 1.0]]), np.array([[0, 0, 1.0]]))
     white = Lambertian(np.full(2, 1 / np.pi))
-    truth = float(direct_light(shaded, white, LAMPS["box"], cell_rule(128))[0, 0])
+    truth = float(direct_light(shaded, white, LUMINAIRES["box"], cell_rule(128))[0, 0])
     error = np.sqrt((light.var() + met.var()) / count)
     assert abs(light.mean() + met.mean() - truth) < 4 * error + 2e-3 * truth
     np.testing.assert_allclose(first + balance_weight(cosine / np.pi, drawn.density), 1)
@@ -163,12 +163,12 @@ def test_where_nothing_is_seen_there_is_no_density(name):
         "cylinder": [0, 0.25, 1.1],
     }
     points = np.broadcast_to(np.array(inside[name]), (50, 3))
-    drawn = LuminaireSampler(LAMPS[name]).draw(points, RNG.uniform(size=(50, 2)))
+    drawn = LuminaireSampler(LUMINAIRES[name]).draw(points, RNG.uniform(size=(50, 2)))
     assert not drawn.density.any()
     assert not np.asarray(drawn.radiance).any()
     shaded = ShadedPoints.of(points[:1], np.array([[0, 0, 1.0]]), np.array([[0, 0, 1.0]]))
     white = Lambertian(np.full(2, 0.3))
     estimates = sampled_light(
-        shaded, white, LuminaireSampler(LAMPS[name]), RNG.uniform(size=(1, 9, 2))
+        shaded, white, LuminaireSampler(LUMINAIRES[name]), RNG.uniform(size=(1, 9, 2))
     )
     assert np.isfinite(np.asarray(estimates)).all()

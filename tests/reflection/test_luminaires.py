@@ -6,8 +6,8 @@
 - A uniform sphere is pi L (R/d)^2: so the area Jacobian of its (u, v) is in.
 - A box seen from outside is the sum of its faces by the polygon formula; seen from within nothing,
   and pi L when its faces shine inwards.
-- BRDF and light are asked in frames of their own: turning everything changes nothing, and a lamp
-  that shines one way only lights what lies there.
+- BRDF and light are asked in frames of their own: turning everything changes nothing, and a
+  luminaire that shines one way only lights what lies there.
 - A sphere that hides part of a rectangle takes away what an independent ray test says; so does a
   part of the luminaire itself.
 - What leaves through an enclosing sphere is the power.
@@ -78,15 +78,15 @@ def test_rectangle_above_is_the_configuration_factor():
         a / np.sqrt(1 + a * a) * np.arctan(b / np.sqrt(1 + a * a))
         + b / np.sqrt(1 + b * b) * np.arctan(a / np.sqrt(1 + b * b))
     ) / (2 * np.pi)
-    lamp = Luminaire.uniform([above(1.0, 2.0, 0.8)], 3 * ONE)
-    found = direct_light(at(np.zeros((1, 3)), UP), WHITE, lamp, FINE)
+    luminaire = Luminaire.uniform([above(1.0, 2.0, 0.8)], 3 * ONE)
+    found = direct_light(at(np.zeros((1, 3)), UP), WHITE, luminaire, FINE)
     assert float(found[0, 0]) == pytest.approx(3 * factor, rel=1e-9)
 
 
 def test_the_published_numbers():
     """Unit square at height 3: with cos t_e / r^2 left out it would be .315, with a 4 .136."""
-    lamp = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
-    found = direct_light(at(np.array([[0.5, 0.5, 0]]), UP), WHITE, lamp, FINE)
+    luminaire = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
+    found = direct_light(at(np.array([[0.5, 0.5, 0]]), UP), WHITE, luminaire, FINE)
     assert float(found[0, 0]) == pytest.approx(0.0341, abs=5e-5)
 
 
@@ -97,8 +97,8 @@ def test_any_rectangle_is_the_polygon_formula():
     points = middle.points + 2 * middle.normals + RNG.uniform(-1, 1, (20, 3))
     normals = middle.points - points
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    lamp = Luminaire.uniform([face], ONE)
-    found = np.asarray(direct_light(at(points, normals), WHITE, lamp, FINE))[:, 0]
+    luminaire = Luminaire.uniform([face], ONE)
+    found = np.asarray(direct_light(at(points, normals), WHITE, luminaire, FINE))[:, 0]
     expected = [polygon(corners_of(face), p, n) / np.pi for p, n in zip(points, normals)]
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
@@ -138,7 +138,7 @@ def beam(size: int, towards: np.ndarray) -> np.ndarray:
 
 
 def test_turning_everything_changes_nothing_and_frames_are_apart():
-    lamp_face = above(1.0, 2.0, 1.5)
+    window = above(1.0, 2.0, 1.5)
     tree = compressed(beam(8, np.array([0.5, -0.3])))
     brdf = Phong(np.array([0.1]), np.array([0.2]), 20.0)
     points = RNG.uniform([-1, -1, 0], [2, 2, 0.3], (10, 3))
@@ -147,12 +147,10 @@ def test_turning_everything_changes_nothing_and_frames_are_apart():
     normals = np.tile(UP, (10, 1))
     rule = gauss_rule(16)
     here = direct_light(
-        ShadedPoints.of(points, normals, outgoing), brdf, Luminaire([lamp_face], [tree]), rule
+        ShadedPoints.of(points, normals, outgoing), brdf, Luminaire([window], [tree]), rule
     )
     turn = np.asarray(rotation(1.1, -2.0, 0.6))
-    turned_face = Rectangle(
-        *(turn @ v for v in (lamp_face.corner, lamp_face.along_u, lamp_face.along_v))
-    )
+    turned_face = Rectangle(*(turn @ v for v in (window.corner, window.along_u, window.along_v)))
     there = direct_light(
         ShadedPoints.of(points @ turn.T, normals @ turn.T, outgoing @ turn.T),
         brdf,
@@ -163,11 +161,13 @@ def test_turning_everything_changes_nothing_and_frames_are_apart():
     np.testing.assert_allclose(here, there, rtol=1e-6)
 
 
-def test_a_lamp_lights_where_it_shines():
-    """The lamp's +X is dx'/du = world +Y: a beam along it lights points on that side."""
-    lamp = Luminaire([above(0.2, 0.2, 1.0)], [compressed(beam(8, np.array([0.7, 0.0])))])
+def test_a_luminaire_lights_where_it_shines():
+    """The luminaire's +X is dx'/du = world +Y: a beam along it lights points on that side."""
+    luminaire = Luminaire([above(0.2, 0.2, 1.0)], [compressed(beam(8, np.array([0.7, 0.0])))])
     points = np.array([[0.1, 1.1, 0], [0.1, -0.9, 0], [1.1, 0.1, 0], [-0.9, 0.1, 0]])
-    found = np.asarray(direct_light(at(points, np.tile(UP, (4, 1))), WHITE, lamp, gauss_rule(8)))
+    found = np.asarray(
+        direct_light(at(points, np.tile(UP, (4, 1))), WHITE, luminaire, gauss_rule(8))
+    )
     assert found[0, 0] > 20 * found[1, 0]
     assert found[0, 0] > 4 * max(found[2, 0], found[3, 0])
 
@@ -175,10 +175,10 @@ def test_a_lamp_lights_where_it_shines():
 def test_a_sphere_hides_part_of_a_rectangle():
     ball = Sphere(np.array([0.5, 0.5, 0.8]), 0.25)
     face = Rectangle(np.array([0, 0, 2.0]), np.array([0, 1.0, 0]), np.array([1.0, 0, 0]))
-    lamp = Luminaire.uniform([face], ONE)
+    luminaire = Luminaire.uniform([face], ONE)
     point = np.array([[0.2, 0.4, 0.0]])
     rule = cell_rule(200)
-    found = float(direct_light(at(point, UP), WHITE, lamp, rule, ball)[0, 0])
+    found = float(direct_light(at(point, UP), WHITE, luminaire, rule, ball)[0, 0])
     nodes = face.at(rule.places).points
     segment = nodes - point
     length = np.linalg.norm(segment, axis=1)
@@ -187,7 +187,7 @@ def test_a_sphere_hides_part_of_a_rectangle():
     away = np.linalg.norm(np.cross(towards, segment), axis=1) / length
     kernel = np.where(away > 0.25, (segment[:, 2] / length) ** 2 / length**2, 0)
     assert found == pytest.approx(kernel.mean() / np.pi, rel=1e-4)
-    free = float(direct_light(at(point, UP), WHITE, lamp, rule)[0, 0])
+    free = float(direct_light(at(point, UP), WHITE, luminaire, rule)[0, 0])
     assert 0.2 * free < found < 0.8 * free
 
 
@@ -196,9 +196,9 @@ def test_points_on_the_occluder_see_past_their_own_surface():
         np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]),
         np.array([[0, 1, 2], [0, 2, 3]]),
     )
-    lamp = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
+    luminaire = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE)
     here = at(np.array([[0.3, 0.1, 0]]), UP)
-    free, hidden = (direct_light(here, WHITE, lamp, FINE, o) for o in (None, floor))
+    free, hidden = (direct_light(here, WHITE, luminaire, FINE, o) for o in (None, floor))
     np.testing.assert_allclose(free, hidden)
 
 
@@ -208,7 +208,10 @@ def test_a_luminaire_hides_itself():
     both = Luminaire.uniform(sheets, ONE)
     one = Luminaire.uniform(sheets[:1], ONE)
     here = at(np.array([[0.5, 0.5, 0]]), UP)
-    found = [float(direct_light(here, WHITE, lamp, cell_rule(64))[0, 0]) for lamp in (both, one)]
+    found = [
+        float(direct_light(here, WHITE, luminaire, cell_rule(64))[0, 0])
+        for luminaire in (both, one)
+    ]
     assert found[0] == pytest.approx(found[1], rel=1e-12)
 
 
@@ -217,15 +220,19 @@ def test_a_curved_patch_hides_its_own_far_side():
     arch = ParametricSurface(
         lambda p: jnp.stack([jnp.cos(np.pi * p[0]), 4 * p[1] - 2, jnp.sin(np.pi * p[0])])
     )
-    lamps = [Luminaire.uniform([arch], ONE, convex=convex) for convex in (False, True)]
+    luminaires = [Luminaire.uniform([arch], ONE, convex=convex) for convex in (False, True)]
     outside = at(np.array([[-1.5, 0, 0.6]]), np.array([[1.0, 0, 0]]))
     hidden, through = (
-        float(direct_light(outside, WHITE, lamp, cell_rule(24))[0, 0]) for lamp in lamps
+        float(direct_light(outside, WHITE, luminaire, cell_rule(24))[0, 0])
+        for luminaire in luminaires
     )
     assert hidden == 0
     assert through > 0.05
     within = at(np.array([[0, 0, 0.0]]), UP)
-    seen, free = (float(direct_light(within, WHITE, lamp, cell_rule(24))[0, 0]) for lamp in lamps)
+    seen, free = (
+        float(direct_light(within, WHITE, luminaire, cell_rule(24))[0, 0])
+        for luminaire in luminaires
+    )
     assert seen == pytest.approx(free, rel=1e-12)
 
 
@@ -233,7 +240,7 @@ def test_power_leaves_through_an_enclosing_sphere():
     size = 4
     faces = box_faces(-np.array([0.5, 0.4, 0.3]), np.array([0.5, 0.4, 0.3]))
     trees = [compressed(beam(size, RNG.uniform(-0.5, 0.5, 2))) for _ in faces]
-    lamp = Luminaire(faces, trees, convex=True)
+    luminaire = Luminaire(faces, trees, convex=True)
     cosine, weight = np.polynomial.legendre.leggauss(48)
     azimuth = 2 * np.pi * (np.arange(96) + 0.5) / 96
     sine = np.sqrt(1 - cosine**2)
@@ -245,9 +252,11 @@ def test_power_leaves_through_an_enclosing_sphere():
         ],
         axis=-1,
     ).reshape(-1, 3)
-    irradiance = direct_light(at(3 * normals, -normals), Lambertian(ONE), lamp, cell_rule(size))
+    irradiance = direct_light(
+        at(3 * normals, -normals), Lambertian(ONE), luminaire, cell_rule(size)
+    )
     flux = 9 * np.repeat(weight, 96) * 2 * np.pi / 96 @ np.asarray(irradiance)[:, 0]
-    assert flux == pytest.approx(float(lamp.power()[0]), rel=5e-3)
+    assert flux == pytest.approx(float(luminaire.power()[0]), rel=5e-3)
 
 
 def test_point_light_has_the_cosine_and_no_four():
@@ -258,8 +267,8 @@ def test_point_light_has_the_cosine_and_no_four():
     assert found == pytest.approx(0.1535, abs=1e-4)
     # A small sphere of radiance L has intensity pi L R^2.
     ball = SphereSurface(np.asarray(light.position), 0.01)
-    lamp = Luminaire.uniform([ball], 3 * ONE / (np.pi * 1e-4))
-    near = float(direct_light(at(np.zeros((1, 3)), UP), WHITE, lamp, cell_rule(128))[0, 0])
+    luminaire = Luminaire.uniform([ball], 3 * ONE / (np.pi * 1e-4))
+    near = float(direct_light(at(np.zeros((1, 3)), UP), WHITE, luminaire, cell_rule(128))[0, 0])
     assert found == pytest.approx(near, rel=3e-3)
 
 
@@ -282,8 +291,8 @@ def test_derivatives_by_the_brdf_and_the_coefficients():
             tree,
             (tree.root * scale[0], jnp.asarray(tree.values) * scale[0]),
         )
-        lamp = Luminaire([above(1.0, 1.0, 1.0)], [scaled])
-        return direct_light(here, Lambertian(ONE * scale[1]), lamp, rule)[0, 0]
+        luminaire = Luminaire([above(1.0, 1.0, 1.0)], [scaled])
+        return direct_light(here, Lambertian(ONE * scale[1]), luminaire, rule)[0, 0]
 
     start = jnp.array([1.0, 0.3])
     value, slopes = jax.jit(jax.value_and_grad(light))(start)
@@ -292,10 +301,10 @@ def test_derivatives_by_the_brdf_and_the_coefficients():
 
 
 def test_single_precision_stays():
-    lamp = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE.astype(np.float32))
+    luminaire = Luminaire.uniform([above(1.0, 1.0, 3.0)], ONE.astype(np.float32))
     here = ShadedPoints(*(np.asarray(p, np.float32) for p in at(np.array([[0.5, 0.5, 0]]), UP)))
     brdf = Lambertian(np.array([1 / np.pi], np.float32))
-    found = direct_light(here, brdf, lamp, gauss_rule(8))
+    found = direct_light(here, brdf, luminaire, gauss_rule(8))
     assert found.dtype == np.float32
     assert float(found[0, 0]) == pytest.approx(0.0341, abs=1e-4)
     light = PointLight(np.array([0, 0, 2.0]), IsotropicIntensity(ONE))

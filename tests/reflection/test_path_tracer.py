@@ -5,8 +5,8 @@ Against Mitsuba's path tracer: experiments/path_tracer_mitsuba.py.
 - A white concave object in a white furnace cannot be seen; a closed cavity of albedo rho that glows
   has the partial sums of 1 / (1 - rho).  (L 8.4 as printed, without its 4, would give a quarter.)
 - Direct light on a convex mesh is the reference integral: exactly for one directional source,
-  within the standard errors for an image with a small bright lamp on gloss, and so for any sampler:
-  both samplers are weighted, neither counted twice.
+  within the standard errors for an image with a small bright source on a glossy ball, and so for
+  any sampler: both samplers are weighted, neither counted twice.
 - Standard errors are right: pulls have unit scatter.
 - The irradiance of a bowl with all bounces is what the sum over bounces makes of it.
 - Roulette changes no mean; faces are black from behind unless two-sided; anisotropic lobes follow
@@ -131,7 +131,7 @@ def test_one_source_on_a_convex_mesh_is_the_integral():
 
 
 @pytest.mark.parametrize("sampler", [COSINE, UniformSampler()])
-def test_an_image_with_a_lamp_on_gloss_is_the_integral(sampler):
+def test_an_image_of_a_small_source_on_a_glossy_ball_is_the_integral(sampler):
     rng = np.random.default_rng(3)
     image = rng.uniform(0.2, 1, (8, 16, 2))
     image[2, 5] = 40

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reflection_problems import LAMPS, microfacet, random_samples
+from reflection_problems import DISCS, microfacet, random_samples
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, observe
@@ -34,8 +34,8 @@ from jaxrender.reflection import (
 
 BRDF = microfacet(0.2)
 SOURCES = DirectionalSources(
-    np.array([direction for direction, _, _ in LAMPS]),
-    np.array([[irradiance, 0.5 * irradiance, 1.0] for _, _, irradiance in LAMPS]),
+    np.array([direction for direction, _, _ in DISCS]),
+    np.array([[irradiance, 0.5 * irradiance, 1.0] for _, _, irradiance in DISCS]),
 )
 SMOOTH = SmoothLobes(np.array([[0.2, 0.1, 1.0]]), np.array([0.8]), np.ones((1, 3)))
 NODES = LightNodes(*(np.asarray(array) for array in SOURCES.nodes()))

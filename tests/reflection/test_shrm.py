@@ -231,7 +231,7 @@ def test_light_field_tables_lead_there_and_back(made):
     expected = np.einsum("tfk,rckd->tfrcd", around, local.maps)
     assert np.abs(np.asarray(table.values) - expected).max() < 1e-10
     assert np.abs(np.asarray(table.shrm(_P, _F).maps) - local.maps).max() < 1e-10
-    with pytest.raises(ValueError, match="cannot be told from 4 x 7 viewers"):
+    with pytest.raises(ValueError, match="cannot be determined from 4 x 7 viewers"):
         table.shrm(_P + 1, _F)
 
 

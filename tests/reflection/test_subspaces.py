@@ -1,4 +1,4 @@
-"""Basis images of matte objects and the principal components of a view.
+"""Basis images of diffuse objects and the principal components of a view.
 
 - A picture under any light is its basis images mixed by the light's coefficients.
 - From photographs the basis images come back, texture included, without any geometry; their noise
@@ -27,7 +27,7 @@ def front(count, seed=0):
     return normals * np.sign(normals[:, 2:])
 
 
-def matte_scene(photographs=12, pixels=40):
+def diffuse_scene(photographs=12, pixels=40):
     rng = np.random.default_rng(3)
     normals, albedo = front(pixels, 1), rng.uniform(0.2, 0.9, (pixels, 3))
     lights = rng.normal(size=(photographs, 9, 3))
@@ -37,13 +37,13 @@ def matte_scene(photographs=12, pixels=40):
 
 
 def test_a_picture_is_its_basis_images_mixed():
-    normals, albedo, lights, pictures = matte_scene(1)
+    normals, albedo, lights, pictures = diffuse_scene(1)
     images = basis_images(normals)[..., None] * albedo[None]
     np.testing.assert_allclose(relit(images, lights[0]), pictures[0], atol=ROUNDING)
 
 
 def test_basis_images_come_back_from_photographs():
-    normals, albedo, lights, pictures = matte_scene()
+    normals, albedo, lights, pictures = diffuse_scene()
     found = basis_from_photographs(pictures, lights)
     expected = basis_images(normals)[..., None] * albedo[None]
     np.testing.assert_allclose(found.images, expected, atol=ROUNDING)
@@ -53,7 +53,7 @@ def test_basis_images_come_back_from_photographs():
 
 
 def test_noise_grows_by_the_condition_at_most():
-    _, _, lights, pictures = matte_scene(30)
+    _, _, lights, pictures = diffuse_scene(30)
     noise = 1e-3 * np.random.default_rng(5).normal(size=pictures.shape)
     clean, noisy = (basis_from_photographs(p, lights) for p in (pictures, pictures + noise))
     assert clean.condition == pytest.approx(
@@ -64,7 +64,7 @@ def test_noise_grows_by_the_condition_at_most():
 
 
 def test_photographs_that_cannot_tell():
-    _, _, lights, pictures = matte_scene()
+    _, _, lights, pictures = diffuse_scene()
     with pytest.raises(ValueError, match="8 photographs cannot tell 9"):
         basis_from_photographs(pictures[:8], lights[:8])
     with pytest.raises(ValueError, match="12 photographs and 11 lights"):

@@ -21,8 +21,8 @@ def scene():
     normals = rng.normal(size=(40, 3)) + np.array([0, 0, 3.0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     outgoing = np.tile([0.0, 0.0, 1.0], (40, 1))
-    lamps = DirectionalSources(np.array([[0.0, 0.3, 0.95]]), np.ones((1, 3)))
-    light = DualLight(rng.normal(size=(16, 3)), lamps)
+    sources = DirectionalSources(np.array([[0.0, 0.3, 0.95]]), np.ones((1, 3)))
+    light = DualLight(rng.normal(size=(16, 3)), sources)
     lobe = Microfacet(np.full(3, 0.1), np.full(3, 0.2), 0.5, 1.5)
     return SurfaceSamples(normals, outgoing), DualForward(light), lobe
 

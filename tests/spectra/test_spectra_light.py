@@ -50,7 +50,7 @@ def test_an_environment_is_the_sum_of_its_nodes():
 
 
 def test_degrees_beyond_the_image_are_refused():
-    with pytest.raises(ValueError, match=r"degree 6 cannot be told from 12 x 24 texels"):
+    with pytest.raises(ValueError, match=r"degree 6 cannot be determined from 12 x 24 texels"):
         light_coefficients(Environment(np.ones((12, 24, 3))), 6)
 
 

@@ -172,7 +172,9 @@ def test_spectrum_of_a_model_without_a_formula():
 
 
 def test_refusals():
-    with pytest.raises(ValueError, match="degree 8 cannot be told with 8 rows and 64 columns"):
+    with pytest.raises(
+        ValueError, match="degree 8 cannot be determined with 8 rows and 64 columns"
+    ):
         isotropic_coefficients(ROUGH, (8, 2), HemisphereRule(8, 64))
     with pytest.raises(ValueError, match="Brushed is anisotropic"):
         isotropic_coefficients(Brushed(), (2, 2))

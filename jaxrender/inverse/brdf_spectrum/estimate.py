@@ -100,7 +100,7 @@ class SpectrumEstimate(AnyEstimate):
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the lobe as a whole is told."""
+        """Whether the lobe as a whole is identifiable."""
         return {"lobe": self.outcome is Outcome.CONVERGED}
 
     @property
@@ -133,12 +133,12 @@ class SpectrumEstimate(AnyEstimate):
 
     def _rows(self) -> list[str]:
         error = 100 * lobe_error(self.spectrum)
-        told = "" if self.identifiable["lobe"] else "  not identifiable"
+        note = "" if self.identifiable["lobe"] else "  not identifiable"
         return [
-            f"  standard error of the lobe {error:.3g} %{told}",
-            "  degree      light     told    rms of rho  its standard error",
+            f"  standard error of the lobe {error:.3g} %{note}",
+            "  degree      light determined  rms of rho  its standard error",
             *(
-                f"  {one.degree:<6} {one.light:>10.3g} {100 * one.told:>6.0f} % "
+                f"  {one.degree:<6} {one.light:>10.3g} {100 * one.determined:>6.0f} % "
                 f"{one.rms_value:>13.4g} {one.rms_standard_error:>19.3g}"
                 for one in self.by_degree()
             ),
@@ -158,13 +158,14 @@ class SpectrumEstimate(AnyEstimate):
 class DegreeOfLobe(NamedTuple):
     """What the light has of a degree, how far the data tell it, and the size of coefficients.
 
-    ``light`` is an amplitude beside degree 0.  ``told`` is the largest part that the data have in a
-    coefficient of this degree of the light.  The sizes are of those whose higher degree it is.
+    ``light`` is an amplitude beside degree 0.  ``determined`` is the largest part that the data
+    have in a coefficient of this degree of the light.  The sizes are of those whose higher degree
+    it is.
     """
 
     degree: int
     light: float
-    told: float
+    determined: float
     rms_value: float
     rms_standard_error: float
 
@@ -255,7 +256,7 @@ def _amplitudes(
 def _judged(
     spectrum: BRDFSpectrum, amplitudes: Float[np.ndarray, "degree"]
 ) -> tuple[Outcome, tuple[str, ...]]:
-    """Decide whether the lobe is told, and say what it lacks."""
+    """Decide whether the lobe is identifiable, and say what it lacks."""
     error = lobe_error(spectrum)
     if NORMAL_90 * error <= _IDENTIFIABLE_WITHIN:
         left = spectrum.relative_rms
@@ -267,7 +268,7 @@ def _judged(
         )
         return Outcome.CONVERGED, (much,)
     reasons = [
-        f"the lobe is not told to order {spectrum.basis.band_limit}: its standard error is "
+        f"the lobe is not identifiable to order {spectrum.basis.band_limit}: its standard error is "
         f"{100 * error:.0f} % of it"
     ]
     dark = np.flatnonzero(amplitudes < _NEXT_TO_NONE)

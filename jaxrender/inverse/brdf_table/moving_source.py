@@ -41,29 +41,29 @@ class TableFit(NamedTuple):
 
 def brdf_samples(
     observations: Observations,
-    lamps: Sequence[DirectionalSources],
+    sources: Sequence[DirectionalSources],
     noise: NoiseModel,
     min_cosine: float = 0.1,
 ) -> BRDFSamples:
-    """Turn pixels into values of the BRDF; ``lamps`` holds the one source of each photograph.
+    """Turn pixels into values of the BRDF; ``sources`` holds the one source of each photograph.
 
     Pixels whose incident or exit cosine is below ``min_cosine`` are left out.  The measurement is
     divided by the incident cosine; a small exit cosine is a silhouette.  Raises ``ValueError``
     unless every photograph has one source, with light in every channel.
     """
     frame = np.asarray(observations.frame)
-    if frame.size and frame.max() >= len(lamps):
+    if frame.size and frame.max() >= len(sources):
         raise ValueError(
-            f"photograph {frame.max()} has no source: {len(lamps)} given; give one for each"
+            f"photograph {frame.max()} has no source: {len(sources)} given; give one for each"
         )
-    for number, lamp in enumerate(lamps):
-        if lamp.directions.shape[0] != 1 or not np.all(np.asarray(lamp.irradiance) > 0):
+    for number, source in enumerate(sources):
+        if source.directions.shape[0] != 1 or not np.all(np.asarray(source.irradiance) > 0):
             raise ValueError(
-                f"photograph {number} has {lamp.directions.shape[0]} sources: give it one, with "
+                f"photograph {number} has {source.directions.shape[0]} sources: give it one, with "
                 "irradiance above 0 in every channel"
             )
-    towards = np.concatenate([np.asarray(lamp.directions) for lamp in lamps])[frame]
-    irradiance = np.concatenate([np.asarray(lamp.irradiance) for lamp in lamps])[frame]
+    towards = np.concatenate([np.asarray(source.directions) for source in sources])[frame]
+    irradiance = np.concatenate([np.asarray(source.irradiance) for source in sources])[frame]
     frames = world_from_local(jnp.asarray(observations.samples.normals))
     incoming, outgoing = (
         np.asarray(to_local(frames, jnp.asarray(d)))

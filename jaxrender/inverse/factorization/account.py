@@ -32,7 +32,7 @@ from jaxrender.inverse.factorization.projection import (
     reduced_system,
     scatter,
 )
-from jaxrender.inverse.factorization.response import gloss_share
+from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.state import (
     State,
     Task,
@@ -55,9 +55,9 @@ _PRIOR_VARIANCE = 4.0
 class RecoveredScene(NamedTuple):
     """The light of a factorization, in the gauge of its material: the slow part and the sources.
 
-    ``total`` are the coefficients of both together, of the slow part's degrees.  ``told`` is the
-    share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth light
-    is expected to have.
+    ``total`` are the coefficients of both together, of the slow part's degrees.  ``determined`` is
+    the share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth
+    light is expected to have.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -66,7 +66,7 @@ class RecoveredScene(NamedTuple):
     energy_error: Float[np.ndarray, "source channel"]
     direction_error: Float[np.ndarray, "source"]
     total: Float[np.ndarray, "coefficient channel"]
-    told: Float[np.ndarray, "degree"]
+    determined: Float[np.ndarray, "degree"]
 
 
 class Account(NamedTuple):
@@ -103,9 +103,9 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     variant = task.response.variant
     parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
-    told = _told(np.asarray(data.penalty)[: response.slow_count], alone, variance)
-    factor = gauge_factors(np.asarray(gloss_share(state.guess)), light[0], gauge)
-    return Account(parameters, _scene(state, light, covariance, errors, told, factor))
+    determined = _determined(np.asarray(data.penalty)[: response.slow_count], alone, variance)
+    factor = gauge_factors(np.asarray(specular_share(state.guess)), light[0], gauge)
+    return Account(parameters, _scene(state, light, covariance, errors, determined, factor))
 
 
 def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unknown"]:
@@ -189,8 +189,8 @@ def _carried(
     def body_and_light(
         vector: Float[AnyArray, "number"],
     ) -> tuple[Parameters, Float[Array, "channel part"]]:
-        gloss, lobe, light = jnp.split(vector, [channels, channels + 2])
-        share, light = jax.nn.sigmoid(gloss), light.reshape(channels, parts)
+        logit, lobe, light = jnp.split(vector, [channels, channels + 2])
+        share, light = jax.nn.sigmoid(logit), light.reshape(channels, parts)
         factor = gauge_factors(share, light[:, 0], gauge)
         numbers = own_numbers(variant, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
         one = jnp.ones((), vector.dtype)
@@ -226,7 +226,7 @@ def _scene(
     light: Float[np.ndarray, "part channel"],
     covariance: Float[np.ndarray, "unknown unknown"],
     errors: Float[np.ndarray, "part channel"],
-    told: Float[np.ndarray, "degree"],
+    determined: Float[np.ndarray, "degree"],
     gauge: Float[AnyArray, "channel"],
 ) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
@@ -245,11 +245,11 @@ def _scene(
         errors[slow:][order],
         np.sqrt(steps),
         coefficients + basis.T @ energies,
-        told,
+        determined,
     )
 
 
-def _told(
+def _determined(
     penalty: Float[np.ndarray, "coefficient channel"],
     errors: Float[np.ndarray, "part channel"],
     variance: float,

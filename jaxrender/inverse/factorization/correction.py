@@ -8,7 +8,7 @@ from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, evaluate
 from jaxrender.inverse.factorization.response import (
     MirrorResponse,
-    gloss_share,
+    specular_share,
 )
 from jaxrender.inverse.factorization.sight import Sight, hidden_nodes
 from jaxrender.inverse.factorization.state import State, Task, response_of
@@ -36,7 +36,7 @@ def corrected(task: Task, state: State) -> State:
     if task.sight is not None:
         exact = exact - hidden_slow_light(response.samples, task.sight, lobe, slow)
     defect = np.asarray(exact) - np.asarray(_by_degree(response, lobe, slow))
-    return state._replace(target=task.radiance - np.asarray(gloss_share(guess)) * defect)
+    return state._replace(target=task.radiance - np.asarray(specular_share(guess)) * defect)
 
 
 @stored()

@@ -15,12 +15,12 @@ from jaxrender.shapes import Float
 
 
 def known_of(
-    unknowns: Unknowns, lobe: Parametric, channels: int = 3, *, matt: bool = False
+    unknowns: Unknowns, lobe: Parametric, channels: int = 3, *, diffuse: bool = False
 ) -> Known:
     """Turn the unknowns of a material into those of a factorization.
 
     Without the light, kd and ks count by their ratio alone.  The numbers of ``lobe`` become the
-    width and the index that they stand for.  A ``matt`` material has one lobe alone, so that its
+    width and the index that they stand for.  A ``diffuse`` material has one lobe alone, so that its
     share is known.
 
     Raises ``ValueError`` for a prior, which no factorization asks for.
@@ -32,7 +32,7 @@ def known_of(
     if given is not None:
         kd, ks = given
         share = tuple((ks / (kd + ks)).tolist())
-    elif matt:
+    elif diffuse:
         # One lobe alone: a base, or that of the search.
         share = (float(lobe.amplitude_names[0] not in lobe.bases),) * channels
     sigma = _through(unknowns[lobe.shape.name], lobe.shape.width_of)
@@ -41,12 +41,14 @@ def known_of(
     return Known(share, sigma, mu)
 
 
-def _through(told: Unknown, function: Callable[[float], float]) -> Unknown:
+def _through(unknown: Unknown, function: Callable[[float], float]) -> Unknown:
     """Carry bounds, value and start over to another number, which may fall as this one rises."""
-    if told.fixed is not None:
-        return Unknown(fixed=tuple(float(function(value)) for value in told.fixed))
-    low, high = sorted(float(function(bound)) for bound in (told.lower, told.upper))
-    return Unknown(None, low, high, None if told.start is None else float(function(told.start)))
+    if unknown.fixed is not None:
+        return Unknown(fixed=tuple(float(function(value)) for value in unknown.fixed))
+    low, high = sorted(float(function(bound)) for bound in (unknown.lower, unknown.upper))
+    return Unknown(
+        None, low, high, None if unknown.start is None else float(function(unknown.start))
+    )
 
 
 def reflectances_of(
@@ -56,9 +58,9 @@ def reflectances_of(
     if unknowns.free_amplitudes:
         return None
     kd, ks = np.zeros(channels), np.zeros(channels)
-    for at, told in enumerate(unknowns.amplitudes):
+    for at, unknown in enumerate(unknowns.amplitudes):
         into = ks if at in unknowns.shaped else kd
-        into += np.asarray(told.fixed, float)
+        into += np.asarray(unknown.fixed, float)
     return kd, ks
 
 

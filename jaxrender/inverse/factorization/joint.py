@@ -26,7 +26,7 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
 _DAMPING, _RELIEF, _TIGHTENING, _GIVE_UP = 1e-3, 0.2, 8.0, 1e6
 # Where ks / kd is beyond e^8 or below e^-8, one of both is as good as 0.
-_MOST_GLOSS = 8.0
+_MOST_LOGIT = 8.0
 # No step changes a logarithm by more than this, nor a direction by more (radians).
 _LONGEST = 0.4
 
@@ -84,7 +84,7 @@ def descend_jointly(
 
 def unknown_count(guess: Guess) -> int:
     """Count the nonlinear unknowns: ks / kd of each channel, sigma, mu, two for each source."""
-    return guess.gloss.shape[0] + 2 + 2 * guess.directions.shape[0]
+    return guess.specular_logit.shape[0] + 2 + 2 * guess.directions.shape[0]
 
 
 @stored(jax.jit)
@@ -105,8 +105,8 @@ def _damped(
 
 @stored(partial(jax.jit, static_argnames="bounds"))
 def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess:
-    channels, sources = guess.gloss.shape[0], guess.directions.shape[0]
-    gloss, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])
+    channels, sources = guess.specular_logit.shape[0], guess.directions.shape[0]
+    logit, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])
     directions = jnp.asarray(guess.directions)
     frames = tangent_frames(directions)
     moved = directions + first[:, None] * frames[..., 0] + second[:, None] * frames[..., 1]
@@ -114,6 +114,6 @@ def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess
     sigma = jnp.clip(guess.sigma + lobe[0], *np.log(bounds.sigma))
     mu = jnp.clip(guess.mu + lobe[1], *np.log(np.subtract(bounds.mu, 1)))
     # A share of 0 or 1 is known beforehand, and stays.
-    within = jnp.clip(guess.gloss + gloss, -_MOST_GLOSS, _MOST_GLOSS)
-    gloss = jnp.where(jnp.isinf(guess.gloss), guess.gloss, within)
-    return Guess(gloss, sigma, mu, moved)
+    within = jnp.clip(guess.specular_logit + logit, -_MOST_LOGIT, _MOST_LOGIT)
+    logit = jnp.where(jnp.isinf(guess.specular_logit), guess.specular_logit, within)
+    return Guess(logit, sigma, mu, moved)

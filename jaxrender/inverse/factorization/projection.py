@@ -25,7 +25,7 @@ from jaxrender.inverse.factorization.blocks import (
     in_blocks,
     summed,
 )
-from jaxrender.inverse.factorization.response import Columns, Guess, Response, gloss_share
+from jaxrender.inverse.factorization.response import Columns, Guess, Response, specular_share
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -116,7 +116,7 @@ def reduced_system(
             slopes = prediction_slopes(own, block.lobe, guess, columns, light)
             sums = []
             # One channel after the other: a batch of products is slower than each by itself.
-            for k, share in enumerate(gloss_share(guess)):
+            for k, share in enumerate(specular_share(guess)):
                 weights = block.weights[:, k]
                 moved = jax.lax.optimization_barrier(weights[:, None] * slopes[k])
                 left = weights * (block.radiance[:, k] - predicted[:, k])
@@ -164,7 +164,7 @@ def scatter(
             columns = _evaluated(own, block.lobe.passed, guess)
             slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
             sums = []
-            for k, share in enumerate(gloss_share(guess)):
+            for k, share in enumerate(specular_share(guess)):
                 weights = block.weights[:, k] * share_root[:, 0]
                 weighted = _weighted(columns, share, weights)
                 moved = weights[:, None] * slopes[k] - weighted @ answers[k]
@@ -184,7 +184,7 @@ def scatter(
 def mixed(response: Response, guess: Guess) -> Float[Array, "channel sample part"]:
     """Weigh the lobes: what one unit of each part of the light sends to the camera."""
     columns = _evaluated(response, response.passed(guess), guess)
-    share = gloss_share(guess)[:, None, None]
+    share = specular_share(guess)[:, None, None]
     return jax.lax.optimization_barrier(
         (1 - share) * columns.diffuse[None] + share * columns.specular[None]
     )
@@ -216,7 +216,7 @@ def prediction_slopes(
     light: Float[Array, "part channel"],
 ) -> list[Float[Array, "sample unknown"]]:
     """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
-    share = gloss_share(guess)
+    share = specular_share(guess)
     slow, energies = jnp.split(light, [response.slow_count])
     sources = _source_slopes(response, guess)
     by_share = (columns.specular - columns.diffuse) @ light
@@ -226,15 +226,15 @@ def prediction_slopes(
     )
     found = []
     for k, of_channel in enumerate(share):
-        gloss = jnp.zeros((len(by_share), len(share)), by_share.dtype)
-        gloss = gloss.at[:, k].set(of_channel * (1 - of_channel) * by_share[:, k])
+        by_logit = jnp.zeros((len(by_share), len(share)), by_share.dtype)
+        by_logit = by_logit.at[:, k].set(of_channel * (1 - of_channel) * by_share[:, k])
         both = of_channel * jnp.stack([by_sigma[:, k], by_mu[:, k]], axis=1)
         aside = [
             ((1 - of_channel) * diffuse + of_channel * specular) * energies[None, :, k]
             for diffuse, specular in sources.aside
         ]
         # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
-        parts = jax.lax.optimization_barrier([gloss, both, *aside])
+        parts = jax.lax.optimization_barrier([by_logit, both, *aside])
         found.append(jnp.concatenate(parts, axis=1))
     return jax.lax.optimization_barrier(found)
 
@@ -246,7 +246,7 @@ def _source_slopes(response: Response, guess: Guess) -> _SourceSlopes:
     one, zero, still = jnp.ones_like(at[0]), jnp.zeros_like(at[0]), jnp.zeros_like(directions)
 
     def specular(sigma, mu, directions) -> Float[Array, "sample source"]:
-        return response.source_specular(Guess(guess.gloss, sigma, mu, directions))
+        return response.source_specular(Guess(guess.specular_logit, sigma, mu, directions))
 
     def along(*step) -> Float[Array, "sample source"]:
         return jax.jvp(specular, at, step)[1]
@@ -269,7 +269,7 @@ def _solved(
     def add(block: Block) -> Part:
         columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
         sums = []
-        for k, share in enumerate(gloss_share(guess)):
+        for k, share in enumerate(specular_share(guess)):
             weights = block.weights[:, k]
             weighted = _weighted(columns, share, weights)
             seen = (weights * block.radiance[:, k]) @ weighted
@@ -304,7 +304,7 @@ def _weighted(
 def _predicted(
     columns: Columns, guess: Guess, light: Float[Array, "part channel"]
 ) -> Float[Array, "sample channel"]:
-    share = gloss_share(guess)[None, :]
+    share = specular_share(guess)[None, :]
     return (1 - share) * (columns.diffuse @ light) + share * (columns.specular @ light)
 
 

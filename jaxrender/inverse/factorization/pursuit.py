@@ -25,7 +25,7 @@ from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
     Response,
-    gloss_share,
+    specular_share,
 )
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
@@ -66,7 +66,7 @@ def pursue(
     ``seen`` says which of them each sample sees; all, where it is left out.
     """
     with jax.default_matmul_precision("highest"):
-        sources = Guess(guess.gloss, guess.sigma, guess.mu, jnp.asarray(towards))
+        sources = Guess(guess.specular_logit, guess.sigma, guess.mu, jnp.asarray(towards))
         candidates = _pair(_narrow(response), _narrow(sources), seen)
         channels = _prepare(response, guess, measured, candidates)
         size = jnp.sum(channels.sources**2, axis=1)
@@ -128,7 +128,7 @@ def _prepare(response: Response, guess: Guess, measured: Measured, candidates: C
         free = jnp.sum(sources**2, 0) - jnp.sum(inside**2, 0)
         return _Channel(sources, inside, (weights * left) @ sources, free)
 
-    each = (columns, weights, left, gloss_share(guess), solved.normal)
+    each = (columns, weights, left, specular_share(guess), solved.normal)
     return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(*map(_narrow, each))
 
 

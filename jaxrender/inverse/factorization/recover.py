@@ -80,11 +80,11 @@ def factorize(
 
     Only the kind of ``variant`` counts: any parametric model; of a microfacet whether it is a
     metal, Fresnel angle, masking, distribution.  For a Lambertian body give a ``known`` share of 0,
-    for one with a single lobe a share of 1; ``scene.told`` then says which degrees of the light it
-    determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).  For a
-    concave object give the ``shape`` and the observations' places: its shadows are then modelled,
-    its interreflections are not.  Raises ``ValueError`` for too few samples, and for a model of
-    more numbers than a width and an index.
+    for one with a single lobe a share of 1; ``scene.determined`` then says which degrees of the
+    light it determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).
+    For a concave object give the ``shape`` and the observations' places: its shadows are then
+    modelled, its interreflections are not.  Raises ``ValueError`` for too few samples, and for a
+    model of more numbers than a width and an index.
     """
     _check_numbers(variant)
     hiding = concave(shape)

@@ -35,10 +35,10 @@ from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 class Guess(NamedTuple):
     """The nonlinear unknowns in the variables of the search; ``mu`` is unused for a metal.
 
-    ``gloss`` is log(ks / kd) of each channel, ``sigma`` log sigma, ``mu`` log(mu - 1).
+    ``specular_logit`` is log(ks / kd) of each channel, ``sigma`` log sigma, ``mu`` log(mu - 1).
     """
 
-    gloss: Float[AnyArray, "channel"]
+    specular_logit: Float[AnyArray, "channel"]
     sigma: Float[AnyArray, ""]
     mu: Float[AnyArray, ""]
     directions: Float[AnyArray, "source 3"]
@@ -226,6 +226,6 @@ def lobes_towards(
     return jax.vmap(one)(SurfaceSamples(*(jnp.asarray(a) for a in samples)))
 
 
-def gloss_share(guess: Guess) -> Float[Array, "channel"]:
+def specular_share(guess: Guess) -> Float[Array, "channel"]:
     """Evaluate ks / (kd + ks) of each channel."""
-    return jax.nn.sigmoid(jnp.asarray(guess.gloss))
+    return jax.nn.sigmoid(jnp.asarray(guess.specular_logit))

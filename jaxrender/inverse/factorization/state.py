@@ -22,7 +22,7 @@ from jaxrender.inverse.factorization.projection import Solved
 from jaxrender.inverse.factorization.response import (
     Guess,
     Response,
-    gloss_share,
+    specular_share,
 )
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
@@ -264,7 +264,7 @@ def round_of(task: Task, state: State) -> Round:
     metal = task.response.variant.mu is None
     return Round(
         int(np.count_nonzero(state.active)),
-        np.asarray(gloss_share(guess)),
+        np.asarray(specular_share(guess)),
         float(jnp.exp(guess.sigma)),
         float("nan") if metal else 1 + float(jnp.exp(guess.mu)),
         _rms(task, left) / _rms(task, task.radiance),
@@ -281,5 +281,5 @@ def material_of(state: State) -> Float[np.ndarray, "unknown"]:
     """List the search variables of the material, as numbers that can be subtracted."""
     guess = state.guess
     # A share of 0 or 1 has an infinite logarithm.
-    gloss = np.nan_to_num(np.asarray(guess.gloss))
-    return np.concatenate([gloss, [float(guess.sigma), float(guess.mu)]])
+    logit = np.nan_to_num(np.asarray(guess.specular_logit))
+    return np.concatenate([logit, [float(guess.sigma), float(guess.mu)]])

@@ -33,7 +33,7 @@ from jaxrender.inverse.forecast.situation import (
     problem_of,
     weights_of,
 )
-from jaxrender.inverse.forecast.spectrum import highest_degree_told
+from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree
 
 __all__ = [
     "TYPICAL_MATERIAL",
@@ -49,7 +49,7 @@ __all__ = [
     "forecast_material",
     "forecast_of_fit",
     "foresee",
-    "highest_degree_told",
+    "highest_identifiable_degree",
     "problem_of",
     "weights_of",
 ]

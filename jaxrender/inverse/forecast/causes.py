@@ -14,7 +14,7 @@ from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.information import Reading, frame_grams, reading_of
 from jaxrender.inverse.forecast.situation import Foreseen, Situation, foresee
-from jaxrender.inverse.forecast.spectrum import highest_degree_told, mean_irradiance
+from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree, mean_irradiance
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN
 from jaxrender.lighting import DirectionalSources
@@ -108,21 +108,21 @@ def _remedies(foreseen: Foreseen) -> list[Remedy]:
         found.append(Remedy(cause, mend, grams * (len(frame) / count)))
 
     towards = outgoing.mean(axis=0) + np.array([0.3, 0.2, 0.4])
-    lamp = DirectionalSources(_unit(towards)[None], mean_irradiance(shared)[None])
-    with_lamp = KnownLight(
+    source = DirectionalSources(_unit(towards)[None], mean_irradiance(shared)[None])
+    with_source = KnownLight(
         shared.environment,
         DirectionalSources(
-            np.concatenate([shared.directional.directions, lamp.directions]),
-            np.concatenate([shared.directional.irradiance, lamp.irradiance]),
+            np.concatenate([shared.directional.directions, source.directions]),
+            np.concatenate([shared.directional.irradiance, source.irradiance]),
         ),
     )
     every = SurfaceSamples(
         *(a[:: max(1, len(frame) // _SAMPLES)] for a in map(np.asarray, samples))
     )
-    degree = highest_degree_told(foreseen)
+    degree = highest_identifiable_degree(foreseen)
     about = "no energy" if degree < 2 else "too little energy"
     above = f"this light has {about} above degree {degree} that would show above the noise"
-    add(above, "a source", every, with_lamp)
+    add(above, "a source", every, with_source)
     if lowest > _NONE_GRAZING:
         cut = f"every sample's exit cosine is above {lowest:.2f}, so that no grazing angle shows it"
         grazing = _seen(outgoing, (_GRAZING, lowest))

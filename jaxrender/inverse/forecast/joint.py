@@ -35,7 +35,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 
 # The prior variance of an unknown's logarithm and the light's expected size, as in a factorization.
 _PRIOR_VARIANCE = 4.0
-_BAND_LIMIT, _MOST_LAMPS, _SAMPLES = 10, 16, 2000
+_BAND_LIMIT, _MOST_SOURCES, _SAMPLES = 10, 16, 2000
 GAUGES = ("red", "green", "blue")
 
 
@@ -50,12 +50,12 @@ class JointForecast(NamedTuple):
     parameters: Uncertain
     identifiable: dict[str, bool]
     singular_values: Float[np.ndarray, "unknown"]
-    lamps: int
+    sources: int
     gauge: tuple[str, ...]
     sentences: tuple[str, ...]
 
     @property
-    def can_be_told(self) -> bool:
+    def is_identifiable(self) -> bool:
         """Whether all of the material is identifiable, up to the gauge."""
         return all(self.identifiable.values())
 
@@ -116,8 +116,8 @@ def forecast_joint(
     guess = answer.guess
     system = reduced_system(answer.response, guess, answer.measured(supposed, each))
     channels, metal = len(kd), brdf.mu is None
-    lamps = len(guess.directions)
-    free = np.ones(channels + 2 + 2 * lamps, bool)
+    sources = len(guess.directions)
+    free = np.ones(channels + 2 + 2 * sources, bool)
     free[:channels], free[channels + 1] = mixed_lobes, not metal
     curvature = np.asarray(system.curvature)[np.ix_(free, free)]
     covariance = np.linalg.inv(curvature + np.eye(len(curvature)) / _PRIOR_VARIANCE)
@@ -135,24 +135,24 @@ def forecast_joint(
         f"{name}: light times s, kd and ks divided by s, for any s" for name in GAUGES[:channels]
     )
     sentences = _sentences(parameters, identifiable, brdf)
-    return JointForecast(parameters, identifiable, singular, lamps, gauge, sentences)
+    return JointForecast(parameters, identifiable, singular, sources, gauge, sentences)
 
 
 def supposed_answer(situation: Situation, brdf: Parametric, band_limit: int) -> SupposedAnswer:
     """Set up the joint model at the supposed material and the situation's light."""
     kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
-    slow, lamps = _divided(situation.light, float(brdf.sigma), band_limit)
+    slow, sources = _divided(situation.light, float(brdf.sigma), band_limit)
     response = response_of_convex(
-        kind_of(brdf), situation.samples, band_limit, len(lamps.directions)
+        kind_of(brdf), situation.samples, band_limit, len(sources.directions)
     )
     mu = 1.5 if brdf.mu is None else float(brdf.mu)
     guess = Guess(
         jnp.asarray(logit(ks / (kd + ks))),
         jnp.asarray(np.log(float(brdf.sigma))),
         jnp.asarray(np.log(mu - 1)),
-        jnp.asarray(np.asarray(lamps.directions, float)),
+        jnp.asarray(np.asarray(sources.directions, float)),
     )
-    light = np.concatenate([slow, np.asarray(lamps.irradiance, float)])
+    light = np.concatenate([slow, np.asarray(sources.irradiance, float)])
     return SupposedAnswer(response, guess, light * (kd + ks)[None])
 
 
@@ -166,7 +166,7 @@ def _divided(
     if light.environment is None:
         slow = np.zeros(((band_limit + 1) ** 2, irradiance.shape[1]))
         return slow, light.directional
-    parts = take(light.environment, candidates(light.environment, sigma), _MOST_LAMPS, sigma)
+    parts = take(light.environment, candidates(light.environment, sigma), _MOST_SOURCES, sigma)
     strong = np.asarray(parts.sources.irradiance).sum(axis=1)
     total = np.asarray(parts.environment.nodes().irradiance).sum()
     # Below a thousandth of the light no photograph would show that it is a source.
@@ -193,7 +193,7 @@ def _radiance(
 
 
 def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parametric) -> Uncertain:
-    share = expit(np.asarray(guess.gloss))
+    share = expit(np.asarray(guess.specular_logit))
     channels = len(share)
     of_share = share * (1 - share) * errors[:channels]
     one, zero = np.ones(()), np.zeros(())
@@ -215,8 +215,8 @@ def _sentences(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> tuple[str, ...]:
     found = ["gauge: in each channel only light times reflectance shows; kd + ks = 1 fixes it"]
-    for name, told in identifiable.items():
-        if not told:
+    for name, known in identifiable.items():
+        if not known:
             worst = relative_error(parameters, name)
             found.append(
                 f"{name} is not identifiable with the light unknown: standard error "

@@ -25,7 +25,7 @@ from jaxrender.inverse.forecast.situation import (
     problem_of,
     unknowns_at,
 )
-from jaxrender.inverse.forecast.spectrum import highest_degree_told
+from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree
 from jaxrender.inverse.known_light import KnownLight, prepare_light
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
@@ -117,9 +117,9 @@ def _forecast(
         sentences += _closing(problem, free, lost, evidence)
     names, values, weakest = _spectrum(problem, foreseen)
     count = len(foreseen.situation.frame)
-    told = highest_degree_told(foreseen)
+    degree = highest_identifiable_degree(foreseen)
     return MaterialForecast(
-        parameters, identifiable, evidence, names, values, weakest, count, sentences, told
+        parameters, identifiable, evidence, names, values, weakest, count, sentences, degree
     )
 
 

@@ -143,20 +143,22 @@ def unknowns_at(problem: Problem, brdf: Parametric) -> SearchPoint:
 def problem_of(unknowns: Unknowns, brdf: Parametric) -> Problem:
     """Lay out the unknowns of a supposed material, fixed ones at what is supposed of them."""
 
-    def held(told: Unknown, value: Any) -> Unknown:
+    def held(unknown: Unknown, value: Any) -> Unknown:
         return (
-            told if told.free else Unknown(fixed=tuple(np.ravel(np.asarray(value, float)).tolist()))
+            unknown
+            if unknown.free
+            else Unknown(fixed=tuple(np.ravel(np.asarray(value, float)).tolist()))
         )
 
     searched = [
-        (one, held(told, getattr(brdf, one.name)))
-        for one, told in zip(unknowns.searched, unknowns.numbers)
+        (one, held(unknown, getattr(brdf, one.name)))
+        for one, unknown in zip(unknowns.searched, unknowns.numbers)
         if getattr(brdf, one.name) is not None
     ]
     known = replace(
         unknowns,
         amplitudes=tuple(map(held, unknowns.amplitudes, np.asarray(brdf.amplitudes))),
-        numbers=tuple(told for _, told in searched),
+        numbers=tuple(unknown for _, unknown in searched),
         searched=tuple(one for one, _ in searched),
     )
     return Problem.of(known, brdf.amplitudes.shape[1])

@@ -16,7 +16,7 @@ _HIGHEST_DEGREE = 64
 _ROUNDING = 1e-4
 
 
-def highest_degree_told(foreseen: Foreseen) -> int:
+def highest_identifiable_degree(foreseen: Foreseen) -> int:
     """The highest degree at which the light shows through the lobe above the noise (T 2.4.2)."""
     _, frame, light = foreseen.situation
     brdf, noise = foreseen.supposed.brdf, foreseen.supposed.noise
@@ -34,10 +34,10 @@ def highest_degree_told(foreseen: Foreseen) -> int:
     level = np.sqrt(np.mean(radiance**2, keepdims=True))
     deviation = np.asarray(noise.standard_deviation(level))
     relative = deviation.item() / max(level.item(), 1e-300)
-    told = posedness(coefficients, transfer, max(relative, 1e-9), len(frame)).brdf_recoverable
+    shown = posedness(coefficients, transfer, max(relative, 1e-9), len(frame)).brdf_recoverable
     # Rounding and the image's texels make a little of every degree.
     sizes = sizes_by_degree(coefficients)
-    degrees = np.flatnonzero(told & (sizes > _ROUNDING * sizes.max()))
+    degrees = np.flatnonzero(shown & (sizes > _ROUNDING * sizes.max()))
     return int(degrees[-1]) if degrees.size else 0
 
 

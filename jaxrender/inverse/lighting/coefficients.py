@@ -148,13 +148,13 @@ def _solve(
 ) -> _Solution:
     """Solve one channel, without the directions that no measurement determines."""
     values, vectors = np.linalg.eigh(channel.gram + np.diag(penalty))
-    told = values > len(penalty) * NO_INFORMATION * values.max()
-    inverse = np.where(told, 1 / np.where(told, values, 1), 0)
+    determined = values > len(penalty) * NO_INFORMATION * values.max()
+    inverse = np.where(determined, 1 / np.where(determined, values, 1), 0)
     covariance = (vectors * inverse[None, :]) @ vectors.T
     light = covariance @ channel.moment
-    freedom = channel.measured - told.sum()
+    freedom = channel.measured - determined.sum()
     variance = noise_variance(channel.squares(light), freedom, noise_known)
-    return _Solution(light, covariance * variance, np.sum(vectors[:, ~told] ** 2, axis=1))
+    return _Solution(light, covariance * variance, np.sum(vectors[:, ~determined] ** 2, axis=1))
 
 
 def _standard_errors(one: _Solution) -> Float[np.ndarray, "coefficient"]:

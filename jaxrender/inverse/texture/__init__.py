@@ -16,8 +16,8 @@
     a sigma that varies slowly over the surface
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
-    matte object; light from what moves with the view (``view_dependent`` with all else given,
-    ``view_search`` with gloss and roughness unknown too, from ``view_start``; their operator is in
+    diffuse object; light from what moves with the view (``view_dependent`` with all else given,
+    ``view_search`` with the specular lobe unknown too, from ``view_start``; their operator is in
     ``harmonic_columns``)
 ``maps``
     site values as images

@@ -66,13 +66,13 @@ def account_of(texture: Texture, lobe: Lobe, searched: Searched, noise: NoiseMod
     if _kd_is_lost(texture):
         outcome = Outcome.NOT_IDENTIFIABLE
         reasons.append(
-            "kd is not told at most sites: each is seen too seldom to tell gloss from matt; give "
-            "more photographs"
+            "kd is not identifiable at most sites: each is seen too seldom to tell specular from "
+            "diffuse; give more photographs"
         )
     for name, value, error in (("sigma", sigma, sigma_error), ("mu", mu - 1, mu_error)):
         if _NORMAL_90 * error > _IDENTIFIABLE_WITHIN * value:
             outcome = Outcome.NOT_IDENTIFIABLE
-            reasons.append(f"{name} is not told: its standard error is {error:.2g}")
+            reasons.append(f"{name} is not identifiable: its standard error is {error:.2g}")
     if bounded.any():
         outcome = Outcome.AT_BOUND
     if not bool(searched.fit.converged):

@@ -22,8 +22,10 @@ def texture_columns(
     """
     channels = np.asarray(lobe.kd).shape[0]
     none, full = np.zeros(channels), np.ones(channels)
-    matt, gloss = lobe.with_amplitudes(full, none), lobe.with_amplitudes(none, full)
-    diffuse = np.asarray(render_samples(matt, samples, model, places))
+    diffuse_part, specular_part = lobe.with_amplitudes(full, none), lobe.with_amplitudes(none, full)
+    diffuse = np.asarray(render_samples(diffuse_part, samples, model, places))
     if widths is None:
-        return Columns(diffuse, np.asarray(render_samples(gloss, samples, model, places)))
-    return Columns(diffuse, np.asarray(render_widths(gloss, widths, samples, model, places)))
+        return Columns(diffuse, np.asarray(render_samples(specular_part, samples, model, places)))
+    return Columns(
+        diffuse, np.asarray(render_widths(specular_part, widths, samples, model, places))
+    )

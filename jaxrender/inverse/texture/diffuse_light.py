@@ -1,13 +1,13 @@
-"""Light and texture of a matte object, both unknown (T 6.1.1, class 6).
+"""Light and texture of a diffuse object, both unknown (T 6.1.1, class 6).
 
     B(x) = T(x) E(n),   E(n) = sum_lm A_l L_lm Y_lm(n)
 
-**What cannot be told.**  For any light E' > 0, T' = B / E' explains the photographs as well.  Where
-the object rests in one light, T is known only up to a factor.  That factor depends on the normal
-alone and has no degrees above those of E.  So the ratio of two sites of one normal is known, and so
-is what varies faster than the surface curves.  The scale of each channel is never known.  Where the
-object turns in the light, sites are seen under several normals.  The ratios E(n) / E(n') are then
-measured, and everything but the scale is told.
+**What is not identifiable.**  For any light E' > 0, T' = B / E' explains the photographs as well.
+Where the object rests in one light, T is known only up to a factor.  That factor depends on the
+normal alone and has no degrees above those of E.  So the ratio of two sites of one normal is known,
+and so is what varies faster than the surface curves.  The scale of each channel is never known.
+Where the object turns in the light, sites are seen under several normals.  The ratios E(n) / E(n')
+are then measured, and everything but the scale is identifiable.
 
 **What is returned.**  A stated prior picks one member of the family.  It expects log T of least
 variance, or of least total variation between neighbouring sites, as paint of few colours has.  It
@@ -40,12 +40,12 @@ _ROUNDS, _SMALLEST_STEP = 12, 1e-2
 _LIGHT_SPREAD = 2.0
 # The texture's own spread, as the prior takes it, in log T.
 _TEXTURE_SPREAD = 0.5
-# A direction of the light is told where a change of E by 1 has a standard error below this.
-TOLD = 0.05
+# A direction of the light is identifiable where a change of E by 1 has a standard error below this.
+IDENTIFIABLE_BELOW = 0.05
 
 
 class DiffuseProblem(NamedTuple):
-    """Observations of a matte object, and what each coefficient of the light adds to each.
+    """Observations of a diffuse object, and what each coefficient of the light adds to each.
 
     ``basis`` is A_l Y_lm(n), or transfer vectors (T 6.10); ``log_error`` the standard error of the
     logarithm of each radiance.  ``pairs`` are neighbouring sites.
@@ -72,9 +72,9 @@ class DiffuseFactors(NamedTuple):
     converged: bool
 
     @property
-    def untold(self) -> Bool[np.ndarray, "channel direction"]:
+    def unidentifiable(self) -> Bool[np.ndarray, "channel direction"]:
         """The directions along which light and texture cannot be told apart."""
-        return ~(self.direction_errors < TOLD)
+        return ~(self.direction_errors < IDENTIFIABLE_BELOW)
 
     def moved(self, amounts: Float[AnyArray, "channel direction"]):
         """Move the light along the directions: another light, with ``texture_under`` its texture.
@@ -246,7 +246,7 @@ def _degree_of(count: int) -> Int[np.ndarray, "coefficient"]:
 def _family(
     problem: DiffuseProblem, light: Float[np.ndarray, "coefficient"], channel: int
 ) -> tuple[Float[np.ndarray, "direction coefficient"], Float[np.ndarray, "direction"]]:
-    """Find how well the photographs alone tell each change of log E, the least told first.
+    """Find how well the photographs alone tell each change of log E, the least determined first.
 
     Directions diagonalise both what the photographs measure, the differences within sites, and the
     mean square change of log E.
@@ -264,8 +264,8 @@ def _family(
     )
     means = means / np.where(total > 0, total, 1)[:, None]
     within = relative - means[measured.site]
-    told = within.T @ (weights[:, None] * within)
-    strength, vectors = eigh(told, relative.T @ relative / len(relative))
+    information = within.T @ (weights[:, None] * within)
+    strength, vectors = eigh(information, relative.T @ relative / len(relative))
     with np.errstate(divide="ignore"):
         floor = 1e-10 * weights.sum()
         errors = np.where(strength > floor, 1 / np.sqrt(np.maximum(strength, floor)), np.inf)

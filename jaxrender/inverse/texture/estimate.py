@@ -64,7 +64,7 @@ class TextureEstimate(AnyEstimate):
 
     ``values`` have kd [site, channel] and ks [site], NaN where nothing was seen; sigma and mu of
     the lobe, one for each of ``lobes`` where there are several, and [site] where sigma varies.  Of
-    matt paint they have kd alone.  What is not to be trusted is marked in ``texture``.
+    diffuse paint they have kd alone.  What is not to be trusted is marked in ``texture``.
     ``ambiguity`` says up to what the values are known, and is "" where they are absolute;
     ``gauge`` says in what units the light is.  ``light`` is a light that was found, and
     ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.
@@ -88,14 +88,14 @@ class TextureEstimate(AnyEstimate):
         return f"texture of {self.material.model or type(self.material.lobe).__name__}"
 
     @property
-    def matt(self) -> bool:
-        """Whether the paint was taken to have no gloss."""
+    def diffuse(self) -> bool:
+        """Whether the paint was taken to have no specular lobe."""
         return self.material.model == "lambertian"
 
     @property
     def lobe_names(self) -> tuple[str, ...]:
-        """The numbers of the lobe: sigma and mu, sigma alone of a metal, none of matt paint."""
-        if self.matt:
+        """The numbers of the lobe: sigma and mu, sigma alone of a metal, none of diffuse paint."""
+        if self.diffuse:
             return ()
         return ("sigma", "mu") if self.material.lobe.mu is not None else ("sigma",)
 
@@ -136,7 +136,7 @@ class TextureEstimate(AnyEstimate):
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether free sigma and mu are told, of all materials."""
+        """Whether free sigma and mu are identifiable, of all materials."""
         known, unknowns = self.standard_error, self.material.unknowns()
         return {
             name: all(lobe.tells(name) for lobe in self.lobes)
@@ -213,7 +213,7 @@ class TextureEstimate(AnyEstimate):
 
     @property
     def _amplitudes(self) -> tuple[str, ...]:
-        return ("kd",) if self.matt else ("kd", "ks")
+        return ("kd",) if self.diffuse else ("kd", "ks")
 
     @property
     def _maps(self) -> tuple[str, ...]:
@@ -259,7 +259,7 @@ class TextureEstimate(AnyEstimate):
 
 
 def facets_of(material: UnknownMaterial) -> Microfacet:
-    """Pick the lobe of a material of facets, or of matt paint; ``ValueError`` for other models."""
+    """Pick the lobe of a material of facets, or of diffuse paint; else ``ValueError``."""
     if not isinstance(material.lobe, Microfacet):
         name = material.model or type(material.lobe).__name__
         raise ValueError(

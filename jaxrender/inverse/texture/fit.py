@@ -128,6 +128,6 @@ def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSett
     most = int(measured.seen.max())
     if unknowns.names and most < 2:
         raise ValueError(
-            "no site is seen more than once, so sigma and mu cannot be told from texture: "
+            "no site is seen more than once, so sigma and mu cannot be told from the texture: "
             "give more photographs, larger texels, or fix sigma and mu"
         )

@@ -37,7 +37,7 @@ def estimate_texture(
     With ``control_points`` sigma varies slowly over the surface.
 
     Raises ``ValueError`` for settings of the other kind, for what a texture cannot honour, and
-    where nothing can be told; ``InputError`` for photographs and pictures that no fit can use.
+    where nothing is identifiable; ``InputError`` for photographs and pictures that no fit can use.
     """
     if scene.free_exposure or scene.free_scale:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Light, texture and gloss of a glossy object, all unknown (T 6.1.1, class 7).
+"""Light, texture and specular lobe of a glossy object, all unknown (T 6.1.1, class 7).
 
     B_i(x) = K_d(x) E(n) + K_s(x) sum_lm h_l(sigma, mu, t_o) L_lm V(R) Y_lm(R)
 
@@ -109,7 +109,7 @@ class GlossyLight(NamedTuple):
 
 
 class GlossyTexture(NamedTuple):
-    """Light, texture and gloss.
+    """Light, texture and specular lobe.
 
     ``kd_error`` includes the uncertainty of the light; ``ks_error`` has the noise alone.
     """

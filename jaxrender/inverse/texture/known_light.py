@@ -153,7 +153,7 @@ def _shadowed_exact(
 
 
 def _sigma_range(unknowns: Unknowns) -> tuple[float, float]:
-    told = unknowns["sigma"]
-    if told.fixed is not None:
-        return told.fixed[0], 1.01 * told.fixed[0]
-    return told.lower, told.upper
+    unknown = unknowns["sigma"]
+    if unknown.fixed is not None:
+        return unknown.fixed[0], 1.01 * unknown.fixed[0]
+    return unknown.lower, unknown.upper

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.models import MatteModel
+from jaxrender.inverse.models import DiffuseModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.shadowing import concave, with_transfer
@@ -24,10 +24,10 @@ from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
-from jaxrender.inverse.unknowns import Told, unknowns_of
+from jaxrender.inverse.unknowns import Stated, unknowns_of
 from jaxrender.shapes import Bool, Int
 
-# A lobe that nothing asks about: matt paint has none.
+# A lobe that nothing asks about: diffuse paint has none.
 _NO_LOBE = 0.1
 
 
@@ -50,13 +50,13 @@ def under_known_light(
 
     ``observations`` are all usable pixels of the photographs that ``sites`` are of.  With
     ``control_points`` sigma varies slowly over each region.  Raises ``ValueError`` for models that
-    are not of facets, and for settings that matt paint does not use.  Raises it, too, where nothing
-    can be told, such as for sites that are seen only once.
+    are not of facets, and for settings that diffuse paint does not use.  Raises it, too, where
+    nothing is identifiable, such as for sites that are seen only once.
     """
     settings, variant = settings or TextureSettings(), facets_of(material)
-    matt = material.model == "lambertian"
-    if matt:
-        _check_matt(settings, control_points)
+    diffuse = material.model == "lambertian"
+    if diffuse:
+        _check_diffuse(settings, control_points)
     if concave(sites.shape) is not None:
         observations = with_transfer(observations, sites.shape, light.diffuse_degrees)
     regions, found = sites.regions, []
@@ -65,8 +65,8 @@ def under_known_light(
         site = sites.of_region(number)
         if not (site >= 0).any():
             continue
-        if matt:
-            fit = _matt(observations, site, sites, light, variant, settings)
+        if diffuse:
+            fit = _diffuse(observations, site, sites, light, variant, settings)
         else:
             field = _field(sites, site, control_points) if control_points else None
             fit = recover_texture(
@@ -84,7 +84,7 @@ def under_known_light(
         texture = fit.texture if texture is None else texture.with_sites(own, fit.texture)
         variation = _joined(variation, fit.variation, own)
         seen = int(np.count_nonzero(fit.texture.seen))
-        sigma_error, mu_error = (None, None) if matt else (fit.sigma_error, fit.mu_error)
+        sigma_error, mu_error = (None, None) if diffuse else (fit.sigma_error, fit.mu_error)
         lobe = RegionLobe(number, name, seen, fit.sigma, fit.mu, sigma_error, mu_error, fit.outcome)
         found.append(_Found(lobe, fit))
     if texture is None:
@@ -106,18 +106,18 @@ def _reasons(found: _Found) -> list[str]:
     return [f"{reason}{where}" for reason in found.fit.reasons]
 
 
-def _check_matt(settings: TextureSettings, control_points: int) -> None:
+def _check_diffuse(settings: TextureSettings, control_points: int) -> None:
     usual = TextureSettings()
     for name in ("method", "starts", "exact_samples"):
         if getattr(settings, name) != getattr(usual, name):
             raise ValueError(
-                f"{name}={getattr(settings, name)!r}: matt paint is found without a search and "
+                f"{name}={getattr(settings, name)!r}: diffuse paint is found without a search and "
                 "without refinement; leave it out"
             )
     if control_points:
         raise ValueError(
-            f"control_points={control_points}: matt paint has no sigma that could vary; leave it "
-            "out, or choose a model with gloss"
+            f"control_points={control_points}: diffuse paint has no sigma that could vary; leave "
+            "it out, or choose a model with a specular lobe"
         )
 
 
@@ -138,7 +138,7 @@ def _joined(
     return SigmaMap(*(np.where(chosen, new, old) for new, old in zip(own, before)))
 
 
-def _matt(
+def _diffuse(
     observations: Observations,
     site: Int[np.ndarray, "sample"],
     sites: SurfaceSites,
@@ -149,10 +149,12 @@ def _matt(
     """Divide by the irradiance (T 6.1.1, class 1), each site by all its observations."""
     reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
     forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
-    without_gloss = Forward(*(_without_gloss(forward.final) for _ in range(2)))
-    unknowns = unknowns_of(variant.as_metal(), {"sigma": Told(fixed=_NO_LOBE)})
-    return fit_texture(by_site(observations, site, sites.count), without_gloss, unknowns, settings)
+    without_specular = Forward(*(_without_specular(forward.final) for _ in range(2)))
+    unknowns = unknowns_of(variant.as_metal(), {"sigma": Stated(fixed=_NO_LOBE)})
+    return fit_texture(
+        by_site(observations, site, sites.count), without_specular, unknowns, settings
+    )
 
 
-def _without_gloss(model_of: ModelOf) -> ModelOf:
-    return lambda index: MatteModel(model_of(index))
+def _without_specular(model_of: ModelOf) -> ModelOf:
+    return lambda index: DiffuseModel(model_of(index))

@@ -140,15 +140,15 @@ def _noise_left(
     predicted = np.asarray(free_textures(unknowns, model, data, fit.point).predicted)
     measured = some.seen[some.site] * some.radiance.shape[1]
     fitted = some.radiance.shape[1] + 1
-    told = measured > fitted
-    if not told.any():
+    usable = measured > fitted
+    if not usable.any():
         raise ValueError(
-            "no site is seen more than once, so noise cannot be told from texture: "
+            "no site is seen more than once, so noise cannot be told from the texture: "
             "give more photographs, larger texels, or the noise"
         )
-    inflation = np.sqrt(measured[told] / (measured[told] - fitted))[:, None]
-    left = (some.radiance - predicted)[told] * inflation
-    return estimate_noise(left, np.maximum(predicted[told], 0))
+    inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
+    left = (some.radiance - predicted)[usable] * inflation
+    return estimate_noise(left, np.maximum(predicted[usable], 0))
 
 
 def weighted(

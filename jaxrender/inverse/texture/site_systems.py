@@ -55,7 +55,7 @@ class SiteMaterial(NamedTuple):
 
 
 class FreeSites(NamedTuple):
-    """K_d and K_s without bounds or prior, and the precision of each K_s (0: not told)."""
+    """K_d and K_s without bounds or prior, and the precision of each K_s (0: not identifiable)."""
 
     material: SiteMaterial
     precision: Float[Array, "site"]
@@ -126,8 +126,8 @@ def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     ratio = _quotient(sums.ds, sums.dd)
     most = jnp.min(jnp.where(sums.ds > 0, _quotient(sums.db, sums.ds), 1), axis=1)
     # The mean square of what is uniform from 0, where it is taken to be.
-    untold = jnp.clip(most, 0, 1) ** 2 / 3
-    through = jnp.where(slope > 0, ks_variance, untold)[:, None]
+    uniform = jnp.clip(most, 0, 1) ** 2 / 3
+    through = jnp.where(slope > 0, ks_variance, uniform)[:, None]
     kd_variance = 1 / jnp.where(sums.dd > 0, sums.dd, 1) + ratio**2 * through
     kd_variance = jnp.where(sums.dd > 0, kd_variance, jnp.inf)
     return SiteMaterial(jnp.sqrt(kd_variance), jnp.sqrt(ks_variance))
@@ -155,10 +155,10 @@ def _piece(
     explained = jnp.where(active, _quotient(sums.ds * sums.db, sums.dd), 0)
     parts = (sums.ss - taken_out, sums.ss, sums.sb - explained)
     slope, whole, right = (_gathered(jnp.sum(part, axis=1), shared) for part in parts)
-    told = slope > _ROUNDING[slope.dtype.name] * whole
+    determined = slope > _ROUNDING[slope.dtype.name] * whole
     precision = jnp.where(jnp.asarray(shared), 0, jnp.asarray(prior.precision))
-    slope = jnp.where(told, slope, 0) + precision
-    return slope, jnp.where(told, right, 0) + precision * prior.mean
+    slope = jnp.where(determined, slope, 0) + precision
+    return slope, jnp.where(determined, right, 0) + precision * prior.mean
 
 
 def _gathered(values: Float[Array, "site"], shared: Bool[AnyArray, ""] | bool):

@@ -23,10 +23,10 @@ def spread_of(
 
     Sites of precision 0 have no say.  Without any other there is no prior.
     """
-    told = precision > 0
-    if not told.any():
+    measured = precision > 0
+    if not measured.any():
         return SpecularPrior(np.zeros(()), np.zeros(()))
-    values, variances = estimates[told], 1 / precision[told]
+    values, variances = estimates[measured], 1 / precision[measured]
     mean = float(np.average(values, weights=1 / variances))
     spread = float(np.median((values - mean) ** 2))
     for _ in range(_STEPS):

@@ -1,6 +1,6 @@
 """Texture and light both unknown (T 6.1.1).
 
-Photographs tell a matt object's texture (class 6) up to a factor.  That factor depends on the
+Photographs tell a diffuse object's texture (class 6) up to a factor.  That factor depends on the
 normal alone and has the few degrees of irradiance; a stated prior picks one.  A glossy object's
 light (class 7) shows in what moves with the view, so that only one scale stays open.  Noise that
 is not given is estimated from the residuals, and the recovery is done again.
@@ -49,17 +49,17 @@ from jaxrender.shapes import Float, Int
 
 # Degrees of an unknown light: those of irradiance, and those that glossy lobes pass.  A lobe of
 # sigma .16 and above passes 10, a narrower one 1.6 / sigma.  More would cost time only.
-_MATTE_BAND_LIMIT, _GLOSSY_BAND_LIMIT = 2, 10
+_DIFFUSE_BAND_LIMIT, _GLOSSY_BAND_LIMIT = 2, 10
 _BAND_LIMIT_TIMES_SIGMA, _HIGHEST_BAND_LIMIT = 1.6, 16
-# The width of a lobe that nothing asks about: matt paint has none.
+# The width of a lobe that nothing asks about: diffuse paint has none.
 _NO_LOBE = 0.1
 # The noise that is assumed until it has been estimated.
 _FIRST_NOISE = NoiseModel(0.01, 0.0)
-# What picks a matt object's texture, unless said otherwise.
+# What picks a diffuse object's texture, unless said otherwise.
 _PRIOR = "total-variation"
 # An answer that leaves more than this part unexplained has not converged.
 _MUCH_LEFT = 0.2
-_MATTE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
+_DIFFUSE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
 _GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
 _SCALE_ALONE = (
     "light and texture are both unknown: light times reflectance is all that photographs tell, so "
@@ -71,9 +71,9 @@ class UnknownLightSettings(NamedTuple):
     """How a texture and the light are found together.
 
     ``noise`` is estimated where it is None.  ``band_limit`` is the highest degree of the light;
-    None: 2 for matt paint, and as far as the lobe passes it for gloss.  ``exact`` finds gloss on
-    the integral.  ``prior`` picks the texture of matt paint: ``total-variation`` (where it is None)
-    expects paint of few colours, ``variance`` an even one.
+    None: 2 for diffuse paint, and as far as the lobe passes it for others.  ``exact`` finds these
+    on the integral.  ``prior`` picks the texture of diffuse paint: ``total-variation`` (where it is
+    None) expects paint of few colours, ``variance`` an even one.
     """
 
     noise: NoiseModel | None = None
@@ -92,7 +92,7 @@ def under_unknown_light(
 
     ``observations`` are all usable pixels of the photographs that ``sites`` are of.  Raises
     ``ValueError`` for concave shapes, models that are not of facets, and several regions.  Raises
-    it, too, for settings that the material does not use, and where nothing can be told.
+    it, too, for settings that the material does not use, and where nothing is identifiable.
     """
     settings = settings or UnknownLightSettings()
     facets_of(material)
@@ -106,15 +106,15 @@ def under_unknown_light(
             f"{len(sites.regions.names)} regions: under unknown light the surface has one lobe; "
             "give the light, or leave the regions out"
         )
-    matt = material.model == "lambertian"
-    if matt and not settings.exact:
-        raise ValueError("exact=False: matt paint has no gloss to find; leave it out")
-    if not matt and settings.prior is not None:
+    diffuse = material.model == "lambertian"
+    if diffuse and not settings.exact:
+        raise ValueError("exact=False: diffuse paint has no specular lobe to find; leave it out")
+    if not diffuse and settings.prior is not None:
         raise ValueError(
-            f"prior={settings.prior!r}: gloss shows in what moves with the view, not by a prior; "
-            "leave it out, or choose lambertian"
+            f"prior={settings.prior!r}: the specular lobe shows in what moves with the view, not "
+            "by a prior; leave it out, or choose lambertian"
         )
-    once = _matt if matt else _glossy
+    once = _diffuse if diffuse else _glossy
     estimate = once(observations, sites, material, settings, settings.noise or _FIRST_NOISE)
     columns = _columns(estimate, observations.samples)
     if settings.noise is None:
@@ -152,7 +152,7 @@ def _glossy(
         found = recover_glossy(problem._replace(band_limit=wanted), unknowns)
     found = _in_gauge(found)
     light, seen = found.light, problem.measured.seen
-    outcome, reasons = _told(light)
+    outcome, reasons = _outcome(light)
     lobe = RegionLobe(
         0,
         "",
@@ -187,8 +187,8 @@ def _in_gauge(found: GlossyTexture) -> GlossyTexture:
     return GlossyTexture(light, *(part / scale for part in found[1:]))
 
 
-def _told(light: GlossyLight) -> tuple[Outcome, tuple[str, ...]]:
-    """Say which of sigma, mu and the light's degrees are not told; degree 0 sets kd against ks."""
+def _outcome(light: GlossyLight) -> tuple[Outcome, tuple[str, ...]]:
+    """Name what is not identifiable: sigma, mu, degrees of the light; 0 sets kd against ks."""
     reasons = []
     widths = {"sigma": light.sigma_error / light.sigma}
     if light.mu is not None and light.mu_error is not None:
@@ -203,15 +203,19 @@ def _told(light: GlossyLight) -> tuple[Outcome, tuple[str, ...]]:
     dim = np.flatnonzero(~(errors <= IDENTIFIABLE_WITHIN))
     if dim.size:
         numbers = ", ".join(map(str, dim))
-        reasons.append(f"the light of degree {numbers} is not told by what moves with the view")
+        reasons.append(
+            f"the light of degree {numbers} is not determined by what moves with the view"
+        )
     if dim.size and dim[0] == 0:
-        reasons.append("so the ratio of kd to ks is not told: it rests on the light of degree 0")
+        reasons.append(
+            "so the ratio of kd to ks is not identifiable: it rests on the light of degree 0"
+        )
     if lost or (dim.size and dim[0] == 0):
         return Outcome.NOT_IDENTIFIABLE, tuple(reasons)
     return (Outcome.CONVERGED if light.converged else Outcome.NOT_CONVERGED), tuple(reasons)
 
 
-def _matt(
+def _diffuse(
     observations: Observations,
     sites: SurfaceSites,
     material: UnknownMaterial,
@@ -223,12 +227,12 @@ def _matt(
         measured,
         np.asarray(observations.samples.normals),
         sites.neighbours(measured.seen > 0),
-        _MATTE_BAND_LIMIT if settings.band_limit is None else settings.band_limit,
+        _DIFFUSE_BAND_LIMIT if settings.band_limit is None else settings.band_limit,
         (float(noise.relative), float(noise.floor)),
     )
     prior = settings.prior or _PRIOR
     found = factor_diffuse(problem, prior)
-    outcome = Outcome.NOT_IDENTIFIABLE if found.untold.any() else Outcome.CONVERGED
+    outcome = Outcome.NOT_IDENTIFIABLE if found.unidentifiable.any() else Outcome.CONVERGED
     if not found.converged:
         outcome = Outcome.NOT_CONVERGED
     seen, none = problem.measured.seen, np.zeros(sites.count)
@@ -244,19 +248,19 @@ def _matt(
         noise,
         outcome,
         (sentence,),
-        _MATTE_GAUGE,
+        _DIFFUSE_GAUGE,
         sentence,
         LightCoefficients(found.light, None),
     )
 
 
 def _ambiguity(found: DiffuseFactors, prior: str) -> str:
-    untold, every = int(found.untold.sum(axis=1).max()), found.untold.shape[1]
+    lost, every = int(found.unidentifiable.sum(axis=1).max()), found.unidentifiable.shape[1]
     return (
-        "light and texture are both unknown: photographs of a matte object tell its texture up to "
-        "a factor that depends on the normal alone and has no degrees above those of irradiance "
-        f"(T 6.1.1, class 6); {untold} of {every} directions of the light are not told, and these "
-        f"values are those that the prior '{prior}' picks ({_MATTE_GAUGE})"
+        "light and texture are both unknown: photographs of a diffuse object tell its texture up "
+        "to a factor that depends on the normal alone and has no degrees above those of irradiance "
+        f"(T 6.1.1, class 6); {lost} of {every} directions of the light are not identifiable, and "
+        f"these values are those that the prior '{prior}' picks ({_DIFFUSE_GAUGE})"
     )
 
 
@@ -296,9 +300,9 @@ def _noise_left(
     seen = np.where(site >= 0, estimate.texture.seen[site], 0)
     channels = radiance.shape[1]
     measured, fitted = seen * channels, channels + 1
-    told = (measured > fitted) & (predicted > 0).all(axis=1)
-    inflation = np.sqrt(measured[told] / (measured[told] - fitted))[:, None]
-    return estimate_noise((radiance - predicted)[told] * inflation, predicted[told])
+    usable = (measured > fitted) & (predicted > 0).all(axis=1)
+    inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
+    return estimate_noise((radiance - predicted)[usable] * inflation, predicted[usable])
 
 
 def _judged(
@@ -324,7 +328,7 @@ def _judged(
         limit = int(np.sqrt(len(estimate.light.coefficients))) - 1
         much = (
             f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} "
-            "is too soft for what lit the object, such as lamps, or the surface is not as "
+            "is too soft for what lit the object, such as small sources, or the surface is not as "
             "supposed; give the light, or another band limit"
         )
         reasons = (much, *estimate.reasons)

@@ -196,9 +196,9 @@ def _expectations(
     state: State, sums: _Sums, variance: Float[np.ndarray, "coefficient channel"]
 ) -> tuple[State, _Expected]:
     """Learn what to expect from a state, the variance of its light included; mean K_s becomes 1."""
-    told = np.sum(sums.hub, axis=0)
-    free = state.ks + np.sum(sums.pull, axis=0) / np.where(told > 0, told, 1)
-    prior = spread_of(free, told)
+    precision = np.sum(sums.hub, axis=0)
+    free = state.ks + np.sum(sums.pull, axis=0) / np.where(precision > 0, precision, 1)
+    prior = spread_of(free, precision)
     mean = float(prior.mean) if prior.mean > 0 else 1.0
     light = state.light * mean
     degree = degrees(band_limit_of(len(light)))

@@ -1,4 +1,4 @@
-"""Where the search for light, gloss and roughness begins: one K_s for all sites, then in turn."""
+"""Where the search for light, K_s and roughness begins: one K_s for all sites, then in turn."""
 
 from typing import NamedTuple
 
@@ -108,10 +108,10 @@ def solve_with_spread(parts: list[SiteSums]) -> SpreadSolution:
 
 
 def _mean_of(prior: SpecularPrior) -> float:
-    """Look the mean K_s over the sites up; ``ValueError`` where there is no gloss."""
+    """Look the mean K_s over the sites up; ``ValueError`` where there is no specular lobe."""
     if not (prior.precision > 0 and prior.mean > 0):
         raise ValueError(
-            "no site's radiance changes with the view as gloss would: the object is matte, or its "
-            "photographs are from one side; treat it as diffuse"
+            "no site's radiance changes with the view as a specular lobe would: the object is "
+            "diffuse, or its photographs are from one side; treat it as diffuse"
         )
     return float(prior.mean)

@@ -1,7 +1,7 @@
 """Luminaires: the light that leaves a surface, in every direction from every point (L chapter 5).
 
-A lamp is replaced by the light through its boundary (L 5.1).  The boundary is one patch or several,
-and each has a tree of the radiance
+A source is replaced by the light through its boundary (L 5.1).  The boundary is one patch or
+several, and each has a tree of the radiance
 
     L_e(u, v, kappa, lambda)      W m^-2 sr^-1,      axes in this order                     (L 5.5)
 

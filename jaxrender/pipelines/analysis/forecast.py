@@ -19,7 +19,7 @@ from jaxrender.inverse.forecast import (
     foresee,
     problem_of,
 )
-from jaxrender.inverse.next_best import Suggestion, suggest_lamps, suggest_views
+from jaxrender.inverse.next_best import Suggestion, suggest_sources, suggest_views
 from jaxrender.pipelines.analysis.prospect import Prospect, prospect_of
 from jaxrender.pipelines.analysis.supposed import Supposition, supposition_of
 from jaxrender.pipelines.config import RunConfig
@@ -33,7 +33,7 @@ Found = TypeVar("Found")
 
 
 class Options(NamedTuple):
-    """What is asked of an analysis; ``suggest`` is views, lights or nothing."""
+    """What is asked of an analysis; ``suggest`` is views, sources or nothing."""
 
     suppose: tuple[str, ...] = ()
     noise: float | None = None
@@ -135,7 +135,7 @@ def _suggestions(
 ) -> tuple[Suggestion, ...]:
     unknowns = unknowns_of(config, len(np.unique(foreseen.situation.frame)))
     problem = problem_of(unknowns, foreseen.supposed.brdf)
-    if options.suggest == "lights":
-        return suggest_lamps(foreseen, problem, None, options.aim, options.count)
+    if options.suggest == "sources":
+        return suggest_sources(foreseen, problem, None, options.aim, options.count)
     views = candidate_views(prospect.cameras, prospect.shape, config.samples.min_cosine)
     return suggest_views(foreseen, problem, views, options.aim, options.count)

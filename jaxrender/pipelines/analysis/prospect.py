@@ -36,7 +36,7 @@ _WINDOW_AND_SKY = SmoothLobes(
     np.radians([30.0, 60.0]),
     np.array([[1.0, 0.97, 0.92], [0.06, 0.07, 0.09]]),
 )
-_LAMP = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
+_SOURCE = DirectionalSources(np.array([[-0.35, 0.8, 0.5]]), np.array([[1.2, 1.15, 1.05]]))
 _ROWS = 64
 
 
@@ -116,7 +116,7 @@ def _light(
     if config.lighting.given:
         return known_light(config.lighting, [frame.name for frame in capture.frames]), True
     if recipe is None:
-        return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _LAMP), False
+        return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _SOURCE), False
     with fault_of(f"{config.capture.recipe}: lighting"):
         return light_for_fit(recipe), True
 

@@ -31,13 +31,13 @@ def supposition_of(
     for other texts, and for values that no material has.
     """
     model = MODELS[config.brdf.model]
-    told = dict(_pair(model, text) for text in given)
+    supposed = dict(_pair(model, text) for text in given)
     own = model.names("amplitude", "searched")
     values, sources = {}, {}
     for name in own:
-        values[name], sources[name] = _one(name, config, recipe, told)
+        values[name], sources[name] = _one(name, config, recipe, supposed)
     values["kd"] = np.broadcast_to(values["kd"], (3,))
-    with fault_of("--suppose" if told else "brdf"):
+    with fault_of("--suppose" if supposed else "brdf"):
         brdf = material_named(model.name, {**config.brdf.chosen(), **values})
     if sources.get("ks") == "typical":
         # The typical value is an albedo, whatever ks means in the model.
@@ -53,12 +53,12 @@ def supposition_of(
 
 
 def _one(
-    name: str, config: RunConfig, recipe: RecipeConfig | None, told: Mapping[str, Any]
+    name: str, config: RunConfig, recipe: RecipeConfig | None, supposed: Mapping[str, Any]
 ) -> tuple[Any, str]:
     """Find one number, and its origin in words."""
     model, known = MODELS[config.brdf.model], config.brdf.known(name)
-    if name in told:
-        return told[name], "as supposed"
+    if name in supposed:
+        return supposed[name], "as supposed"
     if known is None:
         return "none", "from the config"
     value, source = known.fixed if known.fixed is not None else known.start, "from the config"

@@ -47,10 +47,10 @@ def _heading(found: ConfigAnalysis) -> str:
         lit.append("sources of single photographs")
     guess = "" if found.prospect.light_given else " (supposed: the config gives none)"
     cosines = np.asarray(found.prospect.situation.samples.exit_cosines)
-    matt = not np.any(np.asarray(brdf.lobe_amplitude))
+    diffuse = not np.any(np.asarray(brdf.lobe_amplitude))
     shown = zip(brdf.amplitude_names, np.asarray(brdf.amplitudes))
-    material = [f"{n} {_values(value)}" for n, value in shown if n in brdf.bases or not matt]
-    if not matt:
+    material = [f"{n} {_values(value)}" for n, value in shown if n in brdf.bases or not diffuse]
+    if not diffuse:
         material += [f"{name} {float(value):.3g}" for name, value in brdf.numbers.items()]
         if brdf.has_index() and brdf.mu is None:
             material.append(f"{brdf.index.name} none (metal)")
@@ -78,7 +78,7 @@ def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
     values = forecast.singular_values
     if not values.size:
         return lines
-    told = [
+    named = [
         f"{name} {amount:+.2f}"
         for name, amount in zip(forecast.unknowns, forecast.weakest)
         if abs(amount) > 0.1
@@ -86,7 +86,7 @@ def _material(forecast: MaterialForecast, brdf: Parametric) -> list[str]:
     return [
         *lines,
         f"  singular values (noise per relative change): {_listed(values)}",
-        f"  least visible change: {', '.join(told)}",
+        f"  least visible change: {', '.join(named)}",
     ]
 
 
@@ -94,7 +94,7 @@ def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
     lines = _parameters(forecast.parameters, forecast.identifiable, brdf)
     return [
         *lines,
-        f"  singular values without light and {forecast.lamps} sources: "
+        f"  singular values without light and {forecast.sources} sources: "
         f"{_listed(forecast.singular_values)}",
         *(f"  not identifiable, {line}" for line in forecast.gauge),
     ]
@@ -106,7 +106,7 @@ def _parameters(
     lines = [
         f"  {'':11s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
     ]
-    for name, told in identifiable.items():
+    for name, known in identifiable.items():
         # Value, bounds and error; the covariance is for machines.
         rows = zip(*(np.ravel(np.asarray(part.of(name))) for part in parameters[:4]))
         shown = list(rows)
@@ -115,7 +115,7 @@ def _parameters(
             title = name if same else f"{name} {_CHANNELS[channel]}"
             lines.append(
                 f"  {title:11s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
-                f"{'yes' if told else 'no'}"
+                f"{'yes' if known else 'no'}"
             )
     return lines
 
@@ -129,11 +129,11 @@ def _light(forecast: LightForecast) -> list[str]:
     errors = forecast.relative_error
     for degree in sorted({*(d for d in _DEGREES_SHOWN if d <= limit), limit}):
         values = forecast.singular_values(degree)
-        told = bool(errors[degree] < RECOVERABLE)
+        known = bool(errors[degree] < RECOVERABLE)
         lines.append(
             f"  {degree:6d} {forecast.size[degree]:9.3g} {forecast.report.noise[degree]:10.2g} "
             f"{_relative(errors[degree]):>9s} {f'{values.max():.3g} .. {values.min():.2g}':>19s}   "
-            f"{'yes' if told else 'no'}"
+            f"{'yes' if known else 'no'}"
         )
     return lines
 

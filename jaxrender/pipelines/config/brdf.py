@@ -41,7 +41,11 @@ _KEYS_OF_SOME = (*(name for name in NAMES if name != "kd"), "ks_per_channel", *_
 def _keys(model: str) -> tuple[str, ...]:
     """List the keys that a model has."""
     entry = MODELS[model]
-    return (*(n.name for n in entry.numbers), *entry.options, *["ks_per_channel"] * entry.has_gloss)
+    return (
+        *(n.name for n in entry.numbers),
+        *entry.options,
+        *["ks_per_channel"] * entry.has_specular,
+    )
 
 
 def anywhere(name: str) -> Interval:

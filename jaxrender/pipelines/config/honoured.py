@@ -51,7 +51,7 @@ def _of_tasks() -> tuple[Case, ...]:
 
 def _has_mirror_lobe(config: RunConfig) -> bool:
     """Tell whether any model has a specular lobe about the reflected direction."""
-    return any(MODELS[m].about_mirror and MODELS[m].has_gloss for m in config.brdf.models)
+    return any(MODELS[m].about_mirror and MODELS[m].has_specular for m in config.brdf.models)
 
 
 def _by_integral(config: RunConfig) -> list[str]:
@@ -67,7 +67,7 @@ def _varies(config: RunConfig) -> bool:
     return config.texture is not None and config.texture.sigma == "varying"
 
 
-def _is_matt_texture(config: RunConfig) -> bool:
+def _is_diffuse_texture(config: RunConfig) -> bool:
     return config.task == "texture" and config.brdf.model == "lambertian"
 
 
@@ -173,7 +173,7 @@ _OF_SETTINGS = (
     ),
     Case(
         "a diffuse texture",
-        _is_matt_texture,
+        _is_diffuse_texture,
         {
             "solve.refine": "is found without refinement",
             "solve.refine_samples": "is found without refinement",
@@ -212,13 +212,13 @@ _OF_SETTINGS = (
     ),
     Case(
         "a specular texture",
-        lambda config: not _is_matt_texture(config),
+        lambda config: not _is_diffuse_texture(config),
         {"texture.prior": "is fixed by how it changes with the view, not by a prior"},
         instead="choose model: lambertian",
     ),
     Case(
         "a diffuse model",
-        lambda config: not all(MODELS[m].has_gloss for m in config.brdf.models),
+        lambda config: not all(MODELS[m].has_specular for m in config.brdf.models),
         {"brdf.gauge": "has no ks for all channels to share"},
         {"brdf.gauge": ("per-channel", "metal")},
     ),

@@ -192,7 +192,7 @@ class RecipeConfig(Root):
                 f"found texture with model {brdf.model}; choose a model with a lobe about the "
                 "reflected direction"
             )
-        if not model.has_gloss and paint.ks:
+        if not model.has_specular and paint.ks:
             raise ValueError(f"found texture.ks with model {brdf.model}, which has only kd; give 0")
         if paint.sigma_above is not None:
             if "sigma" not in model.names("searched"):

@@ -73,7 +73,7 @@ class RunConfig(Root):
             raise ValueError(
                 f"task lighting needs a known material; fix {missing}, or choose task: factorize"
             )
-        if self.task == "factorize" and given["kd"] and not model.has_gloss:
+        if self.task == "factorize" and given["kd"] and not model.has_specular:
             raise ValueError(
                 "under unknown light a diffuse object shows only the product of light and kd; "
                 "leave kd free, or choose task: lighting"

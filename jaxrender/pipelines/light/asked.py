@@ -37,8 +37,8 @@ def asked_models(config: RunConfig) -> tuple[Asked, ...]:
 
 def known_of(config: RunConfig) -> Known:
     """Say what of the material is known."""
-    matt = not MODELS[config.brdf.model].has_gloss
-    return factorization.known_of(unknowns_of(config, 1), lobe_of(config.brdf), matt=matt)
+    diffuse = not MODELS[config.brdf.model].has_specular
+    return factorization.known_of(unknowns_of(config, 1), lobe_of(config.brdf), diffuse=diffuse)
 
 
 def in_given_units(config: RunConfig, found: Factorization) -> Factorization:

@@ -75,16 +75,16 @@ def result_of(recovered: Recovered) -> Result:
     )
 
 
-def _sentence_on(told: Float[np.ndarray, "degree"]) -> str:
+def _sentence_on(determined: Float[np.ndarray, "degree"]) -> str:
     """Say which degrees of the light are identifiable; the prior fills in the rest."""
     spans: list[list[int]] = []
-    for degree in np.flatnonzero(told > _MOSTLY).tolist():
+    for degree in np.flatnonzero(determined > _MOSTLY).tolist():
         if spans and degree == spans[-1][1] + 1:
             spans[-1][1] = degree
         else:
             spans.append([degree, degree])
-    if spans == [[0, len(told) - 1]]:
-        return f"all degrees of the slow light, 0 to {len(told) - 1}, are identifiable"
+    if spans == [[0, len(determined) - 1]]:
+        return f"all degrees of the slow light, 0 to {len(determined) - 1}, are identifiable"
     *most, last = (f"{a}" if a == b else f"{a} to {b}" for a, b in spans)
     named = f"{', '.join(most)} and {last}" if most else last
     subject = f"degree {named} is" if spans == [[0, 0]] else f"degrees {named} are"
@@ -99,8 +99,8 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
         "coefficients": scene.slow.tolist(),
         "coefficients_error": scene.slow_error.tolist(),
         "coefficients_total": scene.total.tolist(),
-        "told": scene.told.tolist(),
-        "sentence": _sentence_on(scene.told),
+        "told": scene.determined.tolist(),
+        "sentence": _sentence_on(scene.determined),
         "environment": "lighting.exr",
         "directional": [
             {

@@ -90,11 +90,13 @@ def _degree_plot(contents: SpectrumContents) -> Markup:
     spectrum = contents.orders[-1]
     steps = np.arange(spectrum.basis.band_limit + 1)
     amplitude = np.sqrt(contents.light_energy / max(contents.light_energy[0], 1e-300))
-    told = [one["told"] for one in contents.result["spectrum"]["by_degree"]]
+    determined = [one["told"] for one in contents.result["spectrum"]["by_degree"]]
 
     def paint(axes: Axes) -> None:
         axes.plot(steps, amplitude, color=INK, marker="o", ms=3, label="light / degree 0")
-        axes.plot(steps, told, color=SERIES[0], marker="o", ms=3, label="determined by the data")
+        axes.plot(
+            steps, determined, color=SERIES[0], marker="o", ms=3, label="determined by the data"
+        )
         axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
         axes.set_xlabel("degree")
         axes.set_ylim(bottom=0)

@@ -39,9 +39,9 @@ class ReportContents(NamedTuple):
         return self.result.get("brdf", {}).get("model") == "lambertian"
 
     @property
-    def is_matt(self) -> bool:
+    def is_diffuse(self) -> bool:
         """Whether the material has one lobe alone, whatever that is."""
-        return _is_matt(self.result)
+        return _is_diffuse(self.result)
 
 
 Panorama = Float[np.ndarray, "row column channel"]
@@ -62,9 +62,9 @@ class LightContents(NamedTuple):
         return self.result["brdf"]["model"] == "lambertian"
 
     @property
-    def is_matt(self) -> bool:
+    def is_diffuse(self) -> bool:
         """Whether the material has one lobe alone, whatever that is."""
-        return _is_matt(self.result)
+        return _is_diffuse(self.result)
 
 
 class TextureContents(NamedTuple):
@@ -115,6 +115,6 @@ class SpectrumContents(NamedTuple):
 Contents = ReportContents | LightContents | TextureContents | SpectrumContents
 
 
-def _is_matt(result: dict[str, Any]) -> bool:
+def _is_diffuse(result: dict[str, Any]) -> bool:
     brdf = result.get("brdf", {})
     return "kd" in brdf and "ks" not in brdf

@@ -22,7 +22,7 @@ _PIXELS = 128
 # below the narrowest a picture of this size takes too long, and it shows no difference.
 _NARROWEST_CELL, _WIDEST_CELL = 0.055, 0.2
 # The single source, in the camera's own axes (right, up, towards the camera).
-_LAMP = np.array([-0.45, 0.55, 0.70])
+_SOURCE = np.array([-0.45, 0.55, 0.70])
 # Beyond this cosine the model without masking exceeds 1, and a picture shows its rim anyway.
 _SMALLEST_COSINE = 0.05
 # Node counts are filled up to a power of two, so that few shapes are ever compiled.
@@ -35,7 +35,7 @@ class Spheres(NamedTuple):
     given: str
     diffuse: str | None
     specular: str | None
-    lamp: str
+    source: str
 
 
 class _View(NamedTuple):
@@ -43,7 +43,7 @@ class _View(NamedTuple):
 
     samples: SurfaceSamples
     opacity: Float[np.ndarray, "row column"]
-    lamp: Float[np.ndarray, "3"]
+    source: Float[np.ndarray, "3"]
 
 
 def spheres(contents: ReportContents) -> Spheres:
@@ -53,15 +53,15 @@ def spheres(contents: ReportContents) -> Spheres:
     channels = columns.shape[-1] - 1
     parts = columns[..., :channels] * np.asarray(brdf.amplitudes, float)
     given = parts.sum(axis=1)
-    lamp = np.sum(columns[..., channels:] * np.asarray(brdf.amplitudes, float), axis=1)
+    source = np.sum(columns[..., channels:] * np.asarray(brdf.amplitudes, float), axis=1)
     inside = view.opacity.ravel() > 0
     exposure = exposure_for(given[inside])
-    glossy = not contents.is_matt
+    glossy = not contents.is_diffuse
     return Spheres(
         _picture(given, view, exposure),
         _picture(parts[:, 0], view, exposure) if glossy else None,
         _picture(parts[:, 1], view, exposure) if glossy else None,
-        _picture(lamp, view, exposure_for(lamp[inside])),
+        _picture(source, view, exposure_for(source[inside])),
     )
 
 
@@ -79,7 +79,7 @@ def _columns(
     size = max(_FEWEST_NODES, 2 ** int(np.ceil(np.log2(count + 1))))
     directions = np.tile([0.0, 0.0, 1.0], (size, 1))
     irradiance = np.zeros((size, channels + 1))
-    directions[:count], directions[count] = given.directions, view.lamp
+    directions[:count], directions[count] = given.directions, view.source
     irradiance[:count, :channels], irradiance[count, channels] = given.irradiance, np.pi
     samples, nodes = jax.tree.map(
         lambda array: np.asarray(array, np.float32),
@@ -124,8 +124,8 @@ def _view(observations: Observations) -> _View:
     local[:, :2] *= rim[:, None]
     normals = local @ axes
     samples = SurfaceSamples(normals, np.broadcast_to(towards, normals.shape))
-    lamp = _LAMP / np.linalg.norm(_LAMP) @ axes
-    return _View(samples, np.clip((1 - radius) * _PIXELS / 2, 0, 1), lamp)
+    source = _SOURCE / np.linalg.norm(_SOURCE) @ axes
+    return _View(samples, np.clip((1 - radius) * _PIXELS / 2, 0, 1), source)
 
 
 def _picture(radiance: Float[np.ndarray, "sample channel"], view: _View, exposure: float) -> str:

@@ -91,7 +91,7 @@ def _light_sections(contents: LightContents) -> dict[str, Any]:
         "pictures": light_pictures(contents),
         "comparison": comparison(contents),
         "band_limit": contents.result["lighting"]["band_limit"],
-        "matt": contents.is_matt,
+        "diffuse": contents.is_diffuse,
         "identifiable": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),
     }
@@ -113,7 +113,7 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
         "residuals": residual_plots(contents.fit.final),
         "spectra": spectrum_plots(contents),
         "lambertian": contents.is_lambertian,
-        "matt": contents.is_matt,
+        "diffuse": contents.is_diffuse,
     }
 
 

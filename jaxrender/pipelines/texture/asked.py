@@ -53,12 +53,12 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
 def unknown_light_settings(config: RunConfig) -> UnknownLightSettings:
     """Translate how texture and light are found together."""
     settings = settings_of(config)
-    matt = config.brdf.model == "lambertian"
+    diffuse = config.brdf.model == "lambertian"
     return UnknownLightSettings(
         settings.noise,
         settings.band_limit,
-        True if matt else settings.refine,
-        texture_of(config).prior if matt else None,
+        True if diffuse else settings.refine,
+        texture_of(config).prior if diffuse else None,
     )
 
 

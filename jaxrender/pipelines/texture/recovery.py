@@ -95,7 +95,7 @@ def recover_texture(
 ) -> TextureRecovery:
     """Recover the material of every texel or vertex from all usable pixels.
 
-    Raises ``InputError`` where nothing can be told.
+    Raises ``InputError`` where nothing is identifiable.
     """
     observations, light, shape = evidence.pool, evidence.light, evidence.shape
     place = str(config.capture.transforms)

@@ -30,7 +30,7 @@ def summary_of_texture(
         task="texture",
         outcome=estimate.outcome,
         reasons=estimate.reasons,
-        brdf=model | _means(texture, estimate.matt) | _lobe(config, estimate),
+        brdf=model | _means(texture, estimate.diffuse) | _lobe(config, estimate),
         **_errors(estimate),
         relative_rms=texture.relative_rms,
         samples=int(np.count_nonzero(site >= 0)),
@@ -56,20 +56,20 @@ def _lighting(estimate: TextureEstimate) -> dict[str, Any]:
     return lighting
 
 
-def _means(texture: Texture, matt: bool) -> dict[str, Any]:
+def _means(texture: Texture, diffuse: bool) -> dict[str, Any]:
     """Average over the sites that can be trusted, or over all where none can."""
     seen = texture.seen > 0
     good = seen & ~texture.kd_marked
     kd = np.nanmean(texture.kd[good if good.any() else seen], axis=0)
-    if matt:
+    if diffuse:
         return {"kd": kd.tolist()}
-    told = seen & ~texture.ks_marked
-    return {"kd": kd.tolist(), "ks": float(np.nanmean(texture.ks[told if told.any() else seen]))}
+    good = seen & ~texture.ks_marked
+    return {"kd": kd.tolist(), "ks": float(np.nanmean(texture.ks[good if good.any() else seen]))}
 
 
 def _lobe(config: RunConfig, estimate: TextureEstimate) -> dict[str, Any]:
     """One sigma and mu, or a list of them by region."""
-    if estimate.matt:
+    if estimate.diffuse:
         return {}
     lobes, names = estimate.lobes, estimate.lobe_names
     values: dict[str, Any] = {"sigma": _alone([lobe.sigma for lobe in lobes])}

@@ -163,8 +163,8 @@ class LightFieldTable(eqx.Module):
         rule = ViewerRule(*values.shape[:2])
         if order >= rule.rows or 2 * order >= rule.columns:
             raise ValueError(
-                f"degree {order} of the viewer cannot be told from {rule.rows} x {rule.columns} "
-                "viewers: tabulate more of them, or ask for less"
+                f"degree {order} of the viewer cannot be determined from {rule.rows} x "
+                f"{rule.columns} viewers: tabulate more of them, or ask for less"
             )
         around = _viewer_basis(rule, order) * rule.weights()[..., None]
         maps = jnp.einsum(

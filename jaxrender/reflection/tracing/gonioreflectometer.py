@@ -102,7 +102,7 @@ class MeasuredPairs(NamedTuple):
 
 
 class Gonioreflectometer(NamedTuple):
-    """A patch under the lamp; ``Gonioreflectometer.of`` mounts it."""
+    """A patch under the source; ``Gonioreflectometer.of`` mounts it."""
 
     scene: Scene
     patch: Patch

@@ -158,7 +158,7 @@ def rewritten(result, **changes):
     return {key: value for key, value in (result | changes).items() if value is not None}
 
 
-def lamp(direction, energy, channels=3):
+def source(direction, energy, channels=3):
     return DirectionalSources(np.array([direction], float), np.full((1, channels), float(energy)))
 
 
@@ -166,7 +166,7 @@ def lambertian(light):
     result = rewritten(
         RESULT, brdf={"model": "lambertian", "kd": list(KD)}, evidence=None, variants=None
     )
-    return ReportContents("matt", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
+    return ReportContents("diffuse", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
 
 
 class Reader(HTMLParser):

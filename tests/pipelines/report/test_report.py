@@ -4,7 +4,8 @@
   every picture has words in its place.
 - Every section is there; values, intervals and reasons stand where they belong.
 - Strings from outside are text, never markup.
-- Whatever is absent (environment, gloss, Fresnel, refinement, channels, frames, keys) is left out.
+- Whatever is absent (environment, specular lobe, Fresnel, refinement, channels, frames, keys) is
+  left out.
 - The same contents give the same bytes; six photographs stay below two megabytes.
 """
 
@@ -15,11 +16,11 @@ from report_samples import (
     SECTIONS,
     Reader,
     lambertian,
-    lamp,
     rewritten,
     sample_environment,
     sample_fit,
     sample_frame,
+    source,
 )
 
 from jaxrender.imaging import NoiseModel
@@ -165,16 +166,16 @@ def bare_metal(light):
     return ReportContents("metal", {}, sample_fit(light, mu=None), light, (sample_frame(),))
 
 
-def moving_lamps(light):
+def moving_sources(light):
     own = KnownLight(
-        None, DirectionalSources.none(), (lamp([0, 0, 1], 3), DirectionalSources.none())
+        None, DirectionalSources.none(), (source([0, 0, 1], 3), DirectionalSources.none())
     )
     return ReportContents("moving", {}, sample_fit(own, refined=False), own, (sample_frame(),))
 
 
-def one_lamp(light):
-    own = KnownLight(None, lamp([0, 1, -1], 3))
-    return ReportContents("lamp", {}, sample_fit(own), own, ())
+def one_source(light):
+    own = KnownLight(None, source([0, 1, -1], 3))
+    return ReportContents("source", {}, sample_fit(own), own, ())
 
 
 def one_channel(light):
@@ -219,8 +220,8 @@ PARTIAL = {
         lambertian,
         metal,
         bare_metal,
-        moving_lamps,
-        one_lamp,
+        moving_sources,
+        one_source,
         one_channel,
         two_channels,
         no_noise,
@@ -247,7 +248,7 @@ def test_a_metal_is_called_one(light, tmp_path):
         assert "a metal reflects the same" in Reader(source).text
 
 
-def test_a_matt_material_has_no_gloss_to_show(light, tmp_path):
+def test_a_diffuse_material_has_no_specular_lobe_to_show(light, tmp_path):
     text = Reader(write_report(tmp_path, lambertian(light)).read_text(encoding="utf-8")).text
     assert "its specular part" not in text
     assert "Evidence for σ" not in text

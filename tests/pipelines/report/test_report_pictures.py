@@ -16,7 +16,7 @@ from PIL import Image
 from report_samples import (
     ONE_CODE,
     lambertian,
-    lamp,
+    source,
 )
 
 from jaxrender.imaging import SRGB
@@ -75,9 +75,9 @@ def test_all_photographs_share_one_exposure():
     np.testing.assert_array_equal(linear[1], linear[2])
 
 
-def test_a_matt_sphere_follows_lamberts_cosine(light):
+def test_a_diffuse_sphere_follows_lamberts_cosine(light):
     contents = lambertian(light)
-    picture = pixels(spheres(contents).lamp)
+    picture = pixels(spheres(contents).source)
     linear = SRGB().linearise(picture[..., 0] / 255)
     size = len(linear)
     rows, columns = np.mgrid[:size, :size]
@@ -107,7 +107,7 @@ def test_discs_are_equal_area_projections():
     own = KnownLight(
         None,
         DirectionalSources.none(),
-        (lamp([0, 0, 1], 1), lamp([1, 0, 1], 4), lamp([0, 1, -1], 1)),
+        (source([0, 0, 1], 1), source([1, 0, 1], 4), source([0, 1, -1], 1)),
     )
     upper, lower = direction_discs(own)
     # The cap down to polar angle t has the share (1 - cos t) of the half sphere.
@@ -119,7 +119,7 @@ def test_discs_are_equal_area_projections():
 
 
 def test_a_source_has_the_energy_of_the_addition_theorem():
-    found = energy_by_degree(light_coefficients(lamp([1, 2, 3], 3), 6))
+    found = energy_by_degree(light_coefficients(source([1, 2, 3], 3), 6))
     np.testing.assert_allclose(found, 9 * (2 * np.arange(7) + 1) / (4 * np.pi), rtol=1e-12)
 
 

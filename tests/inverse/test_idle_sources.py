@@ -1,7 +1,7 @@
-"""Which lamps of a recovered light are idle: a solver test, on linear systems made here.
+"""Which sources of a recovered light are idle: a solver test, on linear systems made here.
 
-Pinned down: of two lamps that can stand in for each other one stays, though each by itself could
-go; what is dropped costs less than it is worth; a dark lamp and one lost in the noise go, lamps
+Pinned down: of two sources that can stand in for each other one stays, though each by itself could
+go; what is dropped costs less than it is worth; a dark source and one lost in the noise go, sources
 that are switched off are never marked.
 """
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from jaxrender.inverse.factorization.sources import _idle_sources
 
-# What a lamp must take off chi-squared.
+# What a source must take off chi-squared.
 WORTH = 25.0
 ACTIVE = np.array([True, True, True, True, False])
 
 
 def system() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Lamps 0 and 1 nearly alike, 2 bright, 3 in the noise, 4 off: columns, data and their fit."""
+    """Sources 0 and 1 nearly alike, 2 bright, 3 in the noise, 4 off: columns, data and fit."""
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(60, 5))
     columns[:, 1] = columns[:, 0] + 0.04 * rng.normal(size=60)
@@ -43,7 +43,7 @@ def test_of_two_that_stand_in_for_each_other_one_stays():
     assert chi_squared(columns[:, 2:], data) > 100 * WORTH
 
 
-def test_channels_speak_for_a_lamp_together():
+def test_channels_speak_for_a_source_together():
     _, _, energies, covariance = system()
     three = np.stack([energies] * 3), np.stack([covariance] * 3)
     assert _idle_sources(*three, ACTIVE, 1e12)[ACTIVE].all()

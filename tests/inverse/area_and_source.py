@@ -1,4 +1,4 @@
-"""A ball under two smooth area lights and a lamp: photographs by the exact integral, with noise."""
+"""A ball under two smooth area lights and one source: exact photographs, with noise."""
 
 import numpy as np
 from inverse_problems import ball_samples
@@ -9,7 +9,7 @@ from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
 KD = np.array([0.245, 0.281, 0.2])
-LAMP = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
+SOURCE = np.array([-0.35, 0.8, 0.5]) / np.linalg.norm([-0.35, 0.8, 0.5])
 ENERGY = np.array([1.2, 1.15, 1.05])
 AREA = SmoothLobes(
     np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
@@ -21,8 +21,8 @@ NOISE = NoiseModel(0.01, 0.0005)
 
 def photographs(truth) -> Observations:
     samples, _ = ball_samples(900, 0.15, seed=1)
-    lamp = DirectionalSources(LAMP[None], ENERGY[None])
-    columns = integral_columns(truth, samples, lamp.nodes())
+    source = DirectionalSources(SOURCE[None], ENERGY[None])
+    columns = integral_columns(truth, samples, source.nodes())
     columns = columns + polar_columns(truth, samples, AREA.radiance)
     exact = np.asarray(radiance(truth, columns))
     return Observations(
