@@ -35,7 +35,6 @@ from jaxrender.inverse.factorization.projection import (
     prediction_slopes,
     reduced_system,
     scatter,
-    solve_light,
 )
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse
@@ -190,7 +189,6 @@ def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
         slope += moved.T @ left
         np.testing.assert_allclose(system.across[k], across, atol=1e-9 * np.abs(across).max())
     assert float(solved.cost) == pytest.approx(cost, rel=1e-10)
-    assert float(solve_light(response, guess, data).cost) == pytest.approx(cost, rel=1e-10)
     np.testing.assert_allclose(system.curvature, curvature, atol=1e-8 * np.abs(curvature).max())
     np.testing.assert_allclose(system.slope, slope, atol=1e-7 * np.abs(moved).sum(axis=0).max())
 
@@ -248,7 +246,7 @@ def test_a_sample_counts_as_often_as_it_stands_for_pixels(photographs):
         data = measured(task, state)
         # Shares have a mean of one, so what is expected of the light goes by the number of samples.
         data = data._replace(penalty=data.penalty * some.count / photographs.count)
-        lights.append(solve_light(response_of(task, state), state.guess, data).light)
+        lights.append(reduced_system(response_of(task, state), state.guess, data).solved.light)
     np.testing.assert_allclose(*lights, atol=1e-8 * np.abs(lights[0]).max())
 
 
@@ -263,7 +261,7 @@ def test_only_good_steps_count(photographs):
     free = free_unknowns(task, state)
     end = descend_jointly(response, far, data, free, Descent(task.bounds, 1, 1e-6))
     assert end.steps == 1
-    assert float(end.solved.cost) < float(solve_light(response, far, data).cost)
+    assert float(end.solved.cost) < float(reduced_system(response, far, data).solved.cost)
 
 
 def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndarray:
@@ -282,7 +280,7 @@ def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
         moved = state.guess._replace(
             specular_logit=state.guess.specular_logit + jnp.array([step, 0.0, 0.0])
         )
-        return float(solve_light(response, moved, data).cost)
+        return float(reduced_system(response, moved, data).solved.cost)
 
     # Gauss-Newton leaves out what the residual bends: a per cent of it at this noise.
     second = (cost(3e-2) - 2 * cost(0.0) + cost(-3e-2)) / 9e-4
@@ -307,12 +305,12 @@ def test_pursued_gains_are_what_the_cost_loses(photographs):
     dark = _with_sources(task, [])
     data, response = measured(task, dark), response_of(task, dark)
     pursued = pursue(response, dark.guess, data, SOURCE[None], 1)
-    before = solve_light(response, dark.guess, data)
+    before = reduced_system(response, dark.guess, data).solved
     guess = dark.guess._replace(directions=jnp.asarray(np.tile(SOURCE, (SOURCES, 1))))
     one = np.zeros((len(task.radiance), SOURCES))
     one[:, 0] = 1
     lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
-    after = solve_light(lit, guess, data)
+    after = reduced_system(lit, guess, data).solved
     assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-5)
 
 

@@ -131,7 +131,7 @@ def test_the_response_is_the_integral(brdf):
     for lobe, columns in enumerate(found):
         np.testing.assert_allclose(columns[:, 9:], fast[:, lobe], atol=1e-12)
     light = np.random.default_rng(0).normal(size=(11, 3))
-    under = response.slow_radiance(response.passed(guess), jnp.asarray(light[:9]))
+    under = response.slow_columns(response.passed(guess)) @ jnp.asarray(light[:9])
     under = under + response.source_specular(guess) @ light[9:]
     np.testing.assert_allclose(under, found.specular @ light, rtol=1e-10, atol=1e-12)
     assert response.thinned(3).columns(guess).specular.shape == (len(samples.normals[::3]), 11)

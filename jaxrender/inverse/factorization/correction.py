@@ -46,7 +46,7 @@ def _by_degree(
     """Evaluate slow light by the dual model."""
     band_limit = band_limit_of(response.slow_count)
     passed = transfer_of_samples(lobe, response.samples.exit_cosines, band_limit)
-    return response.slow_radiance(passed, slow)
+    return response.slow_columns(passed) @ slow
 
 
 def hidden_slow_light(

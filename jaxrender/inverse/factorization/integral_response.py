@@ -71,12 +71,6 @@ class IntegralResponse(Response):
         """Keep the integrals as they are."""
         return passed
 
-    def slow_radiance(
-        self, passed: Float[Array, "sample coefficient"], slow: Float[Array, "coefficient channel"]
-    ) -> Float[Array, "sample channel"]:
-        """Add the integrals up."""
-        return passed @ slow
-
     def base_towards(
         self, directions: Float[Array, "direction 3"]
     ) -> Float[Array, "sample direction"]:

@@ -15,7 +15,6 @@ import numpy as np
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.projection import (
     Solved,
-    System,
     reduced_system,
     tangent_frames,
 )
@@ -69,7 +68,8 @@ def descend_jointly(
     damping, step, converged = _DAMPING, 0, False
     system = reduced_system(response, guess, measured)
     while step < descent.steps and damping < _GIVE_UP and not converged:
-        trial = _moved(guess, _damped(system, free, damping), descent.bounds)
+        move = _damped(system.curvature, system.slope, free, damping)
+        trial = _moved(guess, move, descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
         there = reduced_system(response, trial, measured)
         gain = float(system.solved.cost - there.solved.cost)
@@ -89,15 +89,18 @@ def unknown_count(guess: Guess) -> int:
 
 @stored(jax.jit)
 def _damped(
-    system: System, free: Bool[AnyArray, "unknown"], damping: float | Float[Array, ""]
+    curvature: Float[Array, "unknown unknown"],
+    slope: Float[Array, "unknown"],
+    free: Bool[AnyArray, "unknown"],
+    damping: float | Float[Array, ""],
 ) -> Float[Array, "unknown"]:
-    size = jnp.diag(system.curvature)
+    size = jnp.diag(curvature)
     usable = jnp.asarray(free) & (size > 0)
     scale = jnp.where(usable, jax.lax.rsqrt(jnp.where(usable, size, 1)), 0)
-    matrix = system.curvature * scale[:, None] * scale[None, :]
+    matrix = curvature * scale[:, None] * scale[None, :]
     matrix = matrix + jnp.diag(jnp.where(usable, damping, 1.0))
     factor = jax.scipy.linalg.cho_factor(matrix, lower=True)
-    step = scale * jax.scipy.linalg.cho_solve(factor, scale * system.slope)
+    step = scale * jax.scipy.linalg.cho_solve(factor, scale * slope)
     # A matrix that rounding has made indefinite gives no step; the damping then grows.
     step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0)
     return jnp.clip(step, -_LONGEST, _LONGEST)

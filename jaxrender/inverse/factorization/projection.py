@@ -10,6 +10,7 @@ There are dozens of columns and thousands of samples, so that all of it costs a 
 whatever the number of parameters.  Samples are passed through twice, in ``blocks``.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -75,37 +76,24 @@ class Lobe(NamedTuple):
 
 
 class _SourceSlopes(NamedTuple):
-    """Derivatives of the sources' columns: of the lobe, and of both lobes by a step aside."""
+    """Derivatives of the sources' columns: of the lobe, and of both lobes by two steps aside."""
 
-    by_sigma: Float[Array, "sample source"]
-    by_mu: Float[Array, "sample source"]
-    aside: list[Columns]
-
-
-@stored(jax.jit)
-def solve_light(response: Response, guess: Guess, measured: Measured) -> Solved:
-    """Solve for the light of every channel."""
-    with jax.default_matmul_precision("highest"):
-        blocks = in_blocks(response, response.passed(guess), measured, SAMPLES_AT_ONCE)
-        light, normal = _solved(response, guess, measured, blocks)
-
-        def predict(block: Block) -> Part:
-            columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
-            predicted = _predicted(columns, guess, light)
-            return Part(_squares(block, predicted), predicted)
-
-        misfit, predicted = summed(predict, blocks)
-        rows = predicted[: len(measured.radiance)]
-        return Solved(light, rows, _penalised(misfit, measured, light), normal)
+    by_lobe: Float[Array, "2 sample source"]
+    aside: Columns
 
 
-@stored(partial(jax.jit, static_argnames="at_once"))
 def reduced_system(
     response: Response, guess: Guess, measured: Measured, *, at_once: int = SAMPLES_AT_ONCE
 ) -> System:
     """Solve for the light and set up the step of everything else, ``at_once`` samples at a time."""
+    return _reduced(response, guess, measured, lobe_slopes(response, guess), at_once)
+
+
+@stored(partial(jax.jit, static_argnames="at_once"))
+def _reduced(
+    response: Response, guess: Guess, measured: Measured, lobe: Lobe, at_once: int
+) -> System:
     with jax.default_matmul_precision("highest"):
-        lobe = lobe_slopes(response, guess)
         blocks = in_blocks(response, lobe, measured, at_once)
         light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
 
@@ -114,28 +102,28 @@ def reduced_system(
             columns = _evaluated(own, block.lobe.passed, guess)
             predicted = _predicted(columns, guess, light)
             slopes = prediction_slopes(own, block.lobe, guess, columns, light)
-            sums = []
-            # One channel after the other: a batch of products is slower than each by itself.
-            for k, share in enumerate(specular_share(guess)):
-                weights = block.weights[:, k]
-                moved = jax.lax.optimization_barrier(weights[:, None] * slopes[k])
-                left = weights * (block.radiance[:, k] - predicted[:, k])
-                weighted = _weighted(columns, share, weights)
-                sums.append((moved.T @ moved, left @ moved, weighted.T @ moved))
-            return Part((*map(jnp.stack, zip(*sums)), _squares(block, predicted)), predicted)
 
+            def of_channel(share, weights, left, slopes):
+                moved = jax.lax.optimization_barrier(weights[:, None] * slopes)
+                weighted = _weighted(columns, share, weights)
+                return moved.T @ moved, (weights * left) @ moved, weighted.T @ moved
+
+            left = (block.radiance - predicted).T
+            sums = _by_channel(of_channel, share, block.weights.T, left, slopes)
+            return Part((*sums, _squares(block, predicted)), predicted)
+
+        def curvature(factor, own, across):
+            part = jax.scipy.linalg.solve_triangular(factor, across, lower=True)
+            return own - part.T @ part
+
+        share = specular_share(guess)
         (inner, slope, across, misfit), predicted = summed(add, blocks)
-        projected = [
-            jax.scipy.linalg.solve_triangular(factor, of_channel, lower=True)
-            for factor, of_channel in zip(normal, across)
-        ]
-        curvature = sum(own - part.T @ part for own, part in zip(inner, projected))
+        curvatures = _by_channel(curvature, normal, inner, across)
         rows = predicted[: len(measured.radiance)]
         solved = Solved(light, rows, _penalised(misfit, measured, light), normal)
-        return System(solved, jnp.asarray(curvature), jnp.sum(slope, axis=0), across)
+        return System(solved, jnp.sum(curvatures, axis=0), jnp.sum(slope, axis=0), across)
 
 
-@stored(jax.jit)
 def scatter(
     response: Response,
     guess: Guess,
@@ -149,41 +137,58 @@ def scatter(
     c times, but is measured once.  So its score has c times the variance that its weight stands
     for.  What is expected of the light counts as it is.
     """
+    return _scatter(response, guess, measured, lobe_slopes(response, guess), shares, system)
+
+
+@stored(jax.jit)
+def _scatter(
+    response: Response,
+    guess: Guess,
+    measured: Measured,
+    lobe: Lobe,
+    shares: Float[AnyArray, "sample"],
+    system: System,
+) -> Scatter:
     solved = system.solved
     with jax.default_matmul_precision("highest"):
-        blocks = in_blocks(response, lobe_slopes(response, guess), measured, SAMPLES_AT_ONCE)
+        blocks = in_blocks(response, lobe, measured, SAMPLES_AT_ONCE)
         alone = measured._replace(weights=jnp.sqrt(jnp.asarray(shares))[:, None])
         own_shares = in_blocks(response, (), alone, SAMPLES_AT_ONCE).weights
-        answers = [
-            jax.scipy.linalg.cho_solve((factor, True), across)
-            for factor, across in zip(solved.normal, system.across)
-        ]
+        answers = _by_channel(
+            lambda factor, across: jax.scipy.linalg.cho_solve((factor, True), across),
+            solved.normal,
+            system.across,
+        )
 
         def add(block: Block, share_root: Float[Array, "sample 1"]) -> Part:
             own = response.of_rows(block.rows)
             columns = _evaluated(own, block.lobe.passed, guess)
             slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
-            sums = []
-            for k, share in enumerate(specular_share(guess)):
-                weights = block.weights[:, k] * share_root[:, 0]
-                weighted = _weighted(columns, share, weights)
-                moved = weights[:, None] * slopes[k] - weighted @ answers[k]
-                sums.append((moved.T @ moved, weighted.T @ weighted, weighted.T @ moved))
-            return Part(tuple(map(jnp.stack, zip(*sums))))
 
+            def of_channel(share, weights, slopes, answer):
+                weighted = _weighted(columns, share, weights)
+                moved = weights[:, None] * slopes - weighted @ answer
+                return moved.T @ moved, weighted.T @ weighted, weighted.T @ moved
+
+            weights = (block.weights * share_root).T
+            return Part(_by_channel(of_channel, share, weights, slopes, answers))
+
+        share = specular_share(guess)
         (own, light, both), _ = summed(add, blocks, own_shares)
         expected = jnp.asarray(measured.penalty).T
-        own = jnp.sum(own, axis=0) + sum(
-            answer.T @ (penalty[:, None] * answer) for penalty, answer in zip(expected, answers)
-        )
-        light = light + jax.vmap(jnp.diag)(expected)
-        both = both - jnp.stack([p[:, None] * a for p, a in zip(expected, answers)])
-        return Scatter(own, light, both)
+        held = expected[:, :, None] * answers
+        own = jnp.sum(own, axis=0) + jnp.einsum("cpu,cpv->uv", answers, held)
+        return Scatter(own, light + jax.vmap(jnp.diag)(expected), both - held)
 
 
-def mixed(response: Response, guess: Guess) -> Float[Array, "channel sample part"]:
-    """Weigh the lobes: what one unit of each part of the light sends to the camera."""
-    columns = _evaluated(response, response.passed(guess), guess)
+def mixed(
+    response: Response, guess: Guess, passed: Float[Array, "sample term"] | None = None
+) -> Float[Array, "channel sample part"]:
+    """Weigh the lobes: what one unit of each part of the light sends to the camera.
+
+    ``passed`` is what the lobe passes on, where it is known.
+    """
+    columns = _evaluated(response, response.passed(guess) if passed is None else passed, guess)
     share = specular_share(guess)[:, None, None]
     return jax.lax.optimization_barrier(
         (1 - share) * columns.diffuse[None] + share * columns.specular[None]
@@ -195,17 +200,26 @@ def tangent_frames(directions: Float[Array, "source 3"]) -> Float[Array, "source
     return jax.vmap(world_from_local)(directions)[:, :, :2]
 
 
+@stored(jax.jit)
 def lobe_slopes(response: Response, guess: Guess) -> Lobe:
-    """Evaluate what the lobe passes on and differentiate it by log sigma and log(mu - 1)."""
+    """Evaluate what the lobe passes on and differentiate it by log sigma and log(mu - 1).
+
+    A program by itself, because several others need the same.
+    """
 
     def passed(sigma, mu) -> Float[Array, "sample term"]:
         return response.passed(guess._replace(sigma=sigma, mu=mu))
 
     at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu))
-    one, zero = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
-    value, by_sigma = jax.jvp(passed, at, (one, zero))
-    _, by_mu = jax.jvp(passed, at, (zero, one))
-    return jax.lax.optimization_barrier(Lobe(value, by_sigma, by_mu))
+    value, slopes = _value_and_slopes(passed, *at)
+    return jax.lax.optimization_barrier(Lobe(value, *slopes))
+
+
+def _value_and_slopes(function: Callable, *at: Float[Array, ""]) -> tuple[Array, Array]:
+    """Evaluate a function of numbers and its derivatives, one after the other along a new axis."""
+    steps = tuple(jnp.eye(len(at), dtype=at[0].dtype))
+    along = jax.vmap(lambda *step: jax.jvp(function, at, step), out_axes=(None, 0))
+    return along(*steps)
 
 
 def prediction_slopes(
@@ -214,51 +228,42 @@ def prediction_slopes(
     guess: Guess,
     columns: Columns,
     light: Float[Array, "part channel"],
-) -> list[Float[Array, "sample unknown"]]:
+) -> Float[Array, "channel sample unknown"]:
     """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
-    share = specular_share(guess)
+    share = specular_share(guess)[:, None, None]
     slow, energies = jnp.split(light, [response.slow_count])
     sources = _source_slopes(response, guess)
-    by_share = (columns.specular - columns.diffuse) @ light
-    by_sigma, by_mu = (
-        response.slow_radiance(passed, slow) + towards @ energies
-        for passed, towards in zip(lobe[1:], (sources.by_sigma, sources.by_mu))
+    by_share = share * (1 - share) * ((columns.specular - columns.diffuse) @ light).T[..., None]
+    by_logit = by_share * jnp.eye(len(share), dtype=share.dtype)[:, None, :]
+    by_lobe = [
+        response.slow_columns(passed) @ slow + towards @ energies
+        for passed, towards in zip((lobe.by_sigma, lobe.by_mu), sources.by_lobe)
+    ]
+    both = share * jnp.stack(by_lobe, axis=-1).swapaxes(0, 1)
+    aside = (
+        ((1 - share) * diffuse[None] + share * specular[None]) * energies.T[:, None, :]
+        for diffuse, specular in zip(*sources.aside)
     )
-    found = []
-    for k, of_channel in enumerate(share):
-        by_logit = jnp.zeros((len(by_share), len(share)), by_share.dtype)
-        by_logit = by_logit.at[:, k].set(of_channel * (1 - of_channel) * by_share[:, k])
-        both = of_channel * jnp.stack([by_sigma[:, k], by_mu[:, k]], axis=1)
-        aside = [
-            ((1 - of_channel) * diffuse + of_channel * specular) * energies[None, :, k]
-            for diffuse, specular in sources.aside
-        ]
-        # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
-        parts = jax.lax.optimization_barrier([by_logit, both, *aside])
-        found.append(jnp.concatenate(parts, axis=1))
-    return jax.lax.optimization_barrier(found)
+    # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
+    parts = jax.lax.optimization_barrier([by_logit, both, *aside])
+    return jax.lax.optimization_barrier(jnp.concatenate(parts, axis=2))
 
 
 def _source_slopes(response: Response, guess: Guess) -> _SourceSlopes:
     """Differentiate the sources' columns: the lobe by sigma and mu, both by steps aside."""
     directions = jnp.asarray(guess.directions)
-    at = (jnp.asarray(guess.sigma), jnp.asarray(guess.mu), directions)
-    one, zero, still = jnp.ones_like(at[0]), jnp.zeros_like(at[0]), jnp.zeros_like(directions)
 
-    def specular(sigma, mu, directions) -> Float[Array, "sample source"]:
-        return response.source_specular(Guess(guess.specular_logit, sigma, mu, directions))
+    def by_lobe(sigma, mu) -> Float[Array, "sample source"]:
+        return response.source_specular(guess._replace(sigma=sigma, mu=mu))
 
-    def along(*step) -> Float[Array, "sample source"]:
-        return jax.jvp(specular, at, step)[1]
+    def by_directions(directions) -> Columns:
+        specular = response.source_specular(guess._replace(directions=directions))
+        return Columns(response.source_diffuse(directions), specular)
 
-    aside = [
-        Columns(
-            jax.jvp(response.source_diffuse, (directions,), (step,))[1], along(zero, zero, step)
-        )
-        for step in jnp.moveaxis(tangent_frames(directions), -1, 0)
-    ]
-    slopes = _SourceSlopes(along(one, zero, still), along(zero, one, still), aside)
-    return jax.lax.optimization_barrier(slopes)
+    steps = jnp.moveaxis(tangent_frames(directions), -1, 0)
+    aside = jax.vmap(lambda step: jax.jvp(by_directions, (directions,), (step,))[1])(steps)
+    lobe = _value_and_slopes(by_lobe, jnp.asarray(guess.sigma), jnp.asarray(guess.mu))[1]
+    return jax.lax.optimization_barrier(_SourceSlopes(lobe, aside))
 
 
 def _solved(
@@ -268,24 +273,30 @@ def _solved(
 
     def add(block: Block) -> Part:
         columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
-        sums = []
-        for k, share in enumerate(specular_share(guess)):
-            weights = block.weights[:, k]
-            weighted = _weighted(columns, share, weights)
-            seen = (weights * block.radiance[:, k]) @ weighted
-            sums.append((weighted.T @ weighted, seen))
-        return Part(tuple(map(jnp.stack, zip(*sums))))
 
-    (gram, right), _ = summed(add, blocks)
-    light, factors = [], []
-    for normal, seen, penalty in zip(gram, right, jnp.asarray(measured.penalty).T):
+        def of_channel(share, weights, radiance):
+            weighted = _weighted(columns, share, weights)
+            return weighted.T @ weighted, (weights * radiance) @ weighted
+
+        return Part(_by_channel(of_channel, share, block.weights.T, block.radiance.T))
+
+    def solve(normal, seen, penalty):
         normal = normal + jnp.diag(penalty)
         # A source that is switched off has no column: unit diagonal, so that its energy is zero.
         size = jnp.diag(normal)
         normal = normal + jnp.diag(jnp.where(size > 0, 1e-12 * size, 1))
-        factors.append(jnp.linalg.cholesky(normal))
-        light.append(jax.scipy.linalg.cho_solve((factors[-1], True), seen))
-    return jnp.stack(light, axis=1), jnp.stack(factors)
+        factor = jnp.linalg.cholesky(normal)
+        return jax.scipy.linalg.cho_solve((factor, True), seen), factor
+
+    share = specular_share(guess)
+    (gram, right), _ = summed(add, blocks)
+    light, factors = _by_channel(solve, gram, right, jnp.asarray(measured.penalty).T)
+    return light.T, factors
+
+
+def _by_channel(function: Callable, *of_channels: Array):
+    """Apply a function to one channel after the other: a batch of products is slower."""
+    return jax.lax.map(lambda of_channel: function(*of_channel), of_channels)
 
 
 def _evaluated(response: Response, passed: Float[Array, "sample term"], guess: Guess) -> Columns:

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxrender.inverse.factorization.blocks import Measured
-from jaxrender.inverse.factorization.projection import mixed, solve_light
+from jaxrender.inverse.factorization.projection import Solved, lobe_slopes, mixed, reduced_system
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
@@ -52,7 +52,6 @@ class _Channel(NamedTuple):
     free: Float[Array, "candidate"]
 
 
-@stored(partial(jax.jit, static_argnames="count"))
 def pursue(
     response: Response,
     guess: Guess,
@@ -65,10 +64,28 @@ def pursue(
 
     ``seen`` says which of them each sample sees; all, where it is left out.
     """
+    # Programs that the fit needs, too: they are compiled already.
+    passed = lobe_slopes(response, guess).passed
+    solved = reduced_system(response, guess, measured).solved
+    return _pursue(response, guess, measured, passed, solved, towards, count, seen)
+
+
+@stored(partial(jax.jit, static_argnames="count"))
+def _pursue(
+    response: Response,
+    guess: Guess,
+    measured: Measured,
+    passed: Float[Array, "sample term"],
+    solved: Solved,
+    towards: Float[AnyArray, "candidate 3"],
+    count: int,
+    seen: Bool[AnyArray, "sample candidate"] | None,
+) -> Pursued:
     with jax.default_matmul_precision("highest"):
         sources = Guess(guess.specular_logit, guess.sigma, guess.mu, jnp.asarray(towards))
         candidates = _pair(_narrow(response), _narrow(sources), seen)
-        channels = _prepare(response, guess, measured, candidates)
+        columns = mixed(response, guess, passed)
+        channels = _prepare(columns, solved, guess, measured, candidates)
         size = jnp.sum(channels.sources**2, axis=1)
 
         def one_more(step: Int[Array, ""], state: tuple) -> tuple:
@@ -116,8 +133,13 @@ def _pair(
     return Columns(*(jnp.where(jnp.asarray(seen), part, 0) for part in both))
 
 
-def _prepare(response: Response, guess: Guess, measured: Measured, candidates: Columns) -> _Channel:
-    columns, solved = mixed(response, guess), solve_light(response, guess, measured)
+def _prepare(
+    columns: Float[Array, "channel sample part"],
+    solved: Solved,
+    guess: Guess,
+    measured: Measured,
+    candidates: Columns,
+) -> _Channel:
     diffuse, specular = candidates
     weights, left = jnp.asarray(measured.weights), measured.radiance - solved.predicted
 

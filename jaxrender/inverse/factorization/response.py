@@ -75,12 +75,6 @@ class Response(eqx.Module):
         """Turn what is passed into the samples' response to slow light by the lobe; linear."""
 
     @abc.abstractmethod
-    def slow_radiance(
-        self, passed: Float[Array, "sample term"], slow: Float[Array, "coefficient channel"]
-    ) -> Float[Array, "sample channel"]:
-        """Evaluate the lobe's radiance under slow light: ``slow_columns`` times it, but quicker."""
-
-    @abc.abstractmethod
     def base_towards(
         self, directions: Float[Array, "direction 3"]
     ) -> Float[Array, "sample direction"]:
@@ -184,17 +178,6 @@ class MirrorResponse(Response):
     ) -> Float[Array, "sample coefficient"]:
         """Evaluate h_l(t_o) V(R) Y_lm(R)."""
         return passed[:, degrees(band_limit_of(self.slow_count))] * jnp.asarray(self.mirror_basis)
-
-    def slow_radiance(
-        self, passed: Float[Array, "sample degree"], slow: Float[Array, "coefficient channel"]
-    ) -> Float[Array, "sample channel"]:
-        """Weigh what a mirror would show of each degree, V(R) sum_m L_lm Y_lm(R)."""
-        band_limit = band_limit_of(self.slow_count)
-        starts = [degree * degree for degree in range(1, band_limit + 1)]
-        bases = jnp.split(jnp.asarray(self.mirror_basis), starts, axis=1)
-        lights = jnp.split(slow, starts, axis=0)
-        mirrored = jnp.stack([basis @ light for basis, light in zip(bases, lights)], axis=1)
-        return jnp.einsum("sl,slc->sc", passed, mirrored)
 
     def base_towards(
         self, directions: Float[Array, "direction 3"]

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import Joint
-from jaxrender.inverse.factorization.projection import solve_light
+from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.sources import (
     STEPS_PER_ROUND,
     add_sources,
@@ -77,8 +77,8 @@ def taken_up(task: Task, state: State) -> State:
     )
     if task.settings.refine:
         fresh = corrected(task, fresh)
-    solved = solve_light(response_of(task, fresh), fresh.guess, measured(task, fresh))
-    return fresh._replace(joint=Joint(fresh.guess, solved, 0, False))
+    system = reduced_system(response_of(task, fresh), fresh.guess, measured(task, fresh))
+    return fresh._replace(joint=Joint(fresh.guess, system.solved, 0, False))
 
 
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
