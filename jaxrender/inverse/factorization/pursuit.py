@@ -70,7 +70,7 @@ def pursue(
     return _pursue(response, guess, measured, passed, solved, towards, count, seen)
 
 
-@stored(partial(jax.jit, static_argnames="count"))
+@stored(partial(jax.jit, static_argnames="count"), older_emitters=True)
 def _pursue(
     response: Response,
     guess: Guess,
