@@ -46,7 +46,8 @@ def problem(count: int) -> tuple[MirrorResponse, Guess, projection.Measured]:
 def compiled(at_once: int, arguments: tuple) -> tuple[Callable, float, float]:
     """Compile the step for so many samples at once: seconds, and megabytes that it works in."""
     start = time.perf_counter()
-    program = projection.reduced_system.lower(*arguments, at_once=at_once).compile()
+    step = jax.jit(projection.reduced_system, static_argnames="at_once")
+    program = step.lower(*arguments, at_once=at_once).compile()
     seconds = time.perf_counter() - start
     return program, seconds, program.memory_analysis().temp_size_in_bytes / 1e6
 

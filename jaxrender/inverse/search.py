@@ -25,10 +25,6 @@ from jaxrender.inverse.solvers import least_squares, simplex
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 
-# XLA's newer emitters of loops do not vectorise rows of three channels: products of columns take up
-# to ten times as long by them, and longer to compile.
-_COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
-
 _OURS = "variable-projection"
 METHODS = {_OURS: least_squares, "simplex": simplex}
 
@@ -129,7 +125,7 @@ def _settle(
     return None
 
 
-@stored(partial(jax.jit, compiler_options=_COMPILER_OPTIONS))
+@stored(jax.jit, older_emitters=True)
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
@@ -138,7 +134,7 @@ def _condense_about(
         return condense(LinearisedModel.about(model, physical.numbers), data)
 
 
-@stored(partial(jax.jit, compiler_options=_COMPILER_OPTIONS))
+@stored(jax.jit, older_emitters=True)
 def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
     predicted = problem.predict(model, data, fit.solution.point, fit.linear)
@@ -149,9 +145,7 @@ def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
 
 # Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
 # tenth of filter_jit's, of which a warm search would else be half.
-@stored(
-    partial(jax.jit, static_argnames=("method", "thinning"), compiler_options=_COMPILER_OPTIONS)
-)
+@stored(partial(jax.jit, static_argnames=("method", "thinning")), older_emitters=True)
 def _search(
     problem: Problem,
     model: Model,

@@ -209,7 +209,7 @@ class Propagated(NamedTuple):
     apart: Float[Array, ""]
 
 
-@stored()
+@stored(older_emitters=True)
 def _propagate(
     problem: Problem,
     model: LinearisedModel,

@@ -21,7 +21,7 @@ from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra import azimuthal_transfer_of_samples
 
 
-@stored()
+@stored(older_emitters=True)
 @checked
 def reflect_slow_light(
     brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]

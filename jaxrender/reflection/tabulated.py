@@ -181,10 +181,6 @@ def roughness_table(
     return RoughnessTable(columns.diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
 
 
-# XLA's older emitters of loops compile this in half the time, and it runs as fast.
-_COMPILER_OPTIONS = {"xla_cpu_use_fusion_emitters": False}
-
-
 class _Knots(NamedTuple):
     """Where the specular column is evaluated."""
 
@@ -199,7 +195,7 @@ class _Columns(NamedTuple):
     specular: Float[Array, "mu_knot sigma_knot sample channel"]
 
 
-@stored(partial(jax.jit, static_argnames="transfer", compiler_options=_COMPILER_OPTIONS))
+@stored(partial(jax.jit, static_argnames="transfer"), older_emitters=True)
 def _tabulate_slow(
     variant: Glossy,
     samples: SurfaceSamples,
@@ -233,7 +229,7 @@ def _tabulate_slow(
     return _Columns(diffuse, jax.lax.map(row, knots.mus))
 
 
-@stored()
+@stored(older_emitters=True)
 def _tabulate_fast(
     variant: Glossy,
     samples: SurfaceSamples,

@@ -105,7 +105,7 @@ TRANSFERS = {
 }
 
 
-@stored()
+@stored(older_emitters=True)
 @checked
 def transfer_of_samples(
     brdf: Glossy,

@@ -39,7 +39,7 @@ def corrected(task: Task, state: State) -> State:
     return state._replace(target=task.radiance - np.asarray(specular_share(guess)) * defect)
 
 
-@stored()
+@stored(older_emitters=True)
 def _by_degree(
     response: MirrorResponse, lobe: Glossy, slow: Float[Array, "coefficient channel"]
 ) -> Float[Array, "sample channel"]:

@@ -83,10 +83,19 @@ class _SourceSlopes(NamedTuple):
 
 
 def reduced_system(
-    response: Response, guess: Guess, measured: Measured, *, at_once: int = SAMPLES_AT_ONCE
+    response: Response,
+    guess: Guess,
+    measured: Measured,
+    lobe: Lobe | None = None,
+    *,
+    at_once: int = SAMPLES_AT_ONCE,
 ) -> System:
-    """Solve for the light and set up the step of everything else, ``at_once`` samples at a time."""
-    return _reduced(response, guess, measured, lobe_slopes(response, guess), at_once)
+    """Solve for the light and set up the step of everything else, ``at_once`` samples at a time.
+
+    ``lobe`` is that of ``lobe_slopes``, where it is known.
+    """
+    lobe = lobe_slopes(response, guess) if lobe is None else lobe
+    return _reduced(response, guess, measured, lobe, at_once)
 
 
 @stored(partial(jax.jit, static_argnames="at_once"))

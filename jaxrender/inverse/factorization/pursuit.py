@@ -65,12 +65,12 @@ def pursue(
     ``seen`` says which of them each sample sees; all, where it is left out.
     """
     # Programs that the fit needs, too: they are compiled already.
-    passed = lobe_slopes(response, guess).passed
-    solved = reduced_system(response, guess, measured).solved
-    return _pursue(response, guess, measured, passed, solved, towards, count, seen)
+    lobe = lobe_slopes(response, guess)
+    solved = reduced_system(response, guess, measured, lobe).solved
+    return _pursue(response, guess, measured, lobe.passed, solved, towards, count, seen)
 
 
-@stored(partial(jax.jit, static_argnames="count"))
+@stored(partial(jax.jit, static_argnames="count"), older_emitters=True)
 def _pursue(
     response: Response,
     guess: Guess,

@@ -96,7 +96,8 @@ def factorize(
     few = task
     if step > 1:
         thinned = observations.take(np.arange(0, observations.count, step))
-        few = _task(thinned, variant, settings, known, hiding)
+        sight = None if hiding is None else Sight(hiding, places_of(thinned))
+        few = Task(thinned, task.response.thinned(step), sight, known, settings)
     with stage("light"), one_blas_thread():
         state = light_the_scene(few, begin(few), watch)
         if step > 1:

@@ -92,7 +92,7 @@ class Response(eqx.Module):
 
     def thinned(self, step: int) -> "Response":
         """Keep one in ``step`` samples."""
-        return self.of_rows(jax.tree.map(lambda rows: rows[::step], self.rows))
+        return self.of_rows(jax.tree.map(lambda rows: as_jax(np.asarray(rows)[::step]), self.rows))
 
     @property
     def slow_count(self) -> int:

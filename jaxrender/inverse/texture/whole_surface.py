@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.models import Columns, LinearisedModel, Model
+from jaxrender.inverse.models import Columns, LinearisedModel
 from jaxrender.inverse.texture.alternation import Confidence, alternate, confidence
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
@@ -178,7 +178,10 @@ def solve_surface(
         unknowns = lobe.of_sites(sites[part.site])
         known = _Known(unknowns, lobe.point, lobe.covariance, prior)
         alternating, cosines = method == "thesis", part.exit_cosines
-        solved = _solve(model_of(part.index), data, cosines, known, variance, alternating)
+        numbers = unknowns.unpack(jnp.asarray(lobe.point)).numbers
+        with jax.default_matmul_precision("highest"):
+            near = LinearisedModel.about(model_of(part.index), numbers)
+        solved = _solve(near, data, cosines, known, variance, alternating)
         count = len(sites)
         kd[sites], ks[sites] = (np.asarray(a)[:count] for a in solved.material)
         kd_error[sites], ks_error[sites] = (np.asarray(a)[:count] for a in solved.errors)
@@ -213,7 +216,7 @@ def _relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site
 
 @stored()
 def _solve(
-    model: Model,
+    near: LinearisedModel,
     data: SiteData,
     exit_cosines: Float[AnyArray, "sample"],
     known: _Known,
@@ -232,9 +235,7 @@ def _solve(
         return SiteData(data.radiance, weights, data.site, data.count)
 
     with jax.default_matmul_precision("highest"):
-        found = unknowns.unpack(point)
-        near = LinearisedModel.about(model, found.numbers)
-        columns = near.columns(found.numbers)
+        columns = near.columns(unknowns.unpack(point).numbers)
         data = weighted(jnp.asarray(data.radiance))
         first = solve_sites(site_sums(data, columns), prior)
         data = weighted(predicted(first, columns, data))
