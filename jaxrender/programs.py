@@ -20,6 +20,7 @@ import sys
 import tempfile
 import types
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -29,7 +30,7 @@ import jax
 import numpy as np
 from jax import export
 from jax.core import Tracer
-from jax.extend.core import Primitive
+from jax.extend.core import Primitive, get_opaque_trace_state
 from jax.interpreters import mlir
 
 _Function = TypeVar("_Function", bound=Callable)
@@ -45,6 +46,9 @@ _PLAIN = (type(None), bool, int, float, complex, str, bytes)
 _OLDER_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
 
 _logger = logging.getLogger(__name__)
+# Asked for where no transformation can be under way: in a thread that does nothing else.
+with ThreadPoolExecutor(1) as _thread:
+    _NOT_TRACING = _thread.submit(get_opaque_trace_state, convention="flax").result()
 _folder: Path | None = None
 
 
@@ -78,7 +82,7 @@ def stored(compile_with: Callable[..., Callable] = eqx.filter_jit, *, older_emit
 
         @functools.wraps(function)
         def call(*args, **kwargs):
-            if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((args, kwargs))):
+            if get_opaque_trace_state(convention="flax") != _NOT_TRACING:
                 return nested(*args, **kwargs)
             if _folder is None or jax.config.jax_disable_jit:
                 return plain(*args, **kwargs)

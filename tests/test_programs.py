@@ -92,6 +92,21 @@ def test_without_a_folder_it_is_jit(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@stored(jax.jit, older_emitters=True)
+def doubled(x):
+    return 2 * x
+
+
+def test_within_another_function_options_are_that_one_s(folder):
+    # Of constants alone, too: they look the same as outside.
+    inside = jax.jit(lambda x: x * doubled(VECTOR))(2.0)
+    np.testing.assert_allclose(inside, 4 * VECTOR, rtol=1e-15)
+    np.testing.assert_allclose(jax.grad(lambda x: (x * doubled(VECTOR)).sum())(1.0), 2 * 3.85)
+    assert not kept(folder)
+    np.testing.assert_array_equal(doubled(VECTOR), 2 * VECTOR)
+    assert len(kept(folder)) == 1
+
+
 @stored(partial(jax.jit, static_argnames="power"))
 def raised(x, power):
     return x**power
