@@ -292,16 +292,17 @@ def _sum_of_squares(x: Float[Array, "sample channel"]) -> Float[Array, ""]:
 
 def _priors(unknowns: Unknowns, linear: list[Unknown], dtype) -> Priors | None:
     """Line up what is known beforehand; None where nothing is."""
-    own = {name: unknowns[name].prior for name in unknowns.free_numbers}
-    known = {name: prior for name, prior in own.items() if prior is not None}
-    amounts = [
-        Prior(0.0, float("inf")) if unknown.prior is None else unknown.prior for unknown in linear
-    ]
-    if not known and all(np.isinf(prior.standard_deviation) for prior in amounts):
+    names = tuple(unknowns.free_numbers)
+    own, amounts = [unknowns[name].prior for name in names], [one.prior for one in linear]
+    if not any((*own, *amounts)):
         return None
-    means, deviations = np.array([*known.values()] or np.zeros((0, 2)), dtype).T
-    linear_means, spreads = np.array(amounts or np.zeros((0, 2)), dtype).T
-    return Priors(tuple(known), means, 1 / deviations, linear_means, 1 / spreads)
+    # One without a prior has one of no precision: which have, is no reason to compile anew.
+    anything = Prior(0.0, float("inf"))
+    (means, deviations), (linear_means, spreads) = (
+        np.array([prior or anything for prior in priors] or np.zeros((0, 2)), dtype).T
+        for priors in (own, amounts)
+    )
+    return Priors(names, means, 1 / deviations, linear_means, 1 / spreads)
 
 
 def _per_channel(unknown: Unknown, channels: int) -> Float[np.ndarray, "channel"]:

@@ -37,7 +37,7 @@ def scene():
 @pytest.mark.parametrize(
     "kind",
     [
-        Microfacet(np.ones(2), np.ones(2), 0.12, 1.6),
+        pytest.param(Microfacet(np.ones(2), np.ones(2), 0.12, 1.6), marks=pytest.mark.slow),
         Microfacet(np.ones(2), np.ones(2), 0.3, None, "exit", "smith"),
         Microfacet(np.ones(2), np.ones(2), 0.2, 1.5, "half", "smith", "ggx"),
     ],
