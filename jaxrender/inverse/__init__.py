@@ -18,6 +18,9 @@
 ``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
     intervals; what rests on grazing angles; what is identifiable and why not, in words; what rests
     on the model
+``misfit`` ``clusters`` ``diagnosis``
+    noise apart from misfit, by neighbouring pixels; error bars that know of misfit; what would
+    explain it
 ``photographs`` ``scene`` ``estimate`` ``own_words``
     photographs into observations; a scene and what of it is unknown; what was found of it, shown
     and saved; a material by the numbers of its own model

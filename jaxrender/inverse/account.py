@@ -6,8 +6,11 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
+from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
+from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
@@ -20,17 +23,46 @@ from jaxrender.inverse.uncertainty import (
     uncertain_parameters,
     within_reach,
 )
+from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import variance_factor
 
 # Photographs and a prior that differ by so many standard deviations contradict each other.
 _MOST_OFF = 4.0
+# Causes that explain this part of what the best does may be the right one as well.
+_AS_GOOD = 0.5
 
 
 class Account(NamedTuple):
-    """The error bars of a fit, and what that of the width rests on (of a glossy model)."""
+    """The error bars of a fit, what that of the width rests on (of a glossy model), and misfit."""
 
     parameters: Uncertain
     evidence: WidthEvidence | None
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
+
+    def with_misfit(self, misfit: Misfit | None, diagnosis: tuple[Diagnosis, ...]) -> "Account":
+        """Let the error bars reach as far as the parameters would move by the best explanations.
+
+        What is wrong in the same way everywhere no clusters of samples show.
+        """
+        parameters = self.parameters
+        most = max((one.explains for one in diagnosis), default=0.0)
+        shifts = [one.shift for one in diagnosis if one.explains >= _AS_GOOD * most]
+        if shifts and parameters.covariance is not None:
+            moved = sum(np.outer(shift, shift) for shift in shifts)
+            parameters = parameters.with_covariance(parameters.covariance + moved)
+        return self._replace(parameters=parameters, misfit=misfit, diagnosis=diagnosis)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Say how much the photographs hold beyond the model, and what would explain it."""
+        found = []
+        if self.misfit is not None and self.misfit.found:
+            found.append(self.misfit.sentence())
+        for best in self.diagnosis[:1]:
+            part = f"{100 * best.explains:.0f} % of what the model leaves above the noise"
+            found.append(f"{best.sentence}: that would explain {part} ({best.cause})")
+        return tuple(found)
 
 
 def account_for(
@@ -63,6 +95,7 @@ def error_bars(stop: Stop, settings: FitSettings) -> Uncertain:
         settings.noise is not None,
         variance_factor=variance_factor(in_deviations(stop), settings.loss),
         shares=stop.observations.shares,
+        clusters=Clusters.of(stop.observations),
     )
 
 
@@ -85,11 +118,13 @@ def judge(
     by_lobe = np.split(mixed > 0, len(unknowns.amplitudes))
     bound |= {name: bool(of.any()) for name, of in zip(unknowns.amplitude_names, by_lobe)}
     names = [*unknowns.free_amplitudes, *unknowns.free_numbers]
-    identifiable, reasons = {}, []
+    identifiable, reasons = {}, list(account.reasons)
+    # A prior is held against what the photographs say, be the model right or wrong.
+    exact = account.parameters.if_exact or account.parameters
     for name in names:
         reached = within_reach(account.parameters, name)
-        silent = rests_on_prior(account.parameters, name, unknowns[name].prior)
-        off = 0.0 if silent else off_prior(account.parameters, name, unknowns[name].prior)
+        silent = rests_on_prior(exact, name, unknowns[name].prior)
+        off = 0.0 if silent else off_prior(exact, name, unknowns[name].prior)
         identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF
         if bound[name]:
             reasons.append(f"{name} is at a bound of its range")
@@ -104,10 +139,23 @@ def judge(
             reasons.append(_why(name, account, variant))
     if not bool(stop.fit.solution.converged):
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
+    # A bound that somebody stated may be what is wrong.
+    if any(bound[name] and _is_stated(name, unknowns[name], variant) for name in names):
+        return Outcome.AT_BOUND, identifiable, tuple(reasons)
+    if account.reasons:
+        return Outcome.MISFIT, identifiable, tuple(reasons)
     if any(bound[name] for name in names):
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
     outcome = Outcome.CONVERGED if all(identifiable.values()) else Outcome.NOT_IDENTIFIABLE
     return outcome, identifiable, tuple(reasons)
+
+
+def _is_stated(name: str, unknown: Unknown, variant: Parametric) -> bool:
+    """Whether the bounds of a number are not those that its model has anyway."""
+    usual = {one.name: (one.lowest, one.highest) for one in variant.searched}
+    anything = Unknown()
+    low, high = usual.get(name, (anything.lower, anything.upper))
+    return unknown.lower > low or unknown.upper < high
 
 
 def _why(name: str, account: Account, variant: Parametric) -> str:

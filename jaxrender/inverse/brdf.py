@@ -6,8 +6,10 @@
 3. *Refinement*: Levenberg-Marquardt on the exact integral over a draw of the samples, starting from
    there.  The draw grows until two halves of it agree.  How far the refinement moves each parameter
    is the bias of the frequency fit, and is reported.
-4. *Account*: intervals from the full covariance, what is identifiable, where sigma comes from, and
-   what would be different under a slightly different model.
+4. *Misfit*: neighbouring pixels tell the noise; what is left above it is misfit, and score tests
+   say what would explain it.
+5. *Account*: intervals from the full covariance, widened by the misfit, what is identifiable, where
+   sigma comes from, and what would be different under a slightly different model.
 
 On a concave shape the frequency view is T 6.12, with transfer vectors and the visibilities of R and
 of the sources, and the exact one asks for every node of the light whether a sample sees it.  Light
@@ -25,21 +27,30 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.account import account_for, error_bars, judge
 from jaxrender.inverse.bounds import checked_at_bound
 from jaxrender.inverse.coarse_fit import fit_coarsely
 from jaxrender.inverse.conditioning import WidthEvidence
+from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
-from jaxrender.inverse.known_light import KnownLight, PreparedLight, exact_nodes, undivided
+from jaxrender.inverse.known_light import (
+    DUAL_ERROR,
+    KnownLight,
+    PreparedLight,
+    exact_nodes,
+    undivided,
+)
 from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.material_task import MaterialTask, Stage
-from jaxrender.inverse.models import ExactModel
+from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
+from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, descend, values_of
-from jaxrender.inverse.shadowing import concave, nodes_seen
+from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
@@ -55,6 +66,11 @@ _LITTLE_WORK, _MOST_WORK, _MOST_DRAWN = 5e4, 4e8, 100_000
 SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
 
+# Pixels that tell the noise, and the cells of the light by which they are predicted if the fit has
+# no nodes of its own, in widths of the lobe.
+_MOST_NEIGHBOURS, _NEIGHBOURS_CELL = 6000, 0.5
+
+
 class BRDFFit(NamedTuple):
     """A recovered material with all that is known about how well it is known."""
 
@@ -68,6 +84,13 @@ class BRDFFit(NamedTuple):
     light: PreparedLight
     reasons: tuple[str, ...]
     bounced: Bounced | None = None
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
+
+    @property
+    def noise(self) -> NoiseModel:
+        """The noise of single pixels where it is known, else that of the residuals."""
+        return self.final.noise if self.misfit is None else self.misfit.noise
 
     @property
     def final(self) -> Stop:
@@ -102,10 +125,11 @@ def fit_brdf(
     ``variant`` tells the model: of a microfacet the distribution, the Fresnel angle, the masking
     and, by ``mu=None``, a metal; its numbers do not matter.  ``stage`` is entered with the name of
     each step.  ``shape`` is asked for shadows where it is concave, and then the observations must
-    have places.  ``pool`` are all pixels that the observations were drawn from: the refinement
-    draws from it.  Raises
-    ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base that is
-    not Lambertian.
+    have places.  ``pool`` are all pixels that the observations were drawn from: neighbours among
+    them tell the noise, and on a convex shape the refinement draws from it.
+
+    Raises ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base
+    that is not Lambertian.
     """
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
@@ -126,10 +150,22 @@ def fit_brdf(
             prepared = undivided(light, observations, settings.band_limit)
     exact, bounced = None, None
     if settings.refine:
-        exact, bounced = _refine(task, quick, choice if pool is None else Choice(pool))
+        # Shadows are traced for the samples alone: a pool would cost as many times more rays.
+        drawn_from = choice if pool is None or task.shape is not None else Choice(pool)
+        exact, bounced = _refine(task, quick, drawn_from)
     final = quick if exact is None else exact
+    pool = observations if pool is None else pool
+    with stage("misfit"):
+        misfit = _misfit(task, final, pool)
+    diagnosis = ()
+    if misfit is not None and settings.diagnose:
+        with stage("diagnosis"):
+            material = task.material(final)
+            suspect = Suspect(final, material, light, shape, pool, settings.seed)
+            diagnosis = diagnose(suspect, misfit)
     with stage("account"):
         account = account_for(final, variant, prepared, settings, task.shape)
+        account = account.with_misfit(misfit, diagnosis)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
         task.material(final),
@@ -142,6 +178,8 @@ def fit_brdf(
         prepared,
         reasons,
         bounced,
+        misfit,
+        diagnosis,
     )
 
 
@@ -181,12 +219,9 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
             some, index = draw(pool, weight, count, settings.seed)
             cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
             nodes = exact_nodes(light, np.asarray(some.frame), task.width(before), cells)
-        seen = None
-        if shape is not None:
-            with stage("shadows"):
-                seen = nodes_seen(shape, some, nodes)
+        with stage("refine" if shape is None else "shadows"):
+            model = task.integral(some, nodes)
         with stage("refine"):
-            model = ExactModel(task.variant, some.samples, nodes, seen)
             begin = before.onward(None if expected is None else expected[index])
             stop = descend(task.problem, model, some, begin, settings)
             stop = checked_at_bound(stop, model, settings)
@@ -206,6 +241,36 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
 
     with stage("interreflection"):
         return _Refined(*fit_with_bounces(stop, shape, light, refit))
+
+
+def _misfit(task: MaterialTask, stop: Stop, pool: Observations) -> Misfit | None:
+    """Measure the noise between neighbouring pixels, and what the fit leaves above it."""
+    fitted = Left(stop.observations, np.asarray(stop.fit.predicted))
+    # As many as the fit's own samples: the program that predicts them is there already.
+    count = min(stop.observations.count, _MOST_NEIGHBOURS)
+    rows = rows_of_three(pool, count // 3, task.settings.seed)
+    neighbours = None
+    if len(rows):
+        some = pool.take(np.resize(rows.ravel(), count))
+        frame = np.asarray(some.frame)
+        if isinstance(stop.model, ExactModel):
+            nodes = tuple(
+                part._replace(frame_of_sample=frame) if isinstance(part, FrameNodes) else part
+                for part in stop.model.nodes
+            )
+        else:
+            nodes = exact_nodes(task.light, frame, task.width(stop), _NEIGHBOURS_CELL)
+        physical = task.unknowns.unpack(stop.fit.solution.point)
+        near = LinearisedModel.about(task.integral(some, nodes), physical.numbers)
+        data = stop.data._replace(frame=frame)
+        predicted = task.problem.columns(near, data, physical).times(stop.fit.linear.amplitudes)
+        threes = np.arange(rows.size)
+        neighbours = Left(some.take(threes), np.asarray(predicted)[threes])
+    given = task.settings.noise
+    if task.settings.refine:
+        return measure_misfit(fitted, neighbours, given)
+    # The dual model leaves as much of its own.
+    return measure_misfit(fitted, neighbours, given, least=DUAL_ERROR)
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:

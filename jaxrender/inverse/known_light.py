@@ -37,7 +37,7 @@ from jaxrender.shapes import Int, checked
 _BAND_LIMIT_TIMES_SIGMA = 3.2
 _HIGHEST_BAND_LIMIT = 128
 # The dual model's specular column is to be this accurate (relative rms) ...
-_DUAL_ERROR = 0.007
+DUAL_ERROR = 0.007
 # ... at no more than this many sources; the rough first pass makes do with fewer.
 _MOST_SOURCES = 1024
 _ROUGH_SOURCES = 64
@@ -196,7 +196,7 @@ def prepare_light(
     degrees = band_limit_for(light.environment, sigma) if band_limit is None else band_limit
     degrees = min(degrees, light.environment.grid.band_limit)
     if split == "auto":
-        goal = DualGoal(_DUAL_ERROR, _MOST_SOURCES, degrees, transfer)
+        goal = DualGoal(DUAL_ERROR, _MOST_SOURCES, degrees, transfer)
         divided, needed = _divide_as_needed(light.environment, observations.samples, brdf, goal)
     else:
         divided, needed = _divide(light.environment, float(brdf.sigma), split), None

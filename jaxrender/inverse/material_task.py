@@ -11,9 +11,13 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import width_range
+from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import FitSettings, Stop, values_of
+from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.inverse.unknowns import Unknowns
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import FrameNodes
 
 # A step of a fit is entered by its name, so that it can be timed and shown.
 Stage = Callable[[str], AbstractContextManager]
@@ -56,6 +60,13 @@ class MaterialTask(NamedTuple):
         lobe = self.variant.with_numbers({n: float(v) for n, v in found.numbers.items()})
         amounts = found.in_order(lobe.amplitude_names)
         return lobe.with_amplitudes(*(np.asarray(amount) for amount in amounts))
+
+    def integral(
+        self, observations: Observations, nodes: tuple[LightNodes | FrameNodes, ...]
+    ) -> ExactModel:
+        """Make the exact model of some samples; where the shape is concave it traces shadows."""
+        seen = nodes_seen(self.shape, observations, nodes)
+        return ExactModel(self.variant, observations.samples, nodes, seen)
 
     def width(self, stop: Stop) -> float:
         """How fine a light the lobe asks for at which a pass has ended."""

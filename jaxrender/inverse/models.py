@@ -180,12 +180,23 @@ class ExactModel(eqx.Module):
     ) -> Float[Array, "sample lobe channel"]:
         """Sum over the lights that all photographs share and over those of each frame."""
         parts = [
-            integral_columns_by_frame(lobe, self.samples, part, seen, widths=widths)
-            if isinstance(part, FrameNodes)
-            else integral_columns(lobe, self.samples, part, seen, widths=widths)
+            columns_under(lobe, self.samples, part, seen, widths)
             for part, seen in zip(self.nodes, self.seen or [None] * len(self.nodes))
         ]
         return jnp.sum(jnp.stack(parts), axis=0)
+
+
+def columns_under(
+    lobe: Parametric,
+    samples: SurfaceSamples,
+    nodes: LightNodes | FrameNodes,
+    seen: Bool[AnyArray, "sample node"] | None = None,
+    widths: Float[AnyArray, "sample"] | None = None,
+) -> Float[Array, "sample lobe channel"]:
+    """Sum each lobe over one part of a light: of all photographs, or of each its own."""
+    if isinstance(nodes, FrameNodes):
+        return integral_columns_by_frame(lobe, samples, nodes, seen, widths=widths)
+    return integral_columns(lobe, samples, nodes, seen, widths=widths)
 
 
 class DiffuseModel(eqx.Module):

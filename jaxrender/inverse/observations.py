@@ -16,7 +16,8 @@ class Observations(NamedTuple):
 
     Shadows of a concave shape are traced from ``places``; ``transfer`` are the vectors of T 6.10
     there, where they are known already.  ``stands_for`` tells how many pixels each sample of a
-    draw stands for; None: one each.
+    draw stands for; None: one each.  ``pixel`` is the row and column of each in its photograph,
+    and ``eyes`` are where the photographs' cameras stand, where that is known.
     """
 
     samples: SurfaceSamples
@@ -25,6 +26,8 @@ class Observations(NamedTuple):
     places: SurfacePlaces | None = None
     transfer: Float[AnyArray, "sample coefficient"] | None = None
     stands_for: Float[AnyArray, "sample"] | None = None
+    pixel: Int[AnyArray, "sample 2"] | None = None
+    eyes: Float[AnyArray, "frame 3"] | None = None
 
     @checked
     def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
@@ -39,7 +42,10 @@ class Observations(NamedTuple):
         stands_for = self.stands_for
         if stands_for is not None:
             stands_for = np.asarray(stands_for)[index]
-        return Observations(samples, radiance, frame, places, transfer, stands_for)
+        pixel = None if self.pixel is None else np.asarray(self.pixel)[index]
+        return Observations(
+            samples, radiance, frame, places, transfer, stands_for, pixel, self.eyes
+        )
 
     @property
     def pixels(self) -> Float[np.ndarray, "sample"]:

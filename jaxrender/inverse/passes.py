@@ -48,6 +48,7 @@ class FitSettings(NamedTuple):
     starts: int = 8
     seed: int = 0
     interreflection: bool = False
+    diagnose: bool = True
 
     @property
     def split_transfer(self) -> str:

@@ -192,6 +192,8 @@ def observations_of(photographs: list[Photograph]) -> Observations:
         SurfacePlaces(
             gathered([v.points for v in views]), gathered([v.geometric_normals for v in views])
         ),
+        pixel=np.concatenate([np.argwhere(usable) for usable in pick]),
+        eyes=np.stack([photograph.frame.camera.position for photograph in photographs]),
     )
 
 

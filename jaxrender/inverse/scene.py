@@ -225,10 +225,10 @@ def _under_known_light(
         material.lobe,
         settings,
         shape=scene.shape,
-        pool=pool if convex else None,
+        pool=pool,
     )
     light = scene.light or known.directional
-    return _estimate(material, found, light, found.final.noise, found.final.relative_rms)
+    return _estimate(material, found, light, found.noise, found.final.relative_rms)
 
 
 def _check_lights(per_frame: tuple[DirectionalSources, ...], photographs: int) -> None:

@@ -66,10 +66,10 @@ def search(
     part, thinning = (model, data), THINNING
     if few is not None:
         part, thinning = few.of(model, data), 1
-    ends = [_search(problem, *part, s, thinning=thinning).solution.point for s in starts]
+    ends = [_search(problem, *part, s, method, thinning).solution.point for s in starts]
     return _lowest(
         [
-            _settle(problem, model, data, end) or _search(problem, model, data, end)
+            _settle(problem, model, data, end) or _search(problem, model, data, end, method, 1)
             for end in _distinct(ends)
         ]
     )
@@ -84,7 +84,7 @@ def _best(
 ) -> Fit:
     """Search from every start among all samples."""
     # One after the other: a batched search compiles for ten seconds to save a few milliseconds.
-    return _lowest([_search(problem, model, data, s, method) for s in starts])
+    return _lowest([_search(problem, model, data, s, method, 1) for s in starts])
 
 
 def _distinct(ends: list[Float[Array, "unknown"]]) -> list[Float[Array, "unknown"]]:
@@ -114,7 +114,7 @@ def _settle(
     """
     for _ in range(_LAST_STEPS):
         few, few_data = _condense_about(problem, model, data, point)
-        fit = _search(problem, few, few_data, point)
+        fit = _search(problem, few, few_data, point, _OURS, 1)
         moved = np.abs(np.asarray(fit.solution.point) - np.asarray(point))
         point = fit.solution.point
         if not np.all(moved < _SETTLED):
@@ -144,15 +144,16 @@ def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
 
 
 # Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
-# tenth of filter_jit's, of which a warm search would else be half.
+# tenth of filter_jit's, of which a warm search would else be half.  No argument has a default: one
+# that is left out would make another program than one that is stated.
 @stored(partial(jax.jit, static_argnames=("method", "thinning")), older_emitters=True)
 def _search(
     problem: Problem,
     model: Model,
     data: Data,
     start: Float[Array, "unknown"],
-    method: str = _OURS,
-    thinning: int = 1,
+    method: str,
+    thinning: int,
 ) -> Fit:
     if thinning > 1:
         every = slice(None, None, thinning)

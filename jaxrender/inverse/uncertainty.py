@@ -8,6 +8,9 @@ lie above their origins, so their intervals are symmetric in the logarithm of th
 
 Samples of a draw that stand for c pixels each count c times in the sum of squares, but are measured
 only once.  Their covariance is (J' C W J)^-1 (J' C^2 W J) (J' C W J)^-1 in place of (J' W J)^-1.
+
+That covariance is right if the model is.  Where the samples come with their ``clusters``, it is
+widened by what they leave unexplained together, and the model's own stays beside it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 
+from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.unknowns import Prior
@@ -73,7 +77,8 @@ class Uncertain(NamedTuple):
     is that of all of ``Parameters`` one after the other.
     ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
     difference between what each of them says, over what 99.9 % of halves stay below.  ``origins``
-    are what the lobe's numbers lie above.
+    are what the lobe's numbers lie above.  ``if_exact`` is the same as it would be if the model
+    were exact, where this one knows of misfit.
     """
 
     value: Parameters
@@ -83,6 +88,13 @@ class Uncertain(NamedTuple):
     covariance: Float[np.ndarray, "number number"] | None = None
     disagreement: float = 0.0
     origins: Mapping[str, float] = MappingProxyType({})
+    if_exact: "Uncertain | None" = None
+
+    def with_covariance(self, covariance: Float[np.ndarray, "number number"]) -> "Uncertain":
+        """Put intervals of another covariance about the same values; these stay as ``if_exact``."""
+        error = _spread_over(self.value, covariance)
+        found = intervals(self.value, error, self.origins, covariance)
+        return found._replace(disagreement=self.disagreement, if_exact=self.if_exact or self)
 
 
 def uncertain_parameters(
@@ -94,11 +106,13 @@ def uncertain_parameters(
     *,
     variance_factor: float = 1.0,
     shares: Float[np.ndarray, "sample"] | None = None,
+    clusters: Clusters | None = None,
 ) -> Uncertain:
     """Compute the parameters at the end of a fit, with their intervals.
 
     ``variance_factor`` is that of a robust loss (:mod:`jaxrender.inverse.weights`).  ``shares``
     tell how many pixels each sample stands for, relative to their mean, which its weight has in it.
+    ``clusters`` are of samples that may err together.
     """
     shares = np.ones(data.radiance.shape[0]) if shares is None else shares
     held = _held(problem, fit)
@@ -107,17 +121,27 @@ def uncertain_parameters(
     end = fit.solution.point, fit.linear.eliminated
     drawn = Drawn(data, shares, half)
     factor = np.asarray(variance_factor)
-    value, covariance, apart = _propagate(problem, model, drawn, *end, held, noise_given, factor)
-    structure = jax.tree.structure(value)
-    sizes = [leaf.size for leaf in jax.tree.leaves(value)]
-    errors = np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0))
-    parts = np.split(errors, np.cumsum(sizes)[:-1])
-    shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, jax.tree.leaves(value))]
-    error = jax.tree.unflatten(structure, shaped)
+    value, covariance, apart, influence = _propagate(
+        problem, model, drawn, *end, held, noise_given, factor
+    )
     value = jax.tree.map(lambda leaf: np.asarray(leaf, float), value)
     most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
-    found = intervals(value, error, problem.unknowns.origins, np.asarray(covariance))
-    return found._replace(disagreement=float(apart) / float(most))
+    covariance = np.asarray(covariance)
+    error = _spread_over(value, covariance)
+    found = intervals(value, error, problem.unknowns.origins, covariance)
+    found = found._replace(disagreement=float(apart) / float(most))
+    if clusters is None:
+        return found
+    return found.with_covariance(widened(covariance, clusters.covariance(np.asarray(influence))))
+
+
+def _spread_over(value: Parameters, covariance: Float[np.ndarray, "number number"]) -> Parameters:
+    """Lay standard errors out as the parameters are."""
+    leaves, structure = jax.tree.flatten(value)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0))
+    parts = np.split(errors, np.cumsum([leaf.size for leaf in leaves])[:-1])
+    shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, leaves)]
+    return jax.tree.unflatten(structure, shaped)
 
 
 def intervals(
@@ -193,6 +217,20 @@ def to_parameters(
     return Parameters(by_name, physical.numbers, physical.gains, scale)
 
 
+@stored(older_emitters=True)
+def slopes_of_parameters(
+    problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
+) -> Float[Array, "parameter all"]:
+    """Differentiate the parameters, one after the other, by search variables and linear part."""
+    split = point.shape[0]
+
+    def parameters(vector: Float[Array, "all"]) -> Float[Array, "parameter"]:
+        found = to_parameters(problem, vector[:split], vector[split:])
+        return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(found)])
+
+    return jax.jacfwd(parameters)(jnp.concatenate([point, eliminated]))
+
+
 class Drawn(NamedTuple):
     """Data with the share of each sample, and which of them are in the first of two halves."""
 
@@ -202,11 +240,15 @@ class Drawn(NamedTuple):
 
 
 class Propagated(NamedTuple):
-    """Parameters, their covariance, and the chi-squared between the two halves of a draw."""
+    """Parameters, their covariance, and the chi-squared between the two halves of a draw.
+
+    ``influence`` is how far what the model leaves of each sample moves each parameter.
+    """
 
     value: Parameters
     covariance: Float[Array, "parameter parameter"]
     apart: Float[Array, ""]
+    influence: Float[Array, "sample parameter"]
 
 
 @stored(older_emitters=True)
@@ -226,10 +268,6 @@ def _propagate(
     def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
         predicted = problem.predict(model, data, vector[:split], problem.linear(vector[split:]))
         return (jnp.asarray(data.weights) * (data.radiance - predicted)).ravel()
-
-    def parameters(vector: Float[Array, "all"]) -> Float[Array, "parameter"]:
-        found = to_parameters(problem, vector[:split], vector[split:])
-        return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(found)])
 
     with jax.default_matmul_precision("highest"):
         jacobian = jnp.where(held[None, :], 0, jax.jacfwd(residual)(vector))
@@ -251,11 +289,14 @@ def _propagate(
         covariance, _ = answer(jnp.ones_like(in_half))
         (first, one), (second, other) = answer(in_half), answer(~in_half)
         apart = jnp.where(held, 0, one - other)
-        spread = jnp.where(held[None, :], 0, jax.jacfwd(parameters)(vector))
+        spread = jnp.where(held[None, :], 0, slopes_of_parameters(problem, point, eliminated))
+        scores = (left[:, None] * jacobian / variance).reshape(-1, channels, len(vector))
+        moves = spread @ _inverse(jacobian.T @ jacobian / variance + prior)
         return Propagated(
             to_parameters(problem, vector[:split], vector[split:]),
             spread @ covariance @ spread.T,
             apart @ _inverse(first + second) @ apart,
+            jnp.sum(scores, axis=1) @ moves.T,
         )
 
 

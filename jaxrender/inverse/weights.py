@@ -30,6 +30,13 @@ def deviations(
     return np.hypot(deviation, _LEAST_NOISE * scale)
 
 
+def standard_deviations(
+    noise: NoiseModel, predicted: Float[np.ndarray, "*any channel"]
+) -> Float[np.ndarray, "*any channel"]:
+    """Compute the same of predictions by themselves, whose root mean square is the scale."""
+    return deviations(noise, predicted, float(np.sqrt(np.mean(predicted**2))))
+
+
 def noise_settled(
     before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "sample channel"]
 ) -> bool:

@@ -140,8 +140,6 @@ def recover_material(
     else:
         unknowns = unknowns_of(config, len(photographs))
         lobe = lobe_of(config.brdf)
-        # Shadows are traced for the samples alone: a pool would cost as many times more rays.
-        pool = pool if transfer is None else None
         found = fit_brdf(
             observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
         )

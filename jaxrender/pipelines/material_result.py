@@ -8,6 +8,7 @@ from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import Stop, values_of
@@ -21,6 +22,14 @@ from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.shadows import interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
+
+# Keys of a config that make up for a cause.
+_FREE = {
+    "exposure": "solve.free_exposure",
+    "saturation": "capture.saturation",
+    "lobe": "brdf.compare",
+    "interreflection": "solve.interreflection",
+}
 
 
 class Finding(NamedTuple):
@@ -53,17 +62,21 @@ def result_of(finding: Finding) -> Result:
         identifiable=fit.identifiable,
         relative_rms=final.relative_rms,
         samples=final.observations.count,
-        noise=final.noise,
+        noise=fit.noise,
         lighting=_lighting(finding),
         photographs=finding.photographs,
         own=_own(finding),
+        misfit=fit.misfit,
     )
 
 
 def _own(finding: Finding) -> dict[str, Any]:
     """Gather the keys that only this task has."""
     fit, words = finding.fit, _words(finding)
+    exact = fit.parameters.if_exact or fit.parameters
     own: dict[str, Any] = {
+        "interval90_if_exact": words.intervals(exact.lower, exact.upper),
+        "diagnosis": [_named(diagnosis) for diagnosis in fit.diagnosis],
         "model_sensitive": model_sensitive(fit, finding.variants),
         "variants": [_variant(finding, variant) for variant in finding.variants],
     }
@@ -118,6 +131,17 @@ def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
         "unknowns": [*forecast.unknowns],
         "weakest": forecast.weakest.tolist(),
         "sentences": list(forecast.sentences),
+    }
+
+
+def _named(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Lay out one cause, with the key that makes up for it where there is one."""
+    return {
+        "cause": diagnosis.cause,
+        "sentence": diagnosis.sentence,
+        "explains": diagnosis.explains,
+        "bic": diagnosis.bic,
+        "free": _FREE.get(diagnosis.cause),
     }
 
 

@@ -24,6 +24,7 @@ from jaxrender import __version__
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
+from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Format
 from jaxrender.pipelines.config import RunConfig, load_run_config
@@ -38,7 +39,7 @@ class Result(NamedTuple):
 
     ``brdf`` holds the model's name and its parameters; intervals, errors and whether they are
     identifiable go by the parameters' names.  The residual is of ``samples``, relative to their
-    radiance.
+    radiance; ``misfit`` the part of it that is no noise, where that is known.
     """
 
     task: str
@@ -54,6 +55,7 @@ class Result(NamedTuple):
     lighting: dict[str, Any]
     photographs: list[Photograph]
     own: dict[str, Any]
+    misfit: Misfit | None = None
 
     def document(self, provenance: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
         """Lay out what ``result.json`` holds; None for what JSON has no number for."""
@@ -67,7 +69,11 @@ class Result(NamedTuple):
                 "interval90": self.interval90,
                 "standard_error": self.standard_error,
                 "identifiable": self.identifiable,
-                "residual": {"relative_rms": self.relative_rms, "samples": self.samples},
+                "residual": {
+                    "relative_rms": self.relative_rms,
+                    "samples": self.samples,
+                    **_misfit(self.misfit),
+                },
                 "noise": {
                     "relative": float(self.noise.relative),
                     "floor": float(self.noise.floor),
@@ -79,6 +85,16 @@ class Result(NamedTuple):
                 "seconds": seconds,
             }
         )
+
+
+def _misfit(misfit: Misfit | None) -> dict[str, Any]:
+    """Say how much of the residual is no noise; nothing where nobody knows."""
+    if misfit is None:
+        return {}
+    found: dict[str, Any] = {"rms": misfit.rms, "share": misfit.share}
+    if misfit.correlation is not None:
+        found["correlation"] = misfit.correlation
+    return {"misfit": found | {"noise": misfit.noise.relative}}
 
 
 def provenance_of(inputs: list[Path], seed: int) -> dict[str, Any]:

@@ -157,6 +157,7 @@ def settings_of(config: RunConfig) -> FitSettings:
         starts=solve.starts,
         seed=config.samples.seed,
         interreflection=solve.interreflection,
+        diagnose=solve.diagnose,
     )
 
 

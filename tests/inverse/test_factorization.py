@@ -25,11 +25,12 @@ from jaxrender.geometry import fibonacci_sphere
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
-from jaxrender.inverse.factorization.account import GAUGES, account_of
+from jaxrender.inverse.factorization.account import GAUGES, _inverse, _moves, account_of
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
 from jaxrender.inverse.factorization.projection import (
+    Drawn,
     lobe_slopes,
     mixed,
     prediction_slopes,
@@ -204,7 +205,8 @@ def test_scatter_is_that_of_whole_matrices(photographs):
     state = _with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     found, shares = reduced_system(response, guess, data), task.observations.shares
-    ours = scatter(response, guess, data, jnp.asarray(shares), found)
+    one = np.zeros(photographs.count, int)
+    ours = scatter(response, guess, data, Drawn(shares, one), found)
     slopes, own = _slopes(response, guess, found.solved.light), 0
     for k, columns in enumerate(np.asarray(mixed(response, guess))):
         whole = np.concatenate([columns, slopes[k]], axis=1)
@@ -229,10 +231,43 @@ def test_scatter_of_single_pixels_is_the_curvature(photographs):
     state = _with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
     system = reduced_system(response, guess, data)
-    ours = scatter(response, guess, data, jnp.ones(photographs.count), system)
+    drawn = Drawn(np.ones(photographs.count), np.zeros(photographs.count, int))
+    ours = scatter(response, guess, data, drawn, system)
     scale = np.abs(system.curvature).max()
     np.testing.assert_allclose(ours.own, system.curvature, atol=1e-9 * scale)
     np.testing.assert_allclose(ours.both, 0, atol=1e-9 * np.abs(system.across).max())
+
+
+def test_groups_of_samples_move_the_answer_as_whole_matrices_say(photographs):
+    """What a group leaves moves light and material by the answer to its right-hand side alone."""
+    task = _task(photographs)
+    state = _with_sources(task, [SOURCE])
+    response, guess, data = response_of(task, state), state.guess, measured(task, state)
+    system, group = reduced_system(response, guess, data), np.arange(photographs.count) % 5
+    free = free_unknowns(task, state)
+    inverse = _inverse(system, free)
+    drawn = Drawn(np.ones(photographs.count), group)
+    ours = _moves(system, scatter(response, guess, data, drawn, system), inverse)
+    slopes = _slopes(response, guess, system.solved.light)
+    unknowns, (channels, _, parts) = slopes.shape[-1], np.shape(system.solved.normal)
+    size = unknowns + channels * parts
+    bread, rights = np.zeros((size, size)), np.zeros((5, size))
+    bread[:unknowns, :unknowns] = np.eye(unknowns) / 4
+    left = np.asarray(data.radiance) - np.asarray(system.solved.predicted)
+    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+        at = np.r_[:unknowns, unknowns + k * parts : unknowns + (k + 1) * parts]
+        whole = data.weights[:, k, None] * np.concatenate([slopes[k], columns], axis=1)
+        dark = np.append(np.zeros(121), ~state.active)
+        prior = np.diag(np.concatenate([np.zeros(unknowns), data.penalty[:, k] + dark]))
+        bread[np.ix_(at, at)] += whole.T @ whole + prior
+        for g in range(5):
+            rows = group == g
+            rights[g, at] += whole[rows].T @ (data.weights[rows, k] * left[rows, k])
+    kept = np.concatenate([free, np.ones(size - unknowns, bool)])
+    expected = np.zeros((5, size))
+    expected[:, kept] = np.linalg.solve(bread[np.ix_(kept, kept)], rights[:, kept].T).T
+    np.testing.assert_allclose(ours[:5], expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_array_equal(ours[5:], 0)
 
 
 def test_a_sample_counts_as_often_as_it_stands_for_pixels(photographs):

@@ -50,7 +50,11 @@ def test_every_promised_key_is_there(result):
         assert [type(value) for value in section["kd"]] == [float] * 3
         assert all(isinstance(section[name], float) for name in ("ks", "sigma", "mu"))
     assert all(isinstance(result["identifiable"][name], bool) for name in MATERIAL)
-    assert set(result["residual"]) == {"relative_rms", "samples"}
+    assert set(result["residual"]) == {"relative_rms", "samples", "misfit"}
+    assert set(result["residual"]["misfit"]) == {"rms", "share", "correlation", "noise"}
+    assert result["diagnosis"] == []
+    for name, exact in result["interval90_if_exact"].items():
+        assert np.all(np.ptp(exact, axis=-1) <= np.ptp(result["interval90"][name], axis=-1) + 1e-12)
     # Under one source the refinement takes every usable pixel: fewer would not be quicker.
     assert result["residual"]["samples"] == result["pixels"]["usable"] > 300
     assert {"gauge", "directional"} <= set(result["lighting"])

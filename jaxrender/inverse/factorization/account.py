@@ -12,8 +12,10 @@ Photographs alone fix the product of light and reflectance in each channel.  The
 The covariance is that of least squares over all unknowns together.  It is (J' W J + Lambda)^-1
 times the mean squared weighted residual and the loss's ``variance_factor``.  A sample that stands
 for c pixels is measured only once.  So J' C W J + Lambda stands between two of these inverses
-(``projection.scatter``); W has c in it.  The covariance is carried over to parameters and light in
-their own units.  A gauge that depends on what was found adds its part to both.
+(``projection.scatter``); W has c in it.  It is widened by what photographs, and samples that
+reflect the same part of the light, leave unexplained together (``clusters``).  Then it is carried
+over to parameters and light in their own units.  A gauge that depends on what was found adds its
+part to both.
 """
 
 from typing import NamedTuple
@@ -26,7 +28,9 @@ import scipy.linalg
 
 from jaxrender.brdf import Parametric
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
+from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.factorization.projection import (
+    Drawn,
     Scatter,
     System,
     reduced_system,
@@ -93,15 +97,21 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     variance *= variance_factor(in_deviations(task, state, solved).left, task.settings.loss)
-    shares = task.observations.shares
-    spread = scatter(response, state.guess, data, shares, system)
-    whole = _joint_covariance(system, spread, _inverse(system, free), variance)
+    clusters, inverse = Clusters.of(task.observations), _inverse(system, free)
+    together, group = clusters.both
+    drawn = Drawn(task.observations.shares, group)
+    spread = scatter(response, state.guess, data, drawn, system)
+    exact = _joint_covariance(system, spread, inverse, variance)
+    moves = _moves(system, spread, inverse)[: len(together.cell)]
+    whole = widened(exact, together.covariance(moves))
     covariance, light = whole[: len(free), : len(free)], np.asarray(solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
     variant = task.response.variant
     parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
+    if_exact, _ = _in_gauge(unknown, exact[np.ix_(kept, kept)], variant, gauge, light.shape)
+    parameters = parameters._replace(if_exact=if_exact)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     determined = _determined(np.asarray(data.penalty)[: response.slow_count], alone, variance)
     factor = gauge_factors(np.asarray(specular_share(state.guess)), light[0], gauge)
@@ -153,6 +163,20 @@ def _joint_covariance(
     together = np.eye(len(alone))
     together[first:, :first] = -np.concatenate(answers)
     return variance * together @ alone @ together.T
+
+
+def _moves(
+    system: System, spread: Scatter, inverse: Float[np.ndarray, "unknown unknown"]
+) -> Float[np.ndarray, "group number"]:
+    """Say how far what each group of samples leaves moves nonlinear unknowns and the light."""
+    own = np.asarray(spread.slopes) @ inverse
+    found = [own]
+    parts = (system.solved.normal, system.across, spread.rights)
+    for factor, across, right in zip(*map(np.asarray, parts)):
+        root = np.linalg.inv(factor)
+        normal = root.T @ root
+        found.append((right - own @ across.T) @ normal)
+    return np.concatenate(found, axis=1)
 
 
 def _in_gauge(

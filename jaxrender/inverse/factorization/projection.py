@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.geometry import world_from_local
 from jaxrender.inverse.factorization.blocks import (
@@ -28,7 +29,10 @@ from jaxrender.inverse.factorization.blocks import (
 )
 from jaxrender.inverse.factorization.response import Columns, Guess, Response, specular_share
 from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, Int
+
+# Groups are filled up to a multiple of this, so that few programs are compiled.
+_GROUPS = 256
 
 
 class Solved(NamedTuple):
@@ -59,12 +63,22 @@ class Scatter(NamedTuple):
     """Covariances of both sides of the equations by the noise of the samples, not by their weights.
 
     ``own`` is the covariance of the reduced slope, ``light`` that of each channel's equations of
-    the light, ``both`` that of one with the other.
+    the light, ``both`` that of one with the other.  ``slopes`` and ``rights`` are what single
+    groups of samples leave of the reduced slope and of the light's equations.
     """
 
     own: Float[Array, "unknown unknown"]
     light: Float[Array, "channel part part"]
     both: Float[Array, "channel part unknown"]
+    slopes: Float[Array, "group unknown"]
+    rights: Float[Array, "channel group part"]
+
+
+class Drawn(NamedTuple):
+    """How many pixels each sample stands for, relative to their mean, and the group it is in."""
+
+    shares: Float[AnyArray, "sample"]
+    group: Int[np.ndarray, "sample"]
 
 
 class Lobe(NamedTuple):
@@ -137,57 +151,69 @@ def scatter(
     response: Response,
     guess: Guess,
     measured: Measured,
-    shares: Float[AnyArray, "sample"],
+    drawn: Drawn,
     system: System,
 ) -> Scatter:
     """Sum up how the noise of the samples moves the equations of ``reduced_system``.
 
-    The squared weights of ``measured`` contain ``shares``: a sample that stands for c pixels counts
+    The squared weights of ``measured`` contain the shares: a sample that stands for c pixels counts
     c times, but is measured once.  So its score has c times the variance that its weight stands
     for.  What is expected of the light counts as it is.
     """
-    return _scatter(response, guess, measured, lobe_slopes(response, guess), shares, system)
+    groups = -(-(int(drawn.group.max()) + 1) // _GROUPS) * _GROUPS
+    return _scatter(response, guess, measured, lobe_slopes(response, guess), drawn, system, groups)
 
 
-@stored(jax.jit)
+@stored(partial(jax.jit, static_argnames="groups"))
 def _scatter(
     response: Response,
     guess: Guess,
     measured: Measured,
     lobe: Lobe,
-    shares: Float[AnyArray, "sample"],
+    drawn: Drawn,
     system: System,
+    groups: int,
 ) -> Scatter:
     solved = system.solved
     with jax.default_matmul_precision("highest"):
         blocks = in_blocks(response, lobe, measured, SAMPLES_AT_ONCE)
-        alone = measured._replace(weights=jnp.sqrt(jnp.asarray(shares))[:, None])
-        own_shares = in_blocks(response, (), alone, SAMPLES_AT_ONCE).weights
+        alone = measured._replace(
+            radiance=jnp.asarray(measured.radiance) - solved.predicted,
+            weights=jnp.sqrt(jnp.asarray(drawn.shares))[:, None],
+        )
+        others = in_blocks(response, jnp.asarray(drawn.group), alone, SAMPLES_AT_ONCE)
         answers = _by_channel(
             lambda factor, across: jax.scipy.linalg.cho_solve((factor, True), across),
             solved.normal,
             system.across,
         )
 
-        def add(block: Block, share_root: Float[Array, "sample 1"]) -> Part:
+        def add(block: Block, other: Block) -> Part:
             own = response.of_rows(block.rows)
             columns = _evaluated(own, block.lobe.passed, guess)
             slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
+            in_group = jax.nn.one_hot(other.lobe, groups, axis=0, dtype=slopes.dtype)
 
-            def of_channel(share, weights, slopes, answer):
+            def of_channel(share, weights, roots, left, slopes, answer):
                 weighted = _weighted(columns, share, weights)
                 moved = weights[:, None] * slopes - weighted @ answer
-                return moved.T @ moved, weighted.T @ weighted, weighted.T @ moved
+                # A sample that stands for c pixels has c times the variance, not c^2 times.
+                spread, own = roots[:, None] * weighted, roots[:, None] * moved
+                score = in_group * (weights * left)[None, :]
+                sums = own.T @ own, spread.T @ spread, spread.T @ own
+                return (*sums, score @ moved, score @ weighted)
 
-            weights = (block.weights * share_root).T
-            return Part(_by_channel(of_channel, share, weights, slopes, answers))
+            rows = (block.weights.T, other.weights.T, other.radiance.T)
+            weights, roots, left = rows[0], jnp.broadcast_to(rows[1], rows[0].shape), rows[2]
+            return Part(_by_channel(of_channel, share, weights, roots, left, slopes, answers))
 
         share = specular_share(guess)
-        (own, light, both), _ = summed(add, blocks, own_shares)
+        (own, light, both, by_group, rights), _ = summed(add, blocks, others)
         expected = jnp.asarray(measured.penalty).T
         held = expected[:, :, None] * answers
         own = jnp.sum(own, axis=0) + jnp.einsum("cpu,cpv->uv", answers, held)
-        return Scatter(own, light + jax.vmap(jnp.diag)(expected), both - held)
+        light = light + jax.vmap(jnp.diag)(expected)
+        return Scatter(own, light, both - held, jnp.sum(by_group, axis=0), rights)
 
 
 def mixed(

@@ -79,6 +79,8 @@ class SolveConfig(Section):
     """Largest number of directional sources in unknown light, beside its slow part."""
     variants: Switch = True
     """Whether the fit is repeated with other choices of the same model, for comparison."""
+    diagnose: Switch = True
+    """Whether the fit says what would explain what it leaves beyond noise."""
     held_out: OpenFraction = 0.2
     """Part of the samples that brdf.compare keeps out of the fits, to compare the models."""
     interreflection: Switch = False

@@ -29,6 +29,7 @@ _OF_KNOWN_LIGHT = {
     "solve.transfer": "always filters by exit cosine",
     "solve.free_exposure": "needs known exposures",
     "solve.variants": "compares no variants of a model",
+    "solve.diagnose": "names no causes of a misfit",
     "solve.interreflection": "leaves out bounced light",
 }
 _NO_PRIORS = {

@@ -8,6 +8,7 @@ from jaxrender.pipelines.report.wording import counted, is_number, percent, seco
 
 _HEADLINES = {
     "converged": ("Converged", "good"),
+    "misfit": ("More than the model", "warn"),
     "not_converged": ("Not converged", "bad"),
     "at_bound": ("At a bound", "warn"),
     "not_identifiable": ("Not identifiable", "warn"),
@@ -26,6 +27,8 @@ _STAGES = {
     "texture": "sigma and mu, then the material of every texel",
     "spectrum": "solving for the coefficients",
     "shadows": "tracing shadows",
+    "misfit": "noise between neighbouring pixels",
+    "diagnosis": "what would explain the rest",
     "account": "error bars",
     "compare": "comparing the models on held-out pixels",
     "interreflection": "light that bounces between parts of the object",
@@ -92,6 +95,10 @@ def figures(contents: Contents) -> tuple[Figure, ...]:
         Figure("Unexplained", percent(error), f"rms of {counted(samples)} samples"),
         Figure("Noise", percent(relative), f"of the radiance, and a floor of {shown(floor, 2)}"),
     ]
+    misfit = residual.get("misfit", {})
+    if is_number(misfit.get("rms")):
+        remark = f"of the radiance; {percent(misfit.get('share'))} of χ²"
+        found.append(Figure("Above the noise", percent(misfit["rms"]), remark))
     before = result.get("frequency", {}).get("residual", {}).get("relative_rms")
     if is_number(before):
         found.append(Figure("Before refinement", percent(before), "rms, frequency fit"))
@@ -100,6 +107,32 @@ def figures(contents: Contents) -> tuple[Figure, ...]:
         remark = f"in {counted(pixels.get('photographs'))} photographs"
         found.append(Figure("Usable pixels", counted(pixels["usable"]), remark))
     return tuple(found)
+
+
+class Explanation(NamedTuple):
+    """One cause of a misfit; ``width`` is its part of the misfit in per cent."""
+
+    sentence: str
+    cause: str
+    explains: str
+    width: float
+    bic: str
+    key: str
+
+
+def explanations(contents: Contents) -> tuple[Explanation, ...]:
+    """List what would explain the rest, the best first."""
+    return tuple(
+        Explanation(
+            str(one["sentence"]),
+            str(one["cause"]),
+            percent(one["explains"]),
+            100 * float(one["explains"]),
+            counted(round(one["bic"])),
+            str(one["free"] or ""),
+        )
+        for one in contents.result.get("diagnosis", [])
+    )
 
 
 def removed_pixels(contents: Contents) -> tuple[tuple[str, str], ...]:

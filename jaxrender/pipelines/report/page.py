@@ -74,6 +74,7 @@ def _common_sections(contents: Contents) -> dict[str, Any]:
         "figures": account.figures(contents),
         "parameters": parameters.parameters(contents),
         "in_degrees": parameters.in_degrees(contents),
+        "explanations": account.explanations(contents),
         "gallery": gallery(contents.frames),
         "removed": account.removed_pixels(contents),
         "gauge": contents.result.get("lighting", {}).get("gauge"),

@@ -1,0 +1,75 @@
+"""Score tests: how much of what a fit leaves would be explained by relaxing one assumption.
+
+The columns of a cause are derivatives of the prediction by what it assumes.  Of these only the part
+counts that the fit's own unknowns cannot make.  With q such columns and n values left, the Bayesian
+information criterion prefers the cause where n log(squares before / squares after) > q log n.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.shapes import Bool, Float
+
+# Columns that others make up to this part of their length, in squares, are none of their own.
+_DEPENDENT = 1e-9
+
+
+class Score(NamedTuple):
+    """What a cause explains: squares, by how many columns, and how far parameters would move.
+
+    ``gain`` is by how much the criterion prefers it; ``shift`` is that of the fit's unknowns.
+    """
+
+    explained: float
+    columns: int
+    gain: float
+    shift: Float[np.ndarray, "unknown"]
+
+
+class Leftover:
+    """What a fit has left, weighted, and the derivatives of its prediction by its unknowns."""
+
+    def __init__(
+        self, left: Float[np.ndarray, "value"], jacobian: Float[np.ndarray, "value unknown"]
+    ):
+        size = np.linalg.norm(jacobian, axis=0)
+        size = np.where(size > 0, size, 1)
+        vectors, values, turned = np.linalg.svd(jacobian / size, full_matrices=False)
+        real = values**2 > _DEPENDENT * values.max(initial=0) ** 2
+        self._basis = vectors[:, real]
+        # What unknowns answer to values along each vector of the basis.
+        self._answers = (turned[real] / values[real, None]).T / size[:, None]
+        self._whole, self.jacobian = left, jacobian
+        self.left = left - self._basis @ (self._basis.T @ left)
+
+    def score(self, columns: Float[np.ndarray, "value column"]) -> Score:
+        """Test one cause, whose columns are weighted alike."""
+        size = np.linalg.norm(columns, axis=0)
+        columns = columns[:, size > 0] / size[size > 0]
+        made = self._basis.T @ columns
+        gram = columns.T @ columns - made.T @ made
+        values, vectors = np.linalg.eigh(gram) if gram.size else (np.zeros(0), gram)
+        real = values > _DEPENDENT
+        along = (vectors[:, real].T @ (columns.T @ self.left)) / np.sqrt(values[real])
+        amounts = vectors[:, real] @ (along / np.sqrt(values[real]))
+        # The prediction is J x + C a: where a comes in, x answers to what C does.
+        shift = -self._answers @ (made @ amounts)
+        return self._scored(float(along @ along), int(real.sum()), shift)
+
+    def without(self, values: Bool[np.ndarray, "value"], unknowns: int) -> Score:
+        """Test whether some values are none, as clipped ones are: what would all others say?
+
+        They count as ``unknowns`` columns.
+        """
+        kept = ~values
+        shift = np.linalg.lstsq(self.jacobian[kept], self._whole[kept], rcond=None)[0]
+        return self._scored(float(np.sum(self.left[values] ** 2)), unknowns, shift)
+
+    def _scored(self, explained: float, columns: int, shift: Float[np.ndarray, "unknown"]) -> Score:
+        before, count = float(self.left @ self.left), len(self.left)
+        if not explained > 0:
+            return Score(0.0, columns, 0.0, np.zeros_like(shift))
+        after = max(before - explained, np.finfo(float).eps * before)
+        gain = count * np.log(before / after) - columns * np.log(count)
+        return Score(explained, columns, float(gain), shift)
