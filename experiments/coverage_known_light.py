@@ -28,7 +28,7 @@ from jaxrender.brdf import (
 )
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, fit_brdf, unknowns_of
-from jaxrender.inverse.uncertainty import Parameters
+from jaxrender.inverse.parameters import Parameters
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 
 KD, KS = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from scenes import probe, unit
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from jaxrender.brdf import Microfacet, Parametric, Phong, material_named
@@ -60,6 +60,7 @@ class World(NamedTuple):
     bump: np.ndarray | None = None
     blur: float = 0.0
     patch: Parametric | None = None
+    turn: np.ndarray = np.eye(3)
 
 
 class Case(NamedTuple):
@@ -147,7 +148,9 @@ def _integrated(
     world: World, brdf: Parametric, points: np.ndarray, normals: np.ndarray, outgoing: np.ndarray
 ) -> np.ndarray:
     samples = SurfaceSamples(*(jnp.asarray(part) for part in (normals, outgoing)))
-    columns = integral_columns(brdf, samples, world.environment.nodes())
+    nodes = world.environment.nodes()
+    nodes = nodes._replace(directions=np.asarray(nodes.directions) @ world.turn.T)
+    columns = integral_columns(brdf, samples, nodes)
     total = np.asarray(radiance(brdf, columns))
     # One lamp: the BRDF itself times the cosine and the irradiance there.
     offset = world.lamp[None] - world.nearness * points
@@ -182,21 +185,6 @@ def _blurred(image: np.ndarray, width: float) -> np.ndarray:
     return gaussian_filter(image, (width, width, 0))
 
 
-def bilinear(environment: Environment, directions: np.ndarray) -> np.ndarray:
-    """Look an image up between its texels."""
-    image = np.asarray(environment.radiance)
-    rows, columns = image.shape[:2]
-    polar = np.arccos(np.clip(directions[..., 2], -1, 1))
-    azimuth = np.arctan2(directions[..., 1], directions[..., 0]) % (2 * np.pi)
-    at = [polar / np.pi * rows - 0.5, azimuth / (2 * np.pi) * columns - 0.5]
-    padded = np.pad(image, ((0, 0), (1, 1), (0, 0)), mode="wrap")
-    found = [
-        map_coordinates(padded[..., k], [at[0], at[1] + 1], order=1, mode="nearest")
-        for k in range(image.shape[-1])
-    ]
-    return np.stack(found, axis=-1)
-
-
 def _axes(rng: np.random.Generator, count: int) -> np.ndarray:
     return unit(rng.normal(size=(count, 3)))
 
@@ -229,9 +217,7 @@ def exposure(world: World, size: float, rng: np.random.Generator) -> World:
 def environment(world: World, size: float, rng: np.random.Generator) -> World:
     """Turn the environment by ``size`` degrees; the lamp stays."""
     turn = Rotation.from_rotvec(np.radians(size) * _axes(rng, 1)[0]).as_matrix()
-    directions = world.environment.grid.directions()
-    turned = bilinear(world.environment, directions @ turn)
-    return world._replace(environment=Environment(turned))
+    return world._replace(turn=turn)
 
 
 def lamp(world: World, size: float, rng: np.random.Generator) -> World:

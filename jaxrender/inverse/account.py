@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
+from jaxrender.inverse.calibration import Calibrated
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.diagnosis import Diagnosis
@@ -39,6 +40,7 @@ class Account(NamedTuple):
     evidence: WidthEvidence | None
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def with_misfit(self, misfit: Misfit | None, diagnosis: tuple[Diagnosis, ...]) -> "Account":
         """Let the error bars reach as far as the parameters would move by the best explanations.
@@ -52,6 +54,18 @@ class Account(NamedTuple):
             moved = sum(np.outer(shift, shift) for shift in shifts)
             parameters = parameters.with_covariance(parameters.covariance + moved)
         return self._replace(parameters=parameters, misfit=misfit, diagnosis=diagnosis)
+
+    def with_calibration(self, calibrated: Calibrated) -> "Account":
+        """Let the error bars hold those of the nuisances that were freed."""
+        parameters, spread = self.parameters, calibrated.spread
+        exact = parameters.if_exact
+        if parameters.covariance is None:
+            return self
+        wider = parameters.with_covariance(parameters.covariance + spread)
+        if exact is not None and exact.covariance is not None:
+            exact = exact.with_covariance(exact.covariance + spread)._replace(if_exact=None)
+        wider = wider._replace(if_exact=exact)
+        return self._replace(parameters=wider, notes=calibrated.sentences)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -118,7 +132,7 @@ def judge(
     by_lobe = np.split(mixed > 0, len(unknowns.amplitudes))
     bound |= {name: bool(of.any()) for name, of in zip(unknowns.amplitude_names, by_lobe)}
     names = [*unknowns.free_amplitudes, *unknowns.free_numbers]
-    identifiable, reasons = {}, list(account.reasons)
+    identifiable, reasons = {}, [*account.reasons, *account.notes]
     # A prior is held against what the photographs say, be the model right or wrong.
     exact = account.parameters.if_exact or account.parameters
     for name in names:

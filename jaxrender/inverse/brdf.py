@@ -6,8 +6,8 @@
 3. *Refinement*: Levenberg-Marquardt on the exact integral over a draw of the samples, starting from
    there.  The draw grows until two halves of it agree.  How far the refinement moves each parameter
    is the bias of the frequency fit, and is reported.
-4. *Misfit*: neighbouring pixels tell the noise; what is left above it is misfit, and score tests
-   say what would explain it.
+4. *Examination*: neighbouring pixels tell the noise; what is left above it is misfit, and score
+   tests say what would explain it.  Nuisances are freed where that is asked for.
 5. *Account*: intervals from the full covariance, widened by the misfit, what is identifiable, where
    sigma comes from, and what would be different under a slightly different model.
 
@@ -30,14 +30,15 @@ from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.account import account_for, error_bars, judge
 from jaxrender.inverse.bounds import checked_at_bound
+from jaxrender.inverse.calibration import Calibrated
 from jaxrender.inverse.coarse_fit import fit_coarsely
 from jaxrender.inverse.conditioning import WidthEvidence
-from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
+from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.examination import examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import (
-    DUAL_ERROR,
     KnownLight,
     PreparedLight,
     exact_nodes,
@@ -45,8 +46,8 @@ from jaxrender.inverse.known_light import (
 )
 from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.material_task import MaterialTask, Stage
-from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
-from jaxrender.inverse.models import ExactModel, LinearisedModel
+from jaxrender.inverse.misfit import Misfit
+from jaxrender.inverse.nuisances import Told
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, descend, values_of
@@ -62,13 +63,6 @@ _GROWTH = 3
 # Pairs of a sample and a node of the light: a draw has so many without asking, and grows to so
 # many; and to no more than so many samples.
 _LITTLE_WORK, _MOST_WORK, _MOST_DRAWN = 5e4, 4e8, 100_000
-# Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
-SHADOWED_ANGLE_PER_SIGMA = 1 / 4
-
-
-# Pixels that tell the noise, and the cells of the light by which they are predicted if the fit has
-# no nodes of its own, in widths of the lobe.
-_MOST_NEIGHBOURS, _NEIGHBOURS_CELL = 6000, 0.5
 
 
 class BRDFFit(NamedTuple):
@@ -86,6 +80,7 @@ class BRDFFit(NamedTuple):
     bounced: Bounced | None = None
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
+    calibrated: Calibrated | None = None
 
     @property
     def noise(self) -> NoiseModel:
@@ -153,19 +148,15 @@ def fit_brdf(
         # Shadows are traced for the samples alone: a pool would cost as many times more rays.
         drawn_from = choice if pool is None or task.shape is not None else Choice(pool)
         exact, bounced = _refine(task, quick, drawn_from)
-    final = quick if exact is None else exact
-    pool = observations if pool is None else pool
-    with stage("misfit"):
-        misfit = _misfit(task, final, pool)
-    diagnosis = ()
-    if misfit is not None and settings.diagnose:
-        with stage("diagnosis"):
-            material = task.material(final)
-            suspect = Suspect(final, material, light, shape, pool, settings.seed)
-            diagnosis = diagnose(suspect, misfit)
+    stop = quick if exact is None else exact
+    told = Told(stop.observations, light, shape)
+    examined = examine(task, told, observations if pool is None else pool, stop)
+    final, calibrated = examined.stop, examined.calibrated
     with stage("account"):
         account = account_for(final, variant, prepared, settings, task.shape)
-        account = account.with_misfit(misfit, diagnosis)
+        account = account.with_misfit(examined.misfit, examined.diagnosis)
+        if calibrated is not None:
+            account = account.with_calibration(calibrated)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
         task.material(final),
@@ -174,12 +165,13 @@ def fit_brdf(
         identifiable,
         account.evidence,
         quick,
-        exact,
+        exact if calibrated is None else final,
         prepared,
         reasons,
         bounced,
-        misfit,
-        diagnosis,
+        examined.misfit,
+        examined.diagnosis,
+        calibrated,
     )
 
 
@@ -217,8 +209,7 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
     while True:
         with stage("refine"):
             some, index = draw(pool, weight, count, settings.seed)
-            cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-            nodes = exact_nodes(light, np.asarray(some.frame), task.width(before), cells)
+            nodes = task.nodes(light, some, task.width(before))
         with stage("refine" if shape is None else "shadows"):
             model = task.integral(some, nodes)
         with stage("refine"):
@@ -241,36 +232,6 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
 
     with stage("interreflection"):
         return _Refined(*fit_with_bounces(stop, shape, light, refit))
-
-
-def _misfit(task: MaterialTask, stop: Stop, pool: Observations) -> Misfit | None:
-    """Measure the noise between neighbouring pixels, and what the fit leaves above it."""
-    fitted = Left(stop.observations, np.asarray(stop.fit.predicted))
-    # As many as the fit's own samples: the program that predicts them is there already.
-    count = min(stop.observations.count, _MOST_NEIGHBOURS)
-    rows = rows_of_three(pool, count // 3, task.settings.seed)
-    neighbours = None
-    if len(rows):
-        some = pool.take(np.resize(rows.ravel(), count))
-        frame = np.asarray(some.frame)
-        if isinstance(stop.model, ExactModel):
-            nodes = tuple(
-                part._replace(frame_of_sample=frame) if isinstance(part, FrameNodes) else part
-                for part in stop.model.nodes
-            )
-        else:
-            nodes = exact_nodes(task.light, frame, task.width(stop), _NEIGHBOURS_CELL)
-        physical = task.unknowns.unpack(stop.fit.solution.point)
-        near = LinearisedModel.about(task.integral(some, nodes), physical.numbers)
-        data = stop.data._replace(frame=frame)
-        predicted = task.problem.columns(near, data, physical).times(stop.fit.linear.amplitudes)
-        threes = np.arange(rows.size)
-        neighbours = Left(some.take(threes), np.asarray(predicted)[threes])
-    given = task.settings.noise
-    if task.settings.refine:
-        return measure_misfit(fitted, neighbours, given)
-    # The dual model leaves as much of its own.
-    return measure_misfit(fitted, neighbours, given, least=DUAL_ERROR)
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:

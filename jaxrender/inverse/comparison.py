@@ -24,7 +24,7 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA, BRDFFit, fit_brdf
+from jaxrender.inverse.brdf import BRDFFit, fit_brdf
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.factorization import (
     Factorization,
@@ -37,6 +37,7 @@ from jaxrender.inverse.factorization import (
 from jaxrender.inverse.factorization.state import NOTHING_KNOWN
 from jaxrender.inverse.forecast import weights_of
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.material_task import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations, random_subset
 from jaxrender.inverse.passes import FitSettings

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
+from jaxrender.inverse.near_light import Nearness, near_nodes
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
@@ -31,7 +32,7 @@ from jaxrender.reflection import (
     dual_light,
     sources_needed,
 )
-from jaxrender.shapes import Int, checked
+from jaxrender.shapes import AnyArray, Float, Int, checked
 
 # exp(-(sigma l)^2) is below 4e-5 at this multiple of 1 / sigma: no higher degree passes the lobe.
 _BAND_LIMIT_TIMES_SIGMA = 3.2
@@ -54,13 +55,16 @@ _NODE_ANGLE_PER_SIGMA = 1 / 6
 class KnownLight(eqx.Module):
     """All that lights the object: an environment, sources, and sources of single photographs.
 
-    ``of`` makes one of any light.  Raises ``ValueError`` when all of it is dark, and for an
-    environment that is no image.
+    ``of`` makes one of any light.  ``turn`` is a rotation of the environment, and ``near`` says
+    that sources have a place: the exact integral alone knows of these two.  Raises ``ValueError``
+    when all of it is dark, and for an environment that is no image.
     """
 
     environment: Environment | None
     directional: DirectionalSources
     per_frame: tuple[DirectionalSources, ...] | None = None
+    turn: Float[AnyArray, "3 3"] | None = None
+    near: Nearness | None = None
 
     def __check_init__(self):
         if not isinstance(self.environment, Environment | None):
@@ -118,7 +122,12 @@ class KnownLight(eqx.Module):
         """Pick the light of one photograph."""
         if self.per_frame is None:
             return self
-        return KnownLight(self.environment, self.sources_of(frame))
+        near = self.near
+        if near is not None:
+            own = np.full(len(self.per_frame[frame].directions), near.of_frames)
+            every = np.concatenate([np.asarray(near.of_sources), own])
+            near = Nearness(every, 0.0, near.center, near.size)
+        return KnownLight(self.environment, self.sources_of(frame), None, self.turn, near)
 
     def sources_of(self, frame: int) -> DirectionalSources:
         """Join the sources that all photographs share and those of one photograph, if any."""
@@ -132,7 +141,40 @@ class KnownLight(eqx.Module):
         if self.per_frame is None:
             return self
         kept = tuple(self.per_frame[frame] for frame in frames)
-        return KnownLight(self.environment, self.directional, kept)
+        return KnownLight(self.environment, self.directional, kept, self.turn, self.near)
+
+    @checked
+    def near_parts(
+        self, frame_of_sample: Int[np.ndarray, "sample"], points: Float[np.ndarray, "sample 3"]
+    ) -> list[FrameNodes]:
+        """List near sources as each sample sees them: those of all photographs, and its own."""
+        if self.near is None:
+            return []
+        points, found = self.near.relative(points), []
+        directions, irradiance = (np.asarray(a, float) for a in self.directional.nodes())
+        if len(directions):
+            every = np.broadcast_to(irradiance, (len(points), *irradiance.shape))
+            towards = np.broadcast_to(directions, (len(points), *directions.shape))
+            found.append(near_nodes(points, towards, every, np.asarray(self.near.of_sources)))
+        frames = self.frame_nodes(frame_of_sample)
+        if frames is not None:
+            at = frame_of_sample
+            own = np.asarray(frames.directions)[at], np.asarray(frames.irradiance)[at]
+            found.append(near_nodes(points, *own, np.full(1, self.near.of_frames)))
+        return found
+
+    @property
+    def far(self) -> "KnownLight":
+        """The same with all sources infinitely far, as the object's centre sees them."""
+        return KnownLight(self.environment, self.directional, self.per_frame, self.turn)
+
+    @property
+    def upright(self) -> "KnownLight":
+        """The same with the environment's image itself turned, if it is."""
+        if self.turn is None or self.environment is None:
+            return self
+        turned = self.environment.turned(np.asarray(self.turn))
+        return KnownLight(turned, self.directional, self.per_frame, near=self.near)
 
     @checked
     def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
@@ -221,30 +263,36 @@ def exact_nodes(
     frame_of_sample: Int[np.ndarray, "sample"],
     sigma: float,
     angle_per_sigma: float | None = None,
+    points: Float[np.ndarray, "sample 3"] | None = None,
 ) -> tuple[LightNodes | FrameNodes, ...]:
     """List the light's point masses: every texel with light in it, and every source.
 
     Environments of more than 32,768 texels are condensed to cells of sigma / 6, and any to cells
-    of ``angle_per_sigma`` times sigma where that is given.
+    of ``angle_per_sigma`` times sigma where that is given.  ``points`` are where the samples lie,
+    which sources that are near ask for.
     """
     parts: list[LightNodes | FrameNodes] = []
-    shared = [light.directional.nodes()]
+    shared = [light.directional.nodes()] if light.near is None else []
     if light.environment is not None:
         nodes = light.environment.nodes()
         if angle_per_sigma is not None or nodes.directions.shape[0] > _MOST_NODES:
             angle = (angle_per_sigma or _NODE_ANGLE_PER_SIGMA) * sigma
             nodes = condensed(light.environment, angle)
         lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
-        shared.append(
-            LightNodes(np.asarray(nodes.directions)[lit], np.asarray(nodes.irradiance)[lit])
-        )
-    directions, irradiance = (np.concatenate(arrays) for arrays in zip(*shared))
-    if len(directions):
-        parts.append(LightNodes(directions, irradiance))
-    frames = light.frame_nodes(np.asarray(frame_of_sample))
-    if frames is not None:
-        parts.append(frames)
-    return tuple(parts)
+        directions = np.asarray(nodes.directions)[lit]
+        if light.turn is not None:
+            directions = directions @ np.asarray(light.turn).T
+        shared.append(LightNodes(directions, np.asarray(nodes.irradiance)[lit]))
+    if shared:
+        directions, irradiance = (np.concatenate(arrays) for arrays in zip(*shared))
+        if len(directions):
+            parts.append(LightNodes(directions, irradiance))
+    if light.near is None:
+        frames = light.frame_nodes(np.asarray(frame_of_sample))
+        return tuple(parts) if frames is None else (*parts, frames)
+    if points is None:
+        raise ValueError("sources that are near need to know where the samples lie: give points")
+    return (*parts, *light.near_parts(np.asarray(frame_of_sample), points))
 
 
 def band_limit_for(environment: Environment, sigma: float) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.leverage import width_range
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
@@ -18,6 +18,9 @@ from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FrameNodes
+
+# Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
+SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
 # A step of a fit is entered by its name, so that it can be timed and shown.
 Stage = Callable[[str], AbstractContextManager]
@@ -67,6 +70,21 @@ class MaterialTask(NamedTuple):
         """Make the exact model of some samples; where the shape is concave it traces shadows."""
         seen = nodes_seen(self.shape, observations, nodes)
         return ExactModel(self.variant, observations.samples, nodes, seen)
+
+    def nodes(
+        self,
+        light: KnownLight,
+        observations: Observations,
+        width: float,
+        cells: float | None = None,
+    ) -> tuple[LightNodes | FrameNodes, ...]:
+        """List a light's point masses for a lobe of some width, in cells at least under shadows."""
+        if self.shape is not None and cells is None:
+            cells = SHADOWED_ANGLE_PER_SIGMA
+        points = None
+        if observations.places is not None:
+            points = np.asarray(observations.places.points, float)
+        return exact_nodes(light, np.asarray(observations.frame), width, cells, points)
 
     def width(self, stop: Stop) -> float:
         """How fine a light the lobe asks for at which a pass has ended."""

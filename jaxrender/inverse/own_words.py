@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.catalogue import MODELS
-from jaxrender.inverse.uncertainty import Parameters
+from jaxrender.inverse.parameters import Parameters
 
 
 class OwnWords(NamedTuple):

@@ -4,7 +4,7 @@
 working on its linearisation again and again.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,8 +13,8 @@ from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.elimination import Data, Few, Fit, Problem, cost_at
 from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations, as_pixels
+from jaxrender.inverse.parameters import Parameters, to_parameters
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import Parameters, to_parameters
 from jaxrender.inverse.weights import deviations, noise_settled, robust_weights
 from jaxrender.reflection import ViewFilter
 from jaxrender.shapes import Float
@@ -35,7 +35,10 @@ _MEAN = "exit-cosine"
 
 
 class FitSettings(NamedTuple):
-    """How a fit is done; the defaults are those of the command line."""
+    """How a fit is done; the defaults are those of the command line.
+
+    ``free`` are nuisances that are found with the material, or ``"auto"``.
+    """
 
     split: str | float = "auto"
     band_limit: int | None = None
@@ -49,6 +52,7 @@ class FitSettings(NamedTuple):
     seed: int = 0
     interreflection: bool = False
     diagnose: bool = True
+    free: tuple[str, ...] | Literal["auto"] = ()
 
     @property
     def split_transfer(self) -> str:

@@ -13,19 +13,19 @@ That covariance is right if the model is.  Where the samples come with their ``c
 widened by what they leave unexplained together, and the model's own stays beside it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 
 from jaxrender.inverse.clusters import Clusters, widened
-from jaxrender.inverse.elimination import Data, Fit, Linear, Problem
+from jaxrender.inverse.elimination import Data, Fit, Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.parameters import Parameters, slopes_of_parameters, to_parameters
 from jaxrender.inverse.unknowns import Prior
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
@@ -38,36 +38,6 @@ _HALVES_AGREE = 0.999
 IDENTIFIABLE_WITHIN = 0.25
 # An error that the data leave above this part of the prior's is the prior's.
 _ALL_BUT = 0.9
-
-
-class Parameters(NamedTuple):
-    """A material in its own units: amplitudes per channel, its other numbers, gains, scale.
-
-    Amplitudes and numbers go by their names, whose alphabet is their order in a covariance.
-    """
-
-    amplitudes: Mapping[str, Float[AnyArray, "channel"]]
-    numbers: Mapping[str, Float[AnyArray, ""]]
-    gains: Float[AnyArray, "frame"]
-    scale: Float[AnyArray, ""]
-
-    def of(self, name: str) -> Float[AnyArray, "..."]:
-        """Find an amplitude or one of the numbers by its name."""
-        return {**self.amplitudes, **self.numbers}[name]
-
-    @property
-    def kd(self) -> Float[AnyArray, "channel"]:
-        """The amplitude of the base; ``KeyError`` where the model has none."""
-        return self.amplitudes["kd"]
-
-    @property
-    def ks(self) -> Float[AnyArray, "channel"]:
-        """The amplitude of the lobe over it; ``KeyError`` where the model has none."""
-        return self.amplitudes["ks"]
-
-    def in_order(self, names: Iterable[str]) -> list[Float[AnyArray, "channel"]]:
-        """List the amplitudes in the order of a model's lobes."""
-        return [self.amplitudes[name] for name in names]
 
 
 class Uncertain(NamedTuple):
@@ -194,41 +164,6 @@ def relative_error(uncertain: Uncertain, name: str) -> float:
     value = np.asarray(uncertain.value.of(name)) - uncertain.origins.get(name, 0.0)
     error = np.asarray(uncertain.standard_error.of(name))
     return float(np.max(error / np.where(value != 0, np.abs(value), np.nan)))
-
-
-@eqx.filter_jit
-def to_parameters(
-    problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
-) -> Parameters:
-    """Put a search point and its linear part into a material's own units, gauge applied.
-
-    With an unknown scale between light and photographs, the amplitudes are those of a material in
-    which they add up to one in the mean, unless a fixed one says what the scale is.
-    """
-    physical = problem.unknowns.unpack(point)
-    linear: Linear = problem.linear(eliminated)
-    amplitudes = linear.amplitudes
-    scale = jnp.ones((), amplitudes.dtype)
-    if problem.unknowns.free_scale:
-        fixed = not all(unknown.free for unknown in problem.unknowns.amplitudes)
-        scale = eliminated[-1] if fixed else jnp.mean(jnp.sum(amplitudes, axis=0))
-        amplitudes = amplitudes / scale
-    by_name = dict(zip(problem.unknowns.amplitude_names, amplitudes))
-    return Parameters(by_name, physical.numbers, physical.gains, scale)
-
-
-@stored(older_emitters=True)
-def slopes_of_parameters(
-    problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
-) -> Float[Array, "parameter all"]:
-    """Differentiate the parameters, one after the other, by search variables and linear part."""
-    split = point.shape[0]
-
-    def parameters(vector: Float[Array, "all"]) -> Float[Array, "parameter"]:
-        found = to_parameters(problem, vector[:split], vector[split:])
-        return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(found)])
-
-    return jax.jacfwd(parameters)(jnp.concatenate([point, eliminated]))
 
 
 class Drawn(NamedTuple):

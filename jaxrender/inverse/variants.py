@@ -19,14 +19,10 @@ from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.leverage import draw, leverage, width_range
 from jaxrender.inverse.models import ExactModel
+from jaxrender.inverse.parameters import Parameters, to_parameters
 from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import concave, nodes_seen
-from jaxrender.inverse.uncertainty import (
-    IDENTIFIABLE_WITHIN,
-    Parameters,
-    Uncertain,
-    to_parameters,
-)
+from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Uncertain
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.
@@ -93,7 +89,8 @@ def fit_variants(
     some, index = draw(final.observations, weight, _SAMPLES, settings.seed)
     predicted = np.asarray(final.fit.predicted)[index]
     sigma = float(fit.brdf.sigma)
-    nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA)
+    points = None if some.places is None else np.asarray(some.places.points, float)
+    nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA, points)
     seen = nodes_seen(concave(shape), some, nodes)
     settings = settings._replace(noise=final.noise)
     # Differences of chi-squared on the subset stand for those on all samples of the fit.

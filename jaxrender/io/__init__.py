@@ -29,7 +29,14 @@ Every error is an ``InputError`` that names file, place, value and remedy.
 """
 
 from jaxrender.io.alta import AltaMeasurements, read_alta, write_alta
-from jaxrender.io.captures import Capture, Frame, read_capture, read_mask, read_photograph
+from jaxrender.io.captures import (
+    Capture,
+    Frame,
+    read_capture,
+    read_mask,
+    read_photograph,
+    write_capture,
+)
 from jaxrender.io.curves import read_curve
 from jaxrender.io.environments import read_environment, write_environment
 from jaxrender.io.images import Image, image_size, read_image, write_image
@@ -76,6 +83,7 @@ __all__ = [
     "read_tree",
     "read_utia",
     "write_alta",
+    "write_capture",
     "write_environment",
     "write_image",
     "write_merl",

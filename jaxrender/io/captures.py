@@ -9,6 +9,7 @@ Paths inside the file come from whoever wrote it: they must stay below the file'
 the folder of pictures that the user names) unless the user allows more.
 """
 
+import json
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -274,3 +275,36 @@ def _check_size(frame: Frame, path: Path, image: Image) -> None:
             f"{path}: frame {frame.name}: the picture is {width} x {height} pixels, its camera "
             f"says {frame.camera.width} x {frame.camera.height}; scale the one or the other"
         )
+
+
+def write_capture(path: Path, capture: Capture) -> None:
+    """Write cameras and exposures as ``read_capture`` reads them.
+
+    Pictures keep the paths that they have in the folder of ``capture.source``.
+    """
+    folder = capture.source.parent
+    frames = []
+    for frame in capture.frames:
+        entry: dict[str, Any] = {"file_path": _relative(frame.image_path, folder)}
+        if frame.mask_path is not None:
+            entry["mask_path"] = _relative(frame.mask_path, folder)
+        if frame.exposure is not None:
+            entry["exposure"] = float(frame.exposure)
+        camera = frame.camera
+        entry |= {"w": camera.width, "h": camera.height}
+        if isinstance(camera, Orthographic):
+            entry |= {"camera_model": "orthographic", "ortho_scale": camera.scale}
+            entry |= {"cx": camera.cx, "cy": camera.cy}
+        else:
+            assert isinstance(camera, Pinhole)
+            entry |= {name: getattr(camera, name) for name in ("fl_x", "fl_y", "cx", "cy")}
+        frames.append(entry | {"transform_matrix": camera.world_from_camera.tolist()})
+    path.write_text(json.dumps({"frames": frames}, indent=1) + "\n", encoding="utf-8")
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """Say where a file is from a folder, or where it is at all."""
+    try:
+        return path.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return str(path.resolve())

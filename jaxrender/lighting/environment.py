@@ -12,6 +12,7 @@ from jax.core import Tracer
 
 from jaxrender.harmonics.grids import LatLongGrid
 from jaxrender.lighting.base import Light, LightNodes
+from jaxrender.lighting.panoramas import turned_latlong
 from jaxrender.shapes import AnyArray, Array, Float, ImageArray, as_jax, checked
 
 
@@ -46,6 +47,11 @@ class Environment(Light):
     def scaled(self, factor: float | int | Float[AnyArray, ""]) -> "Environment":
         """The same light, ``factor`` times as bright."""
         return Environment(self.radiance * jnp.asarray(factor, self.radiance.dtype))
+
+    @checked
+    def turned(self, rotation: Float[np.ndarray, "3 3"]) -> "Environment":
+        """Turn it, resampled: what came from direction d comes from ``rotation`` @ d."""
+        return Environment(turned_latlong(np.asarray(self.radiance), rotation))
 
 
 def _check(radiance: ImageArray) -> None:

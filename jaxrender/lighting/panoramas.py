@@ -49,6 +49,15 @@ def to_own_latlong(
     return _resample(_source(image, convention), np.eye(3), height)
 
 
+@checked
+def turned_latlong(
+    image: ImageArray, rotation: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "latlong_row latlong_column channel"]:
+    """Turn a z-up latitude-longitude image: what lay in direction d lies at ``rotation`` @ d."""
+    source = _source(image, "z-up")
+    return _resample(source, source.panorama.world_from_own.T @ rotation.T, len(source.pixels))
+
+
 class _Source(NamedTuple):
     """A panorama with what is known about its texels."""
 
@@ -69,7 +78,8 @@ def _resample(source: _Source, own_from_result: np.ndarray, height: int | None) 
     rows = own_rows if height is None else height
     if rows < 1:
         raise ValueError(f"height is {height}: a latitude-longitude image has at least one row")
-    if source.panorama is PANORAMAS["z-up"] and rows == own_rows:
+    same = source.panorama is PANORAMAS["z-up"] and np.array_equal(own_from_result, np.eye(3))
+    if same and rows == own_rows:
         return source.pixels.copy()
     source = source._replace(pixels=source.panorama.resolvable(source.pixels))
     samples = max(_SAMPLES_PER_RESULT, math.ceil(_SAMPLES_PER_SOURCE * own_rows / rows))

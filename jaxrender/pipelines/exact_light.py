@@ -5,8 +5,8 @@ import numpy as np
 
 from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight
-from jaxrender.inverse.brdf import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.material_task import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import ExactForward, ForwardModel, ShadowedForward, ShadowedModel
 

@@ -12,9 +12,11 @@ from jaxrender.geometry import Mesh
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
+from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
+from jaxrender.pipelines.calibration import far_sources, mended, near_image, write_cameras
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.exact_light import exact_forward
@@ -47,10 +49,11 @@ if TYPE_CHECKING:
 
 
 class MaterialRecovery(Recovery):
-    """A recovered material."""
+    """A recovered material; ``source`` is the file that named the cameras."""
 
-    def __init__(self, finding: Finding):
+    def __init__(self, finding: Finding, source: Path):
         self.finding, self.photographs = finding, finding.photographs
+        self.source = source
 
     def result(self) -> Result:
         """Sum up what was found."""
@@ -67,6 +70,9 @@ class MaterialRecovery(Recovery):
             write_environment(folder / "lighting.exr", finding.light.environment)
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
+        calibrated = finding.fit.calibrated
+        if calibrated is not None:
+            write_cameras(folder, calibrated, finding.photographs, finding.shape, self.source)
 
     def contents(
         self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
@@ -79,13 +85,19 @@ class MaterialRecovery(Recovery):
     def predict(self) -> list[np.ndarray]:
         """Render every photograph again, by the dual model if the material has it."""
         finding = self.finding
-        material, prepared = finding.fit.brdf, finding.fit.light
+        material, prepared, calibrated = finding.fit.brdf, finding.fit.light, finding.fit.calibrated
+        if calibrated is not None and isinstance(material, Glossy) and prepared.split is not None:
+            # Light that was mended is split as finely as before.
+            observations, settings = calibrated.stop.observations, self.finding.settings
+            prepared = prepare_light(
+                finding.light, observations, material, settings.split, settings.band_limit
+            )
         gains = np.asarray(finding.fit.parameters.value.gains)
         scale = float(finding.fit.parameters.value.scale)
         views = [photograph.view for photograph in finding.photographs]
 
         def light_of(number: int) -> ForwardModel | ShadowedModel:
-            own = finding.light.sources_of(number)
+            own = far_sources(finding.light, number)
             if not isinstance(material, Glossy):
                 if finding.light.environment is None and not np.any(own.irradiance):
                     return ExactForward(own.nodes())
@@ -110,7 +122,14 @@ class MaterialRecovery(Recovery):
                 more = bounced.irradiance(finding.shape, view, k)
                 images[k][view.hit] += np.asarray(material.kd) * more
         gain = gains if len(gains) > 1 else np.ones(len(images))
-        return [scale * gain[k] * image for k, image in enumerate(images)]
+        images = [scale * gain[k] * image for k, image in enumerate(images)]
+        if calibrated is None:
+            return images
+        for k, view in enumerate(views):
+            near = near_image(material, view, finding.light, k, finding.shape)
+            found = calibrated.corrections.photographed(images[k] + scale * gain[k] * near, k)
+            images[k] = np.where(view.hit[..., None], found, 0)
+        return images
 
 
 def recover_material(
@@ -143,6 +162,10 @@ def recover_material(
         found = fit_brdf(
             observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
         )
+    calibrated = found.calibrated
+    if calibrated is not None:
+        light, photographs = calibrated.light.upright, mended(photographs, calibrated, shape)
+        progress.note(f"freed: {', '.join(calibrated.free)}")
     variants = ()
     if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):
@@ -150,7 +173,7 @@ def recover_material(
     if transfer is not None:
         progress.note(sentence_on(interreflection(found)))
     with clock.stage("forecast"):
-        forecast = forecast_of_fit(found, light)
+        forecast = forecast_of_fit(found, light.far)
     finding = Finding(
         found,
         variants,
@@ -162,8 +185,10 @@ def recover_material(
         transfer,
         comparison,
         forecast,
+        settings,
     )
-    return MaterialRecovery(finding)
+    assert config.capture.transforms is not None
+    return MaterialRecovery(finding, config.capture.transforms)
 
 
 def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison:

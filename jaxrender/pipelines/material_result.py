@@ -10,13 +10,15 @@ from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.forecast import MaterialForecast
+from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.own_words import OwnWords
-from jaxrender.inverse.passes import Stop, values_of
+from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, values_of
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.io.netcdf import Group, Variable
 from jaxrender.pipelines.arrays import light_group, sample_arrays
+from jaxrender.pipelines.calibration import calibration_of
 from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
@@ -25,7 +27,6 @@ from jaxrender.spectra import light_coefficients
 
 # Keys of a config that make up for a cause.
 _FREE = {
-    "exposure": "solve.free_exposure",
     "saturation": "capture.saturation",
     "lobe": "brdf.compare",
     "interreflection": "solve.interreflection",
@@ -45,6 +46,7 @@ class Finding(NamedTuple):
     transfer: TransferField | None = None
     comparison: Comparison | None = None
     forecast: MaterialForecast | None = None
+    settings: FitSettings = DEFAULTS
 
 
 def result_of(finding: Finding) -> Result:
@@ -102,6 +104,8 @@ def _own(finding: Finding) -> dict[str, Any]:
     if unknowns.free_gains:
         gains = np.asarray(fit.parameters.value.gains)
         own["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
+    if fit.calibrated is not None:
+        own["calibration"] = calibration_of(fit.calibrated, finding.photographs)
     if unknowns.free_scale:
         own["scale"] = float(fit.parameters.value.scale)
     return own
@@ -141,8 +145,13 @@ def _named(diagnosis: Diagnosis) -> dict[str, Any]:
         "sentence": diagnosis.sentence,
         "explains": diagnosis.explains,
         "bic": diagnosis.bic,
-        "free": _FREE.get(diagnosis.cause),
+        "free": _key_of(diagnosis.cause),
     }
+
+
+def _key_of(cause: str) -> str | None:
+    """Find the key of a config that makes up for a cause."""
+    return f"solve.free: [{cause}]" if cause in NUISANCES else _FREE.get(cause)
 
 
 def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:

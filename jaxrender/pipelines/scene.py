@@ -158,6 +158,7 @@ def settings_of(config: RunConfig) -> FitSettings:
         seed=config.samples.seed,
         interreflection=solve.interreflection,
         diagnose=solve.diagnose,
+        free=solve.free,
     )
 
 

@@ -39,6 +39,7 @@ from jaxrender.lighting import (
 )
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
+from jaxrender.pipelines.faults import Planted, planted
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -133,22 +134,28 @@ def _write_capture(
         )
     noise = NoiseModel(float(recipe.noise.relative), float(recipe.noise.floor))
     rng = np.random.default_rng(recipe.seed)
+    wrong = None if recipe.faults is None else planted(recipe, shape, len(cameras))
+    if wrong is not None:
+        light = _light_of(recipe, shape, wrong)
     (folder / "images").mkdir()
     frames = []
     for number, camera in enumerate(cameras):
         name = _image_name(number)
-        view = observe(camera, shape)
+        view = observe(camera, shape) if wrong is None else wrong.view(camera, number)
         if recipe.texture is None:
             exact = np.asarray(render_view(material, view, light))
         else:
             exact = render_painted(recipe, material, view, shape, light)
+        if wrong is not None:
+            exact = wrong.photographed(exact, material, view, number)
         write_image(folder / name, _photograph(view, exact, noise, rng))
         frames.append({"file_path": name, "transform_matrix": camera.world_from_camera.tolist()})
         progress.advance((number + 1) / len(cameras))
     first = cameras[0]
     intrinsics = {"w": first.width, "h": first.height, "fl_x": first.fl_x, "fl_y": first.fl_y}
     _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
-    _write_json(folder / "truth.json", recipe.written_out())
+    truth = recipe.written_out()
+    _write_json(folder / "truth.json", truth if wrong is None else truth | wrong.truth())
     lighting = _write_light(recipe, folder)
     _write_config(recipe, recipe_path, folder, shape, lighting)
 
@@ -170,10 +177,14 @@ def _photograph(
     return image
 
 
-def _light_of(recipe: RecipeConfig, shape: Shape) -> ExactForward | ShadowedForward:
+def _light_of(
+    recipe: RecipeConfig, shape: Shape, wrong: Planted | None = None
+) -> ExactForward | ShadowedForward:
     concave, lobes = not shape.is_convex(), None
     parts = [DirectionalSources.none().nodes()]
     for light in lights_of(recipe.lighting):
+        if wrong is not None:
+            light = wrong.light_of(light)
         if isinstance(light, SmoothLobes) and not concave:
             lobes = light
         else:

@@ -34,6 +34,7 @@ from jaxrender.geometry import (
     meridian_frames,
     pair_in_frame,
     visible,
+    visible_along,
     world_from_local,
 )
 from jaxrender.harmonics import real_basis, rotate
@@ -117,6 +118,10 @@ def visible_nodes(
         return visible(shape, places, directions)
     frame = np.asarray(nodes.frame_of_sample)
     seen = np.zeros((len(frame), directions.shape[1]), bool)
+    if len(directions) > directions.shape[1]:
+        for node in range(directions.shape[1]):
+            seen[:, node] = visible_along(shape, places, directions[frame, node])
+        return seen
     for index, own in enumerate(directions):
         rows = frame == index
         seen[rows] = visible(shape, SurfacePlaces(*(np.asarray(a)[rows] for a in places)), own)

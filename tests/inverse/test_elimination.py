@@ -27,8 +27,8 @@ from jaxrender.inverse.elimination import (
     cost_at,
     residuals,
 )
+from jaxrender.inverse.parameters import to_parameters
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import to_parameters
 
 # Two optimisers of one smooth function: their steps end near 1e-8.
 SAME_OPTIMUM = 1e-5

@@ -24,13 +24,9 @@ from scipy.stats import binom
 from jaxrender.inverse import Unknown
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import (
-    Parameters,
-    Uncertain,
-    uncertain_parameters,
-    within_reach,
-)
+from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
 
 MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62

@@ -115,6 +115,7 @@ OTHER = {
     "solve.free_exposure": "true",
     "solve.most_sources": "3",
     "solve.variants": ("true", "false"),
+    "solve.free": ("[camera]", "auto"),
     "solve.diagnose": ("true", "false"),
     "solve.held_out": "0.3",
     "solve.interreflection": ("true", "false"),

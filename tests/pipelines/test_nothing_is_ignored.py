@@ -125,7 +125,10 @@ def trace(seen, config):
         observations=observations.take(np.arange(60))
     )
     of = record.of
-    fit, found = mock.NonCallableMock(spec=BRDFFit), mock.NonCallableMock(spec=Factorization)
+    fit, found = (
+        mock.NonCallableMock(spec=BRDFFit, calibrated=None),
+        mock.NonCallableMock(spec=Factorization),
+    )
     best, brightest = (
         mock.NonCallableMock(spec=Comparison, best=SimpleNamespace(fit=one, name="ggx"))
         for one in (fit, found)

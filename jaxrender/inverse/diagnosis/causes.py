@@ -10,19 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Glossy, Microfacet, Parametric, lobe_named
-from jaxrender.harmonics import coefficient_count, real_basis
-from jaxrender.inverse.diagnosis.grounds import Grounds, Movement, shifted_rays, turned_rays
-from jaxrender.inverse.diagnosis.turning import tangents
+from jaxrender.harmonics import real_basis
+from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
+from jaxrender.inverse.nuisances import bumps, rotation
+from jaxrender.inverse.rays import center_of, size_of
 from jaxrender.shapes import Float
 
-# Smooth displacements have harmonics up to this degree, smooth changes of paint up to that.
-_BUMPS, _PAINTS = 4, 3
+# Smooth changes of paint have harmonics up to this degree.
+_PAINTS = 3
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
 # Models of other tails, of the same numbers.
 _OTHERS = ("ggx", "microfacet")
-# Derivatives of harmonics are taken over this step (radians).
-_STEP = 1e-4
 
 Columns = Float[np.ndarray, "sample channel column"]
 
@@ -48,84 +47,77 @@ def _gain(grounds: Grounds) -> Columns:
 
 
 def _camera(grounds: Grounds) -> Columns | None:
-    """Turn each camera about three axes."""
-    eyes = grounds.eyes
-    if eyes is None:
+    """Turn each camera about three axes; the columns go photograph by photograph."""
+    if not grounds.placed or grounds.rays.eyes is None:
         return None
     rays = grounds.rays
-    turned = [grounds.seen_along(turned_rays(rays, eyes, axis)) for axis in np.eye(3)]
-    return np.concatenate([one[:, :, None] * _by_photograph(grounds) for one in turned], axis=2)
+    turned = [grounds.seen_along(rays.turned(rotation(STEP * axis))) for axis in np.eye(3)]
+    every = np.stack(turned, axis=2)[:, :, None, :] * _by_photograph(grounds)[..., None]
+    return every.reshape(*every.shape[:2], -1)
 
 
 def _object(grounds: Grounds) -> Columns | None:
     """Shift the object along three axes: the rays go the other way."""
     if not grounds.placed:
         return None
-    rays, size = grounds.rays, grounds.size
-    shifted = [grounds.seen_along(shifted_rays(rays, -size * axis)) for axis in np.eye(3)]
+    assert grounds.shape is not None
+    step = STEP * size_of(grounds.shape)
+    shifted = [grounds.seen_along(grounds.rays.shifted(-step * axis)) for axis in np.eye(3)]
     return np.stack(shifted, axis=2)
 
 
 def _scale(grounds: Grounds) -> Columns | None:
     """Make the object larger: the cameras come nearer, relative to its size."""
-    if grounds.eyes is None:
+    if not grounds.placed or grounds.rays.eyes is None:
         return None
-    rays = grounds.rays
-    return grounds.seen_along(shifted_rays(rays, grounds.center - rays.origins))[:, :, None]
+    assert grounds.shape is not None
+    nearer = STEP * (center_of(grounds.shape) - grounds.rays.eyes)
+    return grounds.seen_along(grounds.rays.shifted(nearer))[:, :, None]
 
 
 def _environment(grounds: Grounds) -> Columns | None:
     if grounds.environment is None:
         return None
-    turning = grounds.environment.turning
-    return grounds.gain[:, :, None] * np.stack([turning.turned(axis) for axis in np.eye(3)], 2)
+    part = grounds.environment
+    return grounds.gain[:, :, None] * np.stack([part.turned(axis) for axis in np.eye(3)], 2)
 
 
 def _lamps(grounds: Grounds) -> Columns | None:
-    """Move every source aside, and make it brighter."""
+    """Turn every source about three axes, and make it brighter."""
     if not grounds.sources:
         return None
     found = []
-    for source in grounds.sources:
-        axes = np.eye(3)[:, None, :]
-        if source.direction is not None:
-            axes = np.moveaxis(tangents(source.direction), -1, 0)
-        found += [source.turning.turned(axis) for axis in axes] + [source.turning.value]
+    for part in grounds.sources:
+        found += [*(part.turned(axis) for axis in np.eye(3)), part.turning.value]
     return grounds.gain[:, :, None] * np.stack(found, axis=2)
 
 
 def _nearness(grounds: Grounds) -> Columns | None:
     """Bring every source from infinity to a distance."""
-    if not grounds.placed:
+    found = [part.nearer() for part in grounds.sources]
+    if not any(column is not None for column in found):
         return None
-    found = []
-    for source in grounds.sources:
-        if source.direction is None:
-            continue
-        points, towards = grounds.points, source.direction
-        height = np.sum(points * towards, axis=1, keepdims=True)
-        # From a point off the axis the source is seen aside, and from a nearer one brighter.
-        axes = np.cross(towards, height * towards - points)
-        found.append(source.turning.turned(axes) + 2 * height * source.turning.value)
-    return grounds.gain[:, :, None] * np.stack(found, axis=2) if found else None
+    still = np.zeros_like(grounds.predicted)
+    columns = [still if column is None else column for column in found]
+    return grounds.gain[:, :, None] * np.stack(columns, axis=2)
 
 
 def _black(grounds: Grounds) -> Columns:
     count, channels = grounds.predicted.shape
-    return np.tile(np.eye(channels), (count, 1, 1))
+    level = np.sqrt(np.mean(grounds.predicted**2))
+    return np.tile(level * np.eye(channels), (count, 1, 1))
 
 
 def _response(grounds: Grounds) -> Columns:
-    scale = np.sqrt(np.mean(grounds.predicted**2))
-    relative = np.maximum(grounds.predicted / scale, 1e-9)
-    return (grounds.predicted * np.log(relative))[:, :, None]
+    """Raise values to a power, which leaves 1 as it is."""
+    value = np.maximum(grounds.predicted, 1e-9)
+    return (value * np.log(value))[:, :, None]
 
 
 def _normals(grounds: Grounds) -> Columns:
     """Displace the surface smoothly: normals turn by minus the gradient of the height."""
-    normals = grounds.normals
-    still = np.zeros_like(normals)
-    slopes = _gradients(normals, _BUMPS)
+    still = np.zeros_like(grounds.normals)
+    slopes = bumps(grounds.normals)
     return np.stack([grounds.moved(Movement(-slope, still)) for slope in slopes], axis=2)
 
 
@@ -154,7 +146,7 @@ def _sites(grounds: Grounds) -> Columns | None:
     return grounds.predicted[:, :, None] * basis[:, None, :]
 
 
-CAUSES = (
+_ALL = (
     Cause("exposure", "the photographs' exposures differ", _exposure, of_light=False),
     Cause("gain", "the channels' gains differ", _gain, of_light=False),
     Cause("camera", "cameras are turned", _camera),
@@ -169,25 +161,12 @@ CAUSES = (
     Cause("lobe", "the lobe has another shape", _lobe),
     Cause("sites", "the material is not the same everywhere", _sites, of_light=False),
 )
+CAUSES = {cause.name: cause for cause in _ALL}
 
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:
     """Mark the samples of each photograph."""
     return (grounds.frame[:, None] == np.unique(grounds.frame))[:, None, :].astype(float)
-
-
-def _gradients(
-    directions: Float[np.ndarray, "sample 3"], degree: int
-) -> Float[np.ndarray, "harmonic sample 3"]:
-    """Differentiate all harmonics but the constant along the sphere, by central differences."""
-    found = np.zeros((coefficient_count(degree) - 1, len(directions), 3))
-    for along in np.moveaxis(tangents(directions), -1, 0):
-        ahead, behind = (
-            np.asarray(real_basis(_unit(directions + sign * _STEP * along), degree))[:, 1:]
-            for sign in (1, -1)
-        )
-        found += ((ahead - behind) / (2 * _STEP)).T[:, :, None] * along
-    return found
 
 
 def _unit(vectors: Float[np.ndarray, "sample 3"]) -> Float[np.ndarray, "sample 3"]:

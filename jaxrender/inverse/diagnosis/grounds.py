@@ -12,35 +12,76 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfaceSamples
 from jaxrender.inverse.diagnosis.turning import Turning, lobe_under, turning_of
+from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.near_light import near_nodes, seen_from
+from jaxrender.inverse.nuisances import source_groups
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.parameters import weighted_jacobian
+from jaxrender.inverse.passes import Stop, values_of
+from jaxrender.inverse.rays import Rays, center_of, size_of
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.lighting import DirectionalSources, LightNodes
 from jaxrender.reflection import FrameNodes
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Bool, Float, Int
 
 # Cells of the environment, in widths of the lobe.
 _CELL_PER_WIDTH = 0.7
 # Nodes are filled up with dark ones to a multiple of this, so that few programs are compiled.
 _NODES = 1024
-# More sources than this turn together.
-_MOST_SOURCES = 6
 # Rays are moved by so much (radians, or sizes of the object) to say how what they see changes.
-_STEP = 1e-4
+STEP = 1e-4
 # Normals further apart than this cosine are those of different parts of the object.
 _SAME_PART = 0.9
+
+
+class Lamp(NamedTuple):
+    """A source as the object's centre and the samples see it.
+
+    ``direction`` is that from the centre, ``towards`` that from each sample, ``distance`` how far
+    it is from each, relative to the centre; ``points`` are the samples' places.  A source at
+    infinity has the nearness 0.
+    """
+
+    direction: Float[np.ndarray, "sample 3"]
+    towards: Float[np.ndarray, "sample 3"]
+    distance: Float[np.ndarray, "sample 1"]
+    points: Float[np.ndarray, "sample 3"] | None
 
 
 class Part(NamedTuple):
     """One part of the light, and what it makes visible.
 
-    ``direction`` is that of each sample's source; None for an environment, and for several.
+    ``lamp`` says where its source lies; None for an environment, and for several sources.
     """
 
     nodes: LightNodes | FrameNodes
     seen: Bool[np.ndarray, "sample node"] | None
     turning: Turning
-    direction: Float[np.ndarray, "sample 3"] | None = None
+    lamp: Lamp | None = None
+
+    def turned(self, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "sample channel"]:
+        """Differentiate by a rotation of this part of the light about the object's centre."""
+        lamp = self.lamp
+        if lamp is None:
+            return self.turning.turned(axis)
+        return self._shifted(lamp, np.cross(axis, lamp.direction))
+
+    def nearer(self) -> Float[np.ndarray, "sample channel"] | None:
+        """Differentiate by the nearness of its source; None where nobody knows of places."""
+        lamp = self.lamp
+        if lamp is None or lamp.points is None:
+            return None
+        return self._shifted(lamp, -lamp.points)
+
+    def _shifted(
+        self, lamp: Lamp, by: Float[np.ndarray, "sample 3"]
+    ) -> Float[np.ndarray, "sample channel"]:
+        """Shift the source: each sample sees it elsewhere, and brighter where it is nearer."""
+        axes = np.cross(lamp.towards, by) / lamp.distance
+        along = np.sum(lamp.towards * by, axis=1, keepdims=True) / lamp.distance
+        return self.turning.turned(axes) - 2 * along * self.turning.value
 
 
 class Lit(NamedTuple):
@@ -57,11 +98,48 @@ class Movement(NamedTuple):
     outgoing: Float[np.ndarray, "sample 3"]
 
 
-class Rays(NamedTuple):
-    """The rays on which the samples are seen: a point of each before the object, and where to."""
+class Suspect(NamedTuple):
+    """A fit under known light that may be wrong: where it ended, and what it was made from.
 
-    origins: Float[np.ndarray, "sample 3"]
-    directions: Float[np.ndarray, "sample 3"]
+    ``told`` are its samples as they were told, and ``pool`` all pixels; ``seed`` is that of the
+    samples that are tested.  ``freed`` are nuisances that the fit has freed: the samples of
+    ``stop`` and the light are corrected by them.
+    """
+
+    stop: Stop
+    material: Parametric
+    light: KnownLight
+    shape: Shape | None
+    told: Observations
+    pool: Observations
+    seed: int = 0
+    freed: tuple[str, ...] = ()
+
+
+class Derivatives(NamedTuple):
+    """What some samples leave, weighted, and how the prediction changes with a fit's unknowns."""
+
+    left: Float[np.ndarray, "value"]
+    jacobian: Float[np.ndarray, "value unknown"]
+    weights: Float[np.ndarray, "sample channel"]
+
+    @classmethod
+    def of(cls, stop: Stop, index: Int[np.ndarray, "sample"]) -> "Derivatives":
+        """Differentiate the prediction of some samples where a fit has ended."""
+        physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
+        near = LinearisedModel.about(stop.model, physical.numbers).take(index)
+        data = Data(*(np.asarray(part)[index] for part in stop.data))
+        end = stop.fit.solution.point, stop.fit.linear.eliminated
+        predicted = np.asarray(stop.fit.predicted)[index]
+        weights = np.asarray(data.weights, float)
+        jacobian = np.asarray(weighted_jacobian(stop.problem, near, data, *end), float)
+        return cls((weights * (np.asarray(data.radiance) - predicted)).ravel(), jacobian, weights)
+
+    def weighted(
+        self, columns: Float[np.ndarray, "sample channel column"]
+    ) -> Float[np.ndarray, "value column"]:
+        """Weigh columns alike."""
+        return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,42 +157,63 @@ class Grounds:
     light: KnownLight
     shape: Shape | None
 
+    @classmethod
+    def of(cls, suspect: "Suspect", index: Int[np.ndarray, "sample"]) -> "Grounds":
+        """Take some samples of a fit."""
+        stop = suspect.stop
+        gains = np.asarray(values_of(stop).gains)
+        gain = gains[stop.data.frame[index]] if len(gains) > 1 else np.ones(len(index))
+        return cls(
+            stop.observations.take(index),
+            np.asarray(stop.fit.predicted)[index],
+            (float(values_of(stop).scale) * gain)[:, None],
+            suspect.material,
+            suspect.light,
+            suspect.shape,
+        )
+
     @cached_property
     def environment(self) -> Part | None:
         """What the environment does, if there is one."""
         if self.light.environment is None:
             return None
         dark = DirectionalSources.none(self.predicted.shape[1])
-        alone = KnownLight(self.light.environment, dark)
+        alone = KnownLight(self.light.environment, dark, turn=self.light.turn)
         (nodes,) = exact_nodes(alone, self.frame, float(self.material.width), _CELL_PER_WIDTH)
         assert isinstance(nodes, LightNodes)
         return self._part(_filled(nodes))
 
     @cached_property
     def sources(self) -> tuple[Part, ...]:
-        """What each source does, and what the sources of single photographs do together."""
+        """What each group of sources does: those that turn together (``source_groups``)."""
         found = []
-        for one in _sources(self.light.directional):
-            direction = np.asarray(one.directions)
-            alone = len(direction) == 1
-            every = np.tile(direction, (len(self.frame), 1)) if alone else None
-            found.append(self._part(one.nodes(), every))
-        own = self.light.frame_nodes(self.frame)
-        if own is not None:
-            alone = own.directions.shape[1] == 1
-            every = np.asarray(own.directions)[self.frame, 0] if alone else None
-            found.append(self._part(own, every))
+        for group in source_groups(self.light):
+            nodes, nearness = group.nodes(self.light, self.frame)
+            count = nodes.directions.shape[-2]
+            single = np.asarray(nodes.directions, float)[..., 0, :]
+            if isinstance(nodes, FrameNodes):
+                single = single[np.asarray(nodes.frame_of_sample)]
+            every = np.broadcast_to(single, (len(self.frame), 3))
+            lamp = None
+            if count == 1:
+                points = self.points if self.placed else None
+                lamp = Lamp(every, every, np.ones((len(every), 1)), points)
+                if points is not None and np.any(nearness):
+                    seen = seen_from(points, every[:, None], nearness)
+                    lamp = lamp._replace(towards=seen.towards[:, 0], distance=seen.distance[:, 0])
+                    energy = np.asarray(nodes.irradiance, float)
+                    if isinstance(nodes, FrameNodes):
+                        energy = energy[np.asarray(nodes.frame_of_sample)]
+                    energy = np.broadcast_to(energy, (len(every), 1, energy.shape[-1]))
+                    nodes = near_nodes(points, every[:, None], energy, nearness)
+            found.append(self._part(nodes, lamp))
         return tuple(found)
 
-    def _part(
-        self,
-        nodes: LightNodes | FrameNodes,
-        direction: Float[np.ndarray, "sample 3"] | None = None,
-    ) -> Part:
+    def _part(self, nodes: LightNodes | FrameNodes, lamp: Lamp | None = None) -> Part:
         traced = nodes_seen(concave(self.shape), self.observations, (nodes,))
         seen = None if traced is None else traced[0]
         turning = turning_of(self.material, self.observations.samples, nodes, seen)
-        return Part(nodes, seen, turning, direction)
+        return Part(nodes, seen, turning, lamp)
 
     @property
     def samples(self) -> SurfaceSamples:
@@ -147,41 +246,18 @@ class Grounds:
         return self.observations.places is not None and self.shape is not None
 
     @property
-    def center(self) -> Float[np.ndarray, "3"]:
-        """The middle of the object's bounding box."""
-        assert self.shape is not None
-        return self.shape.bounds().mean(axis=0)
-
-    @property
-    def size(self) -> float:
-        """Half the longest side of the object's bounding box."""
-        assert self.shape is not None
-        lower, upper = self.shape.bounds()
-        return float(np.max(upper - lower)) / 2
-
-    @property
     def points(self) -> Float[np.ndarray, "sample 3"]:
         """Where the samples lie, from the object's centre, in units of its size."""
         assert self.observations.places is not None
-        return (np.asarray(self.observations.places.points, float) - self.center) / self.size
-
-    @property
-    def eyes(self) -> Float[np.ndarray, "sample 3"] | None:
-        """Where the camera of each sample stands, if that is known."""
-        eyes = self.observations.eyes
-        return None if eyes is None or not self.placed else np.asarray(eyes, float)[self.frame]
+        assert self.shape is not None
+        points = np.asarray(self.observations.places.points, float)
+        return (points - center_of(self.shape)) / size_of(self.shape)
 
     @property
     def rays(self) -> Rays:
         """The rays on which the samples are seen, from the cameras where these are known."""
-        outgoing, eyes = self.outgoing, self.eyes
-        assert self.observations.places is not None
         assert self.shape is not None
-        points = np.asarray(self.observations.places.points, float)
-        if eyes is None:
-            return Rays(points + self.shape.diagonal() * outgoing, -outgoing)
-        depth = np.sum((eyes - points) * outgoing, axis=1, keepdims=True)
-        return Rays(points + depth * outgoing, -outgoing)
+        return Rays.of(self.observations, self.shape)
 
     def moved(self, movement: Movement) -> Float[np.ndarray, "sample channel"]:
         """Differentiate the prediction along a movement of what is seen."""
@@ -218,35 +294,12 @@ class Grounds:
         A ray that leaves the surface, or meets another part of it, changes nothing.
         """
         assert self.shape is not None
-        directions = rays.directions / np.linalg.norm(rays.directions, axis=1, keepdims=True)
-        hits = self.shape.first_hits(rays.origins, directions)
-        same = hits.hit & (np.sum(hits.normals * self.normals, axis=1) > _SAME_PART)
-        changes = (hits.normals - self.normals, -directions - self.outgoing)
-        return self.moved(Movement(*(np.where(same[:, None], c, 0) / _STEP for c in changes)))
-
-
-def turned_rays(rays: Rays, eyes: Float[np.ndarray, "sample 3"], axis: np.ndarray) -> Rays:
-    """Turn rays by one step about an axis through their cameras."""
-    from_eye = rays.origins - eyes
-    return Rays(
-        rays.origins + _STEP * np.cross(axis, from_eye),
-        rays.directions + _STEP * np.cross(axis, rays.directions),
-    )
-
-
-def shifted_rays(rays: Rays, by: Float[np.ndarray, "*sample 3"]) -> Rays:
-    """Shift rays by one step of ``by``."""
-    return Rays(rays.origins + _STEP * by, rays.directions)
-
-
-def _sources(directional: DirectionalSources) -> list[DirectionalSources]:
-    """Take few sources one by one, and many together."""
-    directions, irradiance = (np.asarray(part) for part in directional.nodes())
-    lit = np.any(irradiance > 0, axis=1)
-    directions, irradiance = directions[lit], irradiance[lit]
-    if len(directions) > _MOST_SOURCES:
-        return [DirectionalSources(directions, irradiance)]
-    return [DirectionalSources(d[None], e[None]) for d, e in zip(directions, irradiance)]
+        before, hits = self.rays.meet(self.shape), rays.meet(self.shape)
+        # Normals may have been mended since they were traced: what counts is how they change.
+        facing = np.sum(hits.normals * before.normals, axis=1)
+        same = hits.hit & before.hit & (facing > _SAME_PART)
+        changes = (hits.normals - before.normals, -rays.directions - self.outgoing)
+        return self.moved(Movement(*(np.where(same[:, None], c, 0) / STEP for c in changes)))
 
 
 def _filled(nodes: LightNodes) -> LightNodes:

@@ -45,7 +45,8 @@ from jaxrender.inverse.factorization.state import (
     measured,
     response_of,
 )
-from jaxrender.inverse.uncertainty import Parameters, Uncertain, intervals
+from jaxrender.inverse.parameters import Parameters
+from jaxrender.inverse.uncertainty import Uncertain, intervals
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
 from jaxrender.programs import stored

@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.situation import Foreseen, unknowns_at
-from jaxrender.inverse.uncertainty import to_parameters
+from jaxrender.inverse.parameters import to_parameters
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 

@@ -22,14 +22,9 @@ from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.reasons import missing_under_unknown_light
-from jaxrender.inverse.uncertainty import (
-    Parameters,
-    Uncertain,
-    intervals,
-    relative_error,
-    within_reach,
-)
+from jaxrender.inverse.uncertainty import Uncertain, intervals, relative_error, within_reach
 from jaxrender.lighting import DirectionalSources, candidates, take
 from jaxrender.shapes import AnyArray, Array, Float
 

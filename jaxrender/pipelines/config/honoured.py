@@ -97,6 +97,7 @@ _OF_SETTINGS = (
         {
             "solve.refine_samples": "leaves out the refinement",
             "solve.variants": "leaves out the refinement that compares variants",
+            "solve.free": "leaves out the refinement that finds nuisances",
             "solve.interreflection": "leaves out the refinement that adds bounced light",
         },
         instead="choose solve.refine: exact",
@@ -112,6 +113,18 @@ _OF_SETTINGS = (
         lambda config: config.solve.model != "dual",
         {"solve.transfer": "has a filter of its own"},
         instead="choose solve.model: dual",
+    ),
+    Case(
+        "brdf.compare",
+        lambda config: bool(config.brdf.compare),
+        {"solve.free": "compares models of the capture as it is told"},
+        instead="remove brdf.compare",
+    ),
+    Case(
+        "solve.interreflection",
+        lambda config: config.solve.interreflection,
+        {"solve.free": "computes the bounced light of the capture as it is told"},
+        instead="remove solve.interreflection",
     ),
     Case(
         "a run without brdf.compare",

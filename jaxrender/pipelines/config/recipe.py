@@ -19,6 +19,7 @@ from jaxrender.pipelines.config.brdf import (
 )
 from jaxrender.pipelines.config.geometry import RecipeGeometryConfig
 from jaxrender.pipelines.config.lighting import RecipeLightingConfig
+from jaxrender.pipelines.config.nuisances import FaultsConfig
 from jaxrender.pipelines.config.stated import Case, Root
 from jaxrender.pipelines.config.values import (
     Count,
@@ -174,10 +175,12 @@ class RecipeConfig(Root):
     """The cameras."""
     noise: RecipeNoiseConfig = RecipeNoiseConfig()
     """The noise."""
+    faults: FaultsConfig | None = None
+    """What is wrong with the capture.  Default: nothing."""
     environment_height: Count = 128
     """Rows of the environment image that the fit gets."""
     seed: WholeNumber = 0
-    """Seed of the noise."""
+    """Seed of the noise, and of what is wrong."""
 
     @model_validator(mode="after")
     def _can_be_painted(self) -> RecipeConfig:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
+from jaxrender.pipelines.config.nuisances import Free
 from jaxrender.pipelines.config.values import (
     Accepts,
     Count,
@@ -79,12 +80,29 @@ class SolveConfig(Section):
     """Largest number of directional sources in unknown light, beside its slow part."""
     variants: Switch = True
     """Whether the fit is repeated with other choices of the same model, for comparison."""
+    free: Free = ()
+    """Nuisances that are found with the material, by name, or auto: those that the diagnosis
+    names."""
     diagnose: Switch = True
     """Whether the fit says what would explain what it leaves beyond noise."""
     held_out: OpenFraction = 0.2
     """Part of the samples that brdf.compare keeps out of the fits, to compare the models."""
     interreflection: Switch = False
     """Whether the fit models light that bounces inside a concave diffuse object (T 6.6)."""
+
+    @model_validator(mode="after")
+    def _names_what_it_frees(self) -> SolveConfig:
+        if self.free == "auto" and not self.diagnose:
+            raise ValueError(
+                "free: auto frees what the diagnosis names; choose diagnose: true, or name what to "
+                "free"
+            )
+        if "exposure" in self.free and self.free_exposure:
+            raise ValueError(
+                "free: [exposure] and free_exposure: true free the same; leave one of them out "
+                "(the first has a prior of 5 percent)"
+            )
+        return self
 
     @property
     def transfer_name(self) -> str:

@@ -30,6 +30,7 @@ _OF_KNOWN_LIGHT = {
     "solve.free_exposure": "needs known exposures",
     "solve.variants": "compares no variants of a model",
     "solve.diagnose": "names no causes of a misfit",
+    "solve.free": "takes the capture as it is told",
     "solve.interreflection": "leaves out bounced light",
 }
 _NO_PRIORS = {

@@ -29,6 +29,7 @@ _STAGES = {
     "shadows": "tracing shadows",
     "misfit": "noise between neighbouring pixels",
     "diagnosis": "what would explain the rest",
+    "calibration": "finding what was freed",
     "account": "error bars",
     "compare": "comparing the models on held-out pixels",
     "interreflection": "light that bounces between parts of the object",

@@ -103,6 +103,7 @@ def test_defaults():
         "free_exposure": False,
         "most_sources": 48,
         "variants": True,
+        "free": (),
         "diagnose": True,
         "held_out": 0.2,
         "interreflection": False,

@@ -1,0 +1,305 @@
+"""Calibration: nuisances of a capture, found together with the material (Gauss and Newton).
+
+Each round fits the material to samples and light as they are corrected so far, differentiates the
+prediction by what is free (the columns by which ``diagnosis`` tests causes), and corrects further:
+least squares of material and nuisances at once, the nuisances held by their priors.  A step that
+makes matters worse is halved.  At the end the errors of the material hold those of the nuisances.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.clusters import Clusters, widened
+from jaxrender.inverse.diagnosis.causes import CAUSES
+from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.material_task import MaterialTask
+from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
+from jaxrender.inverse.parameters import slopes_of_parameters
+from jaxrender.inverse.passes import Begin, Stop, descend
+from jaxrender.shapes import Float, Int
+
+# So many samples are calibrated on; the light is condensed to cells of so many widths of the lobe.
+_SAMPLES, _CELLS = 1500, 0.35
+# Rounds and halvings at most; a round that gains less than this of chi-squared is the last.
+_ROUNDS, _HALVINGS, _LEAST_GAIN = 20, 6, 0.5
+# Sources come no nearer than this.
+_NEAREST = 0.95
+# Two nuisances are alike where both together leave less than their priors say, of something that
+# one alone would tell so many times as well (variances).
+_ALIKE = 100.0
+
+
+class Calibrated(NamedTuple):
+    """A material and the corrections that go with it.
+
+    ``stop`` is of corrected samples, under the corrected ``light``; ``told`` is what was corrected.
+    ``errors`` are the standard errors of what is ``free``.  ``spread`` is what the material's
+    covariance has for their sake.  ``sentences`` say what cannot be told apart or is at a bound.
+    """
+
+    stop: Stop
+    told: Told
+    corrections: Corrections
+    light: KnownLight
+    free: tuple[str, ...]
+    errors: dict[str, Float[np.ndarray, "number"]]
+    spread: Float[np.ndarray, "parameter parameter"]
+    settled: bool
+    sentences: tuple[str, ...]
+
+
+class _State(NamedTuple):
+    """Corrections, and the material that fits best with them."""
+
+    corrections: Corrections
+    light: KnownLight
+    stop: Stop
+    cost: float
+
+
+class _Step(NamedTuple):
+    """How far to move each nuisance, and what of chi-squared that would gain."""
+
+    by: dict[str, Float[np.ndarray, "number"]]
+    gain: float
+
+
+def calibrate(
+    task: MaterialTask,
+    told: Told,
+    begin: Stop,
+    free: tuple[str, ...],
+    noise: NoiseModel,
+    corrections: Corrections | None = None,
+) -> Calibrated:
+    """Free some nuisances, and find them with the material; ``begin`` is a fit without them.
+
+    ``noise`` is that of single pixels.  ``corrections`` are those known so far.
+
+    Raises ``ValueError`` for a nuisance that the photographs or the light leave no room for.
+    """
+    corrections = corrections or Corrections.none(told)
+    count = told.observations.count
+    index = _some(count, task.settings.seed)
+    few = told._replace(observations=told.observations.take(index))
+    width = task.width(begin)
+    known = task._replace(settings=task.settings._replace(noise=noise))
+
+    def fitted(corrections: Corrections, before: Stop, predicted: np.ndarray | None) -> _State:
+        observed, light = corrections.observations(few), corrections.light(few)
+        model = task.integral(observed, task.nodes(light, observed, width, _CELLS))
+        start = Begin(noise, predicted, np.asarray(before.fit.solution.point)[None])
+        stop = descend(task.problem, model, observed, start, known.settings)
+        left = np.asarray(stop.data.weights) * (
+            np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
+        )
+        prior = sum(float(np.sum(_in_priors(corrections, name) ** 2)) for name in free)
+        return _State(corrections, light, stop, float(np.sum(left**2)) + prior)
+
+    now = fitted(corrections, begin, None)
+    settled = False
+    for _ in range(_ROUNDS):
+        step = _step(known, few, now, free)
+        if step.gain < _LEAST_GAIN:
+            settled = True
+            break
+        further, part = None, 1.0
+        for _ in range(_HALVINGS):
+            tried = _moved(now.corrections, step, part)
+            further = fitted(tried, now.stop, np.asarray(now.stop.fit.predicted))
+            if further.cost < now.cost:
+                break
+            further, part = None, part / 2
+        gained = 0.0 if further is None else now.cost - further.cost
+        now = further or now
+        if gained < _LEAST_GAIN:
+            settled = True
+            break
+    observed, light = now.corrections.observations(told), now.corrections.light(told)
+    model = task.integral(observed, task.nodes(light, observed, width))
+    start = Begin(task.settings.noise or noise, None, np.asarray(now.stop.fit.solution.point)[None])
+    stop = descend(task.problem, model, observed, start, task.settings)
+    return _account(task, told, _State(now.corrections, light, stop, now.cost), free, settled)
+
+
+def _some(count: int, seed: int) -> Int[np.ndarray, "sample"]:
+    if count <= _SAMPLES:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(seed).choice(count, _SAMPLES, replace=False))
+
+
+def _in_priors(corrections: Corrections, name: str) -> Float[np.ndarray, "number"]:
+    """Say how far a nuisance is from what was told, in standard deviations of its prior."""
+    now = corrections.of(name)
+    return now / NUISANCES[name].deviations(len(now))
+
+
+class _Columns(NamedTuple):
+    """Derivatives of what is left by the material's unknowns and by what is free, weighted.
+
+    Nuisances are in standard deviations of their priors; ``names`` says whose each column is.
+    """
+
+    known: Derivatives
+    columns: Float[np.ndarray, "value nuisance"]
+    names: Float[np.ndarray, "nuisance"]
+
+
+def _columns(
+    task: MaterialTask,
+    told: Told,
+    state: _State,
+    free: tuple[str, ...],
+    index: Int[np.ndarray, "sample"],
+) -> _Columns:
+    """Differentiate by the material and by all that is free."""
+    stop, light = state.stop, state.light
+    every = told.observations
+    suspect = Suspect(stop, task.material(stop), light, told.shape, every, every)
+    grounds, known = Grounds.of(suspect, index), Derivatives.of(stop, index)
+    found, names = [], []
+    for name in free:
+        columns = CAUSES[name].columns(grounds)
+        if columns is None:
+            raise ValueError(f"{name} cannot be freed: {_NO_ROOM.get(name, 'there is none')}")
+        deviations = NUISANCES[name].deviations(columns.shape[2])
+        found.append(known.weighted(columns * deviations))
+        names += [name] * columns.shape[2]
+    return _Columns(known, np.hstack(found), np.array(names))
+
+
+_NO_ROOM = {
+    "camera": "nobody says where the cameras stand",
+    "scale": "nobody says where the cameras stand",
+    "object": "nobody says where the samples lie",
+    "environment": "the light has no environment",
+    "lamps": "the light has no sources",
+    "nearness": "the light has no source that stands alone, or nobody says where the samples lie",
+}
+
+
+def _step(task: MaterialTask, told: Told, state: _State, free: tuple[str, ...]) -> _Step:
+    """Solve for material and nuisances at once, to first order."""
+    count = state.stop.observations.count
+    known, columns, names = _columns(task, told, state, free, np.arange(count))
+    both = np.hstack([_scaled(known.jacobian), columns])
+    prior = np.zeros(both.shape[1])
+    prior[-len(names) :] = 1
+    at = np.concatenate([_in_priors(state.corrections, name) for name in free])
+    right = both.T @ known.left
+    right[-len(names) :] -= at
+    found = np.linalg.lstsq(both.T @ both + np.diag(prior), right, rcond=1e-12)[0]
+    gain, found = float(right @ found), found[-len(names) :]
+    return _Step({name: found[names == name] * _deviations(name, names) for name in free}, gain)
+
+
+def _deviations(name: str, names: np.ndarray) -> Float[np.ndarray, "number"]:
+    """List the priors of one nuisance's columns."""
+    return NUISANCES[name].deviations(int(np.sum(names == name)))
+
+
+def _moved(corrections: Corrections, step: _Step, part: float) -> Corrections:
+    """Take part of a step, and no further than bounds allow."""
+    for name, by in step.by.items():
+        before = corrections.of(name)
+        highest = _NEAREST if name == "nearness" else np.inf
+        after = np.clip(before + part * by, NUISANCES[name].lowest, highest)
+        # Rotations follow upon each other, so they are not clipped but turned.
+        corrections = corrections.moved(name, after - before)
+    return corrections
+
+
+def _scaled(jacobian: Float[np.ndarray, "value all"]) -> Float[np.ndarray, "value all"]:
+    """Let every column have length one, if it has any."""
+    size = np.linalg.norm(jacobian, axis=0)
+    return jacobian / np.where(size > 0, size, 1)
+
+
+def _account(
+    task: MaterialTask, told: Told, state: _State, free: tuple[str, ...], settled: bool
+) -> Calibrated:
+    """Say how well the nuisances are known, and what of that goes into the material's errors."""
+    stop = state.stop
+    index = _some(stop.observations.count, task.settings.seed)
+    known, columns, names = _columns(task, told, state, free, index)
+    jacobian = known.jacobian
+    # How the material answers to each nuisance, and what of the nuisance the material cannot make.
+    answer = np.linalg.lstsq(_scaled(jacobian), columns, rcond=1e-9)[0]
+    own = columns - _scaled(jacobian) @ answer
+    covariance = np.linalg.inv(own.T @ own + np.eye(len(names)))
+    left = known.left - own @ (covariance @ (own.T @ known.left))
+    channels = known.weights.shape[1]
+    scores = np.sum((left[:, None] * own).reshape(-1, channels, len(names)), axis=1)
+    clusters = Clusters.of(stop.observations.take(index))
+    covariance = widened(covariance, clusters.covariance(scores @ covariance))
+    size = np.linalg.norm(jacobian, axis=0)
+    answer = answer / np.where(size > 0, size, 1)[:, None]
+    end = stop.fit.solution.point, stop.fit.linear.eliminated
+    moves = np.asarray(slopes_of_parameters(stop.problem, *end)) @ answer
+    errors = np.sqrt(np.diag(covariance))
+    by_name = {name: errors[names == name] * _deviations(name, names) for name in free}
+    sentences = [*_alike(columns, own, names), *_at_bound(state.corrections, free)]
+    if not settled:
+        sentences.append(f"the calibration of {' and '.join(free)} did not settle")
+    return Calibrated(
+        stop,
+        told,
+        state.corrections,
+        state.light,
+        free,
+        by_name,
+        moves @ covariance @ moves.T,
+        settled,
+        tuple(sentences),
+    )
+
+
+def _alike(
+    columns: Float[np.ndarray, "value nuisance"],
+    own: Float[np.ndarray, "value nuisance"],
+    names: np.ndarray,
+) -> list[str]:
+    """Name what cannot be told apart: pairs of nuisances, and a nuisance and the material."""
+    found = []
+    free = list(dict.fromkeys(names))
+    for at, name in enumerate(free):
+        mine = own[:, names == name]
+        if _lost(columns[:, names == name], mine):
+            found.append(
+                f"{name} and the material cannot be told apart by these photographs alone: the "
+                f"prior of {name} decides"
+            )
+        for other in free[at + 1 :]:
+            theirs = own[:, names == other]
+            basis = np.linalg.svd(theirs, full_matrices=False)[0]
+            if _lost(mine, mine - basis @ (basis.T @ mine)):
+                found.append(
+                    f"{name} and {other} cannot be told apart by these photographs: their priors "
+                    "divide what both could be; free one of them, or know one better"
+                )
+    return found
+
+
+def _lost(
+    alone: Float[np.ndarray, "value nuisance"], together: Float[np.ndarray, "value nuisance"]
+) -> bool:
+    """Whether something is told well alone, and less than by its prior beside something else."""
+    values, vectors = np.linalg.eigh(together.T @ together)
+    told = np.sum((alone @ vectors) ** 2, axis=0)
+    return bool(np.any((values < 1) & (told > _ALIKE)))
+
+
+def _at_bound(corrections: Corrections, free: tuple[str, ...]) -> list[str]:
+    """Say which sources are as far as they can be, or as near."""
+    if "nearness" not in free:
+        return []
+    found = []
+    for number, near in enumerate(corrections.nearness):
+        if near <= 0:
+            found.append(f"nearness of source {number + 1} is at its bound 0: it is infinitely far")
+        elif near >= _NEAREST:
+            found.append(f"nearness of source {number + 1} is at its bound {_NEAREST}")
+    return found

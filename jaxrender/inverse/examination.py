@@ -1,0 +1,149 @@
+"""What a fit leaves: measured, explained, and absorbed by nuisances where that is asked for.
+
+Nuisances are freed as ``settings.free`` says: some by name, or (``auto``) whatever the diagnosis
+names, one after the other, until it names none or none that can be freed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.inverse.calibration import Calibrated, calibrate
+from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
+from jaxrender.inverse.known_light import DUAL_ERROR
+from jaxrender.inverse.material_task import MaterialTask
+from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
+from jaxrender.inverse.models import ExactModel, LinearisedModel
+from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.passes import Stop
+from jaxrender.reflection import FrameNodes
+
+# Pixels that tell the noise, and the cells of the light by which they are predicted if the fit has
+# no nodes of its own, in widths of the lobe.
+_MOST_NEIGHBOURS, _NEIGHBOURS_CELL = 6000, 0.5
+# So many times at most something is freed that the diagnosis names.
+_MOST_FREED = 3
+
+
+class Examined(NamedTuple):
+    """Where a fit has ended, what it leaves, what would explain it, and what was freed for it."""
+
+    stop: Stop
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
+    calibrated: Calibrated | None = None
+    unsettled: bool = False
+
+    @property
+    def freed(self) -> tuple[str, ...]:
+        """What has been freed so far."""
+        return () if self.calibrated is None else self.calibrated.free
+
+    @property
+    def named(self) -> str | None:
+        """The nuisance that explains most of the rest, if nothing else explains more."""
+        best = self.diagnosis[0].cause if self.diagnosis else None
+        return best if best in NUISANCES else None
+
+
+def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> Examined:
+    """Examine a fit, and free nuisances as the settings say.
+
+    ``told`` are the samples of ``stop``, ``pool`` all pixels.
+
+    Raises ``ValueError`` for a nuisance that there is none of, or that the photographs or the light
+    leave no room for.
+    """
+    free = task.settings.free
+    examined = _examined(task, told, pool, Examined(stop))
+    if free != "auto":
+        return _freed(task, told, pool, examined, check_free(free)) if free else examined
+    for _ in range(_MOST_FREED):
+        if examined.named is None:
+            return examined
+        examined = _freed(task, told, pool, examined, (*examined.freed, examined.named))
+    return examined._replace(unsettled=examined.named is not None)
+
+
+def check_free(free: tuple[str, ...]) -> tuple[str, ...]:
+    """Refuse what is no nuisance; each counts once."""
+    for name in free:
+        if name not in NUISANCES:
+            raise ValueError(f"{name!r} cannot be freed; choose of {', '.join(NUISANCES)}, or auto")
+    return tuple(dict.fromkeys(free))
+
+
+def _freed(
+    task: MaterialTask,
+    told: Told,
+    pool: Observations,
+    examined: Examined,
+    free: tuple[str, ...],
+) -> Examined:
+    """Free some nuisances, and examine the fit again."""
+    noise = examined.stop.noise if examined.misfit is None else examined.misfit.noise
+    so_far = None if examined.calibrated is None else examined.calibrated.corrections
+    with task.stage("calibration"):
+        calibrated = calibrate(task, told, examined.stop, free, noise, so_far)
+    return _examined(task, told, pool, Examined(calibrated.stop, calibrated=calibrated))
+
+
+def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Examined) -> Examined:
+    """Measure what a fit leaves, and say what would explain it."""
+    stop, calibrated = examined.stop, examined.calibrated
+    corrections = Corrections.none(told) if calibrated is None else calibrated.corrections
+    light = told.light if calibrated is None else calibrated.light
+    with task.stage("misfit"):
+        misfit = _misfit(task, stop, told._replace(observations=pool), corrections)
+    diagnosis: tuple[Diagnosis, ...] = ()
+    if misfit is not None and task.settings.diagnose:
+        with task.stage("diagnosis"):
+            suspect = Suspect(
+                stop,
+                task.material(stop),
+                light,
+                told.shape,
+                told.observations,
+                pool,
+                task.settings.seed,
+                examined.freed,
+            )
+            diagnosis = diagnose(suspect, misfit)
+    return examined._replace(misfit=misfit, diagnosis=diagnosis)
+
+
+def _misfit(task: MaterialTask, stop: Stop, told: Told, corrections: Corrections) -> Misfit | None:
+    """Measure the noise between neighbouring pixels, and what the fit leaves above it.
+
+    ``told`` holds all pixels, as they were told.
+    """
+    fitted = Left(stop.observations, np.asarray(stop.fit.predicted))
+    # As many as the fit's own samples: the program that predicts them is there already.
+    count = min(stop.observations.count, _MOST_NEIGHBOURS)
+    pool = told.observations
+    rows = rows_of_three(pool, count // 3, task.settings.seed)
+    neighbours = None
+    if len(rows):
+        some = pool.take(np.resize(rows.ravel(), count))
+        some = corrections.observations(told._replace(observations=some))
+        frame = np.asarray(some.frame)
+        light = corrections.light(told)
+        if light.near is None and isinstance(stop.model, ExactModel):
+            nodes = tuple(
+                part._replace(frame_of_sample=frame) if isinstance(part, FrameNodes) else part
+                for part in stop.model.nodes
+            )
+        else:
+            nodes = task.nodes(light, some, task.width(stop), _NEIGHBOURS_CELL)
+        physical = task.unknowns.unpack(stop.fit.solution.point)
+        near = LinearisedModel.about(task.integral(some, nodes), physical.numbers)
+        data = stop.data._replace(frame=frame)
+        predicted = task.problem.columns(near, data, physical).times(stop.fit.linear.amplitudes)
+        threes = np.arange(rows.size)
+        neighbours = Left(some.take(threes), np.asarray(predicted)[threes])
+    given = task.settings.noise
+    if task.settings.refine:
+        return measure_misfit(fitted, neighbours, given)
+    # The dual model leaves as much of its own.
+    return measure_misfit(fitted, neighbours, given, least=DUAL_ERROR)

@@ -1,0 +1,92 @@
+"""What a fit has freed, as a result states it: values, errors, mended cameras, pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxrender.brdf import Parametric
+from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
+from jaxrender.inverse import KnownLight
+from jaxrender.inverse.calibration import Calibrated
+from jaxrender.inverse.models import columns_under
+from jaxrender.inverse.nuisances import NUISANCES
+from jaxrender.inverse.photographs import Photograph
+from jaxrender.io import Capture, write_capture
+from jaxrender.lighting import DirectionalSources
+from jaxrender.reflection import radiance, visible_nodes
+from jaxrender.shapes import Float
+
+CAMERAS = "capture.json"
+
+
+def calibration_of(calibrated: Calibrated, photographs: list[Photograph]) -> dict[str, Any]:
+    """Lay out what was freed: for each nuisance its numbers, errors and priors, in units."""
+    found = {}
+    for name in calibrated.free:
+        nuisance, numbers = NUISANCES[name], calibrated.corrections.of(name)
+        every = len(numbers)
+        found[name] = {
+            "meaning": nuisance.meaning,
+            "value": nuisance.in_units(numbers).tolist(),
+            "standard_error": nuisance.in_units(calibrated.errors[name]).tolist(),
+            "prior": nuisance.in_units(nuisance.deviations(every)).tolist(),
+            "unit": [unit.name for unit in nuisance.units],
+        }
+        if name in ("exposure", "camera"):
+            found[name]["photographs"] = [p.frame.name for p in photographs]
+    return {
+        "free": list(calibrated.free),
+        "settled": calibrated.settled,
+        "nuisances": found,
+        "sentences": list(calibrated.sentences),
+    }
+
+
+def mended(photographs: list[Photograph], calibrated: Calibrated, shape: Shape) -> list[Photograph]:
+    """See the object as the mended cameras do; pixels stay those of the files."""
+    corrections = calibrated.corrections
+    return [
+        photograph._replace(view=corrections.view(photograph.frame.camera, number, shape))
+        for number, photograph in enumerate(photographs)
+    ]
+
+
+def write_cameras(
+    folder: Path, calibrated: Calibrated, photographs: list[Photograph], shape: Shape, source: Path
+) -> None:
+    """Write mended cameras and exposures, for another fit to start from."""
+    corrections, frames = calibrated.corrections, []
+    for number, photograph in enumerate(photographs):
+        frame, gain = photograph.frame, float(np.exp(corrections.exposure[number]))
+        exposure = frame.exposure
+        if gain != 1:
+            exposure = gain * (1.0 if exposure is None else exposure)
+        camera = corrections.camera_of(frame.camera, number, shape)
+        frames.append(frame._replace(camera=camera, exposure=exposure))
+    write_capture(folder / CAMERAS, Capture(tuple(frames), source))
+
+
+def near_image(
+    brdf: Parametric, view: SurfaceView, light: KnownLight, number: int, shape: Shape
+) -> Float[np.ndarray, "row column channel"]:
+    """Render what near sources do to a photograph; black where there are none."""
+    image = np.zeros((*view.hit.shape, light.directional.irradiance.shape[1]))
+    if light.near is None:
+        return image
+    places = SurfacePlaces(view.points[view.hit], view.geometric_normals[view.hit])
+    samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
+    frame = np.full(len(places.points), number)
+    for nodes in light.near_parts(frame, places.points):
+        seen = None if shape.is_convex() else visible_nodes(shape, places, nodes)
+        image[view.hit] += np.asarray(radiance(brdf, columns_under(brdf, samples, nodes, seen)))
+    return image
+
+
+def far_sources(light: KnownLight, number: int) -> DirectionalSources:
+    """List a photograph's sources that are infinitely far."""
+    if light.near is None:
+        return light.sources_of(number)
+    return DirectionalSources.none(light.directional.irradiance.shape[1])

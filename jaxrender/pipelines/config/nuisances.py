@@ -1,0 +1,58 @@
+"""Nuisances by name: those that a fit frees, and those that a recipe plants."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Tag
+
+from jaxrender.pipelines.config.values import NonNegative, Section
+
+NuisanceName = Literal[
+    "exposure",
+    "camera",
+    "object",
+    "scale",
+    "environment",
+    "lamps",
+    "nearness",
+    "black",
+    "response",
+    "normals",
+]
+
+
+def _kind(value: Any) -> str:
+    return "<named>" if isinstance(value, list | tuple) else "<word>"
+
+
+Free = Annotated[
+    Annotated[Literal["auto"], Tag("<word>")] | Annotated[tuple[NuisanceName, ...], Tag("<named>")],
+    Discriminator(_kind),
+]
+
+
+class FaultsConfig(Section):
+    """What is wrong with a capture: photographs are taken so, and its files do not tell."""
+
+    exposure: NonNegative = 0.0
+    """Standard deviation of the photographs' gains, percent."""
+    camera: NonNegative = 0.0
+    """Standard deviation of each camera's rotation about each axis, degrees."""
+    object: NonNegative = 0.0
+    """Standard deviation of the object's shift along each axis, percent of its size."""
+    scale: NonNegative = 0.0
+    """Standard deviation of the object's enlargement, percent."""
+    environment: NonNegative = 0.0
+    """Standard deviation of the environment's rotation about each axis, degrees."""
+    lamps: NonNegative = 0.0
+    """Standard deviation of each source's rotation, degrees; its brightness by ten times as many
+    percent."""
+    nearness: NonNegative = 0.0
+    """The object's size over the distance of its sources; 0 is infinitely far."""
+    black: NonNegative = 0.0
+    """Standard deviation of each channel's black level, percent of the radiance."""
+    response: NonNegative = 0.0
+    """Standard deviation of the response's exponent, percent."""
+    normals: NonNegative = 0.0
+    """Smooth bumps that turn normals by so many degrees (rms)."""
