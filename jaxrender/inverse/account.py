@@ -67,6 +67,10 @@ class Account(NamedTuple):
         wider = wider._replace(if_exact=exact)
         return self._replace(parameters=wider, notes=calibrated.sentences)
 
+    def with_note(self, note: str) -> "Account":
+        """Say one thing more."""
+        return self._replace(notes=(*self.notes, note))
+
     @property
     def reasons(self) -> tuple[str, ...]:
         """Say how much the photographs hold beyond the model, and what would explain it."""

@@ -157,6 +157,11 @@ def fit_brdf(
         account = account.with_misfit(examined.misfit, examined.diagnosis)
         if calibrated is not None:
             account = account.with_calibration(calibrated)
+        if examined.unsettled:
+            account = account.with_note(
+                f"free: auto has freed {', '.join(examined.freed)} one after the other, and the "
+                "diagnosis still names something that could be freed"
+            )
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
         task.material(final),

@@ -77,7 +77,8 @@ def calibrate(
 ) -> Calibrated:
     """Free some nuisances, and find them with the material; ``begin`` is a fit without them.
 
-    ``noise`` is that of single pixels.  ``corrections`` are those known so far.
+    ``noise`` is that of single pixels.  ``corrections`` are those known so far.  It works on some
+    of the samples, under light in coarse cells; ``finish`` takes all of both.
 
     Raises ``ValueError`` for a nuisance that the photographs or the light leave no room for.
     """
@@ -118,11 +119,19 @@ def calibrate(
         if gained < _LEAST_GAIN:
             settled = True
             break
-    observed, light = now.corrections.observations(told), now.corrections.light(told)
-    model = task.integral(observed, task.nodes(light, observed, width))
-    start = Begin(task.settings.noise or noise, None, np.asarray(now.stop.fit.solution.point)[None])
-    stop = descend(task.problem, model, observed, start, task.settings)
-    return _account(task, told, _State(now.corrections, light, stop, now.cost), free, settled)
+    return _account(task, few, now, free, settled)
+
+
+def finish(task: MaterialTask, told: Told, calibrated: Calibrated) -> Calibrated:
+    """Fit the material to all samples, as they are corrected now."""
+    corrections, before = calibrated.corrections, calibrated.stop
+    observed, light = corrections.observations(told), corrections.light(told)
+    nodes = task.nodes(light, observed, task.width(before))
+    stop = descend(
+        task.problem, task.integral(observed, nodes), observed, before.onward(None), task.settings
+    )
+    state = _State(corrections, light, stop, 0.0)
+    return _account(task, told, state, calibrated.free, calibrated.settled)
 
 
 def _some(count: int, seed: int) -> Int[np.ndarray, "sample"]:

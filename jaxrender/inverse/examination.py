@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.calibration import Calibrated, calibrate
+from jaxrender.inverse.calibration import Calibrated, calibrate, finish
 from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
 from jaxrender.inverse.known_light import DUAL_ERROR
 from jaxrender.inverse.material_task import MaterialTask
@@ -24,6 +24,8 @@ from jaxrender.reflection import FrameNodes
 _MOST_NEIGHBOURS, _NEIGHBOURS_CELL = 6000, 0.5
 # So many times at most something is freed that the diagnosis names.
 _MOST_FREED = 3
+# Causes whose odds are within e^5 of the best one's may be the right one.
+_AS_WELL = 10.0
 
 
 class Examined(NamedTuple):
@@ -41,10 +43,17 @@ class Examined(NamedTuple):
         return () if self.calibrated is None else self.calibrated.free
 
     @property
-    def named(self) -> str | None:
-        """The nuisance that explains most of the rest, if nothing else explains more."""
-        best = self.diagnosis[0].cause if self.diagnosis else None
-        return best if best in NUISANCES else None
+    def named(self) -> tuple[str, ...]:
+        """The nuisance that explains the rest best, and those that do so as well.
+
+        There are none where something else explains more: that no nuisance is to take up.
+        """
+        if not self.diagnosis or self.diagnosis[0].cause not in NUISANCES:
+            return ()
+        least = self.diagnosis[0].bic - _AS_WELL
+        return tuple(
+            one.cause for one in self.diagnosis if one.bic >= least and one.cause in NUISANCES
+        )
 
 
 def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> Examined:
@@ -58,12 +67,16 @@ def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> E
     free = task.settings.free
     examined = _examined(task, told, pool, Examined(stop))
     if free != "auto":
-        return _freed(task, told, pool, examined, check_free(free)) if free else examined
+        free = check_free(free)
+        return _finished(task, told, pool, _freed(task, told, examined, free)) if free else examined
     for _ in range(_MOST_FREED):
-        if examined.named is None:
-            return examined
-        examined = _freed(task, told, pool, examined, (*examined.freed, examined.named))
-    return examined._replace(unsettled=examined.named is not None)
+        if not examined.named:
+            break
+        examined = _freed(task, told, examined, (*examined.freed, *examined.named))
+        examined = _examined(task, told, pool, examined)
+    unsettled = examined.calibrated is not None and bool(examined.named)
+    examined = _finished(task, told, pool, examined)
+    return examined._replace(unsettled=unsettled)
 
 
 def check_free(free: tuple[str, ...]) -> tuple[str, ...]:
@@ -74,18 +87,21 @@ def check_free(free: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(free))
 
 
-def _freed(
-    task: MaterialTask,
-    told: Told,
-    pool: Observations,
-    examined: Examined,
-    free: tuple[str, ...],
-) -> Examined:
-    """Free some nuisances, and examine the fit again."""
+def _freed(task: MaterialTask, told: Told, examined: Examined, free: tuple[str, ...]) -> Examined:
+    """Free some nuisances."""
     noise = examined.stop.noise if examined.misfit is None else examined.misfit.noise
     so_far = None if examined.calibrated is None else examined.calibrated.corrections
     with task.stage("calibration"):
         calibrated = calibrate(task, told, examined.stop, free, noise, so_far)
+    return Examined(calibrated.stop, calibrated=calibrated)
+
+
+def _finished(task: MaterialTask, told: Told, pool: Observations, examined: Examined) -> Examined:
+    """Fit what was freed to all samples, and examine that."""
+    if examined.calibrated is None:
+        return examined
+    with task.stage("calibration"):
+        calibrated = finish(task, told, examined.calibrated)
     return _examined(task, told, pool, Examined(calibrated.stop, calibrated=calibrated))
 
 
@@ -104,7 +120,7 @@ def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Exam
                 task.material(stop),
                 light,
                 told.shape,
-                told.observations,
+                told.observations if calibrated is None else calibrated.told.observations,
                 pool,
                 task.settings.seed,
                 examined.freed,

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.inverse import KnownLight
+from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.calibration import Calibrated
 from jaxrender.inverse.models import columns_under
 from jaxrender.inverse.nuisances import NUISANCES
@@ -43,6 +43,31 @@ def calibration_of(calibrated: Calibrated, photographs: list[Photograph]) -> dic
         "nuisances": found,
         "sentences": list(calibrated.sentences),
     }
+
+
+def by_photograph(fit: BRDFFit, photographs: list[Photograph]) -> list[dict[str, Any]]:
+    """Sum up what the fit leaves of each photograph, relative to its radiance (rms).
+
+    And its gain and how far its camera was turned, where these were freed.
+    """
+    stop, calibrated = fit.final, fit.calibrated
+    radiance, frame = np.asarray(stop.data.radiance, float), np.asarray(stop.data.frame)
+    left, found = radiance - np.asarray(stop.fit.predicted), []
+    gains = np.asarray(fit.parameters.value.gains)
+    for number, photograph in enumerate(photographs):
+        own = frame == number
+        level = float(np.sum(radiance[own] ** 2))
+        rms = float(np.sqrt(np.sum(left[own] ** 2) / level)) if level > 0 else None
+        row: dict[str, Any] = {"name": photograph.frame.name, "relative_rms": rms}
+        if len(gains) > 1:
+            row["gain"] = float(gains[number])
+        if calibrated is not None and "exposure" in calibrated.free:
+            row["gain"] = float(np.exp(calibrated.corrections.exposure[number]))
+        if calibrated is not None and "camera" in calibrated.free:
+            turned = float(np.linalg.norm(calibrated.corrections.camera[number]))
+            row["turned_degrees"] = float(np.degrees(turned))
+        found.append(row)
+    return found
 
 
 def mended(photographs: list[Photograph], calibrated: Calibrated, shape: Shape) -> list[Photograph]:

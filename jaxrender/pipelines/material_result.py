@@ -18,7 +18,7 @@ from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.inverse.variants import Variant, model_sensitive
 from jaxrender.io.netcdf import Group, Variable
 from jaxrender.pipelines.arrays import light_group, sample_arrays
-from jaxrender.pipelines.calibration import calibration_of
+from jaxrender.pipelines.calibration import by_photograph, calibration_of
 from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
@@ -104,6 +104,7 @@ def _own(finding: Finding) -> dict[str, Any]:
     if unknowns.free_gains:
         gains = np.asarray(fit.parameters.value.gains)
         own["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
+    own["photographs"] = by_photograph(fit, finding.photographs)
     if fit.calibrated is not None:
         own["calibration"] = calibration_of(fit.calibrated, finding.photographs)
     if unknowns.free_scale:

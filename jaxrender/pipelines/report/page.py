@@ -19,6 +19,7 @@ from jaxrender.pipelines.report.contents import (
     TextureContents,
 )
 from jaxrender.pipelines.report.forecast import forecast
+from jaxrender.pipelines.report.freed import freed, photograph_rows
 from jaxrender.pipelines.report.light import direction_discs, environment_map
 from jaxrender.pipelines.report.material import spheres
 from jaxrender.pipelines.report.photographs import gallery
@@ -75,6 +76,8 @@ def _common_sections(contents: Contents) -> dict[str, Any]:
         "parameters": parameters.parameters(contents),
         "in_degrees": parameters.in_degrees(contents),
         "explanations": account.explanations(contents),
+        "freed": freed(contents),
+        "by_photograph": photograph_rows(contents),
         "gallery": gallery(contents.frames),
         "removed": account.removed_pixels(contents),
         "gauge": contents.result.get("lighting", {}).get("gauge"),
