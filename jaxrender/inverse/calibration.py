@@ -14,15 +14,20 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.diagnosis.causes import CAUSES
 from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
+from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.material_task import MaterialTask
+from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
 from jaxrender.inverse.parameters import slopes_of_parameters
 from jaxrender.inverse.passes import Begin, Stop, descend
+from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
 
 # So many samples are calibrated on; the light is condensed to cells of so many widths of the lobe.
 _SAMPLES, _CELLS = 1500, 0.35
+# Of light of few sources so many pairs of a sample and a node, and no more samples than that.
+_WORK, _MOST_SAMPLES = 1e5, 6000
 # Rounds and halvings at most; a round that gains less than this of chi-squared is the last.
 _ROUNDS, _HALVINGS, _LEAST_GAIN = 20, 6, 0.5
 # Sources come no nearer than this.
@@ -38,6 +43,7 @@ class Calibrated(NamedTuple):
     ``stop`` is of corrected samples, under the corrected ``light``; ``told`` is what was corrected.
     ``errors`` are the standard errors of what is ``free``.  ``spread`` is what the material's
     covariance has for their sake.  ``sentences`` say what cannot be told apart or is at a bound.
+    ``absorbed`` is the part of chi-squared above the noise that they do away with.
     """
 
     stop: Stop
@@ -49,6 +55,7 @@ class Calibrated(NamedTuple):
     spread: Float[np.ndarray, "parameter parameter"]
     settled: bool
     sentences: tuple[str, ...]
+    absorbed: float = 0.0
 
 
 class _State(NamedTuple):
@@ -67,6 +74,92 @@ class _Step(NamedTuple):
     gain: float
 
 
+class _Weighing(NamedTuple):
+    """How samples count: by the noise and what a wrong model leaves above it.
+
+    So a wrong model does not chase the darkest pixels.  Beside the priors they count as if all of
+    it were noise of single pixels: by ``strength``, the ratio of the two variances.
+    """
+
+    noise: NoiseModel
+    strength: float
+
+    @classmethod
+    def of(cls, stop: Stop, pixels: NoiseModel) -> "_Weighing":
+        """Weigh by the noise that a fit has ended with."""
+        predicted = np.asarray(stop.fit.predicted)
+        of_fit, own = (
+            float(np.mean(standard_deviations(noise, predicted) ** 2))
+            for noise in (stop.noise, pixels)
+        )
+        return cls(stop.noise, max(of_fit / own, 1.0))
+
+
+class _Capture(NamedTuple):
+    """Some samples of a capture, what is free of it, and the width of the lobe."""
+
+    task: MaterialTask
+    told: Told
+    free: tuple[str, ...]
+    width: float
+
+    def fitted(
+        self,
+        corrections: Corrections,
+        before: Stop,
+        weighing: _Weighing,
+        predicted: Float[np.ndarray, "sample channel"] | None = None,
+    ) -> _State:
+        """Fit the material to corrected samples, under corrected light."""
+        task, told = self.task, self.told
+        observed, light = corrections.observations(told), corrections.light(told)
+        model = task.integral(observed, task.nodes(light, observed, self.width, _CELLS))
+        start = Begin(weighing.noise, predicted, np.asarray(before.fit.solution.point)[None])
+        settings = task.settings._replace(noise=weighing.noise)
+        stop = descend(task.problem, model, observed, start, settings)
+        left = np.asarray(stop.data.weights) * (
+            np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
+        )
+        prior = sum(float(np.sum(_in_priors(corrections, name) ** 2)) for name in self.free)
+        cost = weighing.strength * float(np.sum(left**2)) + prior
+        return _State(corrections, light, stop, cost)
+
+    def above_noise(self, state: _State, weighing: _Weighing, pixels: NoiseModel) -> float:
+        """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
+        task, problem, end = self.task, self.task.problem, state.stop.fit
+        observed = state.corrections.observations(self.told)
+        nodes = task.nodes(state.light, observed, self.width, _CELLS)
+        physical = problem.unknowns.unpack(end.solution.point)
+        near = LinearisedModel.about(task.integral(observed, nodes), physical.numbers)
+        data = Data(observed.radiance, np.ones_like(observed.radiance), np.asarray(observed.frame))
+        predicted = np.asarray(problem.columns(near, data, physical).times(end.linear.amplitudes))
+        squares = (np.asarray(observed.radiance) - predicted) ** 2
+        squares -= standard_deviations(pixels, predicted) ** 2
+        squares /= standard_deviations(weighing.noise, predicted) ** 2
+        return float(np.sum(observed.shares[:, None] * squares))
+
+    def searched(self, now: _State, weighing: _Weighing) -> tuple[_State, bool]:
+        """Correct further until nothing is gained; say whether that was so."""
+        for _ in range(_ROUNDS):
+            step = _step(self, now, weighing.strength)
+            if step.gain < _LEAST_GAIN:
+                return now, True
+            further, part = None, 1.0
+            for _ in range(_HALVINGS):
+                tried = _moved(now.corrections, step, part)
+                predicted = np.asarray(now.stop.fit.predicted)
+                further = self.fitted(tried, now.stop, weighing, predicted)
+                if further.cost < now.cost:
+                    break
+                further, part = None, part / 2
+            if further is None:
+                return now, True
+            gained, now = now.cost - further.cost, further
+            if gained < _LEAST_GAIN:
+                return now, True
+        return now, False
+
+
 def calibrate(
     task: MaterialTask,
     told: Told,
@@ -83,43 +176,24 @@ def calibrate(
     Raises ``ValueError`` for a nuisance that the photographs or the light leave no room for.
     """
     corrections = corrections or Corrections.none(told)
-    count = told.observations.count
-    index = _some(count, task.settings.seed)
-    few = told._replace(observations=told.observations.take(index))
-    width = task.width(begin)
-    known = task._replace(settings=task.settings._replace(noise=noise))
-
-    def fitted(corrections: Corrections, before: Stop, predicted: np.ndarray | None) -> _State:
-        observed, light = corrections.observations(few), corrections.light(few)
-        model = task.integral(observed, task.nodes(light, observed, width, _CELLS))
-        start = Begin(noise, predicted, np.asarray(before.fit.solution.point)[None])
-        stop = descend(task.problem, model, observed, start, known.settings)
-        left = np.asarray(stop.data.weights) * (
-            np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
-        )
-        prior = sum(float(np.sum(_in_priors(corrections, name) ** 2)) for name in free)
-        return _State(corrections, light, stop, float(np.sum(left**2)) + prior)
-
-    now = fitted(corrections, begin, None)
-    settled = False
-    for _ in range(_ROUNDS):
-        step = _step(known, few, now, free)
-        if step.gain < _LEAST_GAIN:
-            settled = True
-            break
-        further, part = None, 1.0
-        for _ in range(_HALVINGS):
-            tried = _moved(now.corrections, step, part)
-            further = fitted(tried, now.stop, np.asarray(now.stop.fit.predicted))
-            if further.cost < now.cost:
-                break
-            further, part = None, part / 2
-        gained = 0.0 if further is None else now.cost - further.cost
-        now = further or now
-        if gained < _LEAST_GAIN:
-            settled = True
-            break
-    return _account(task, few, now, free, settled)
+    index = _Divided.of(task, told, begin)
+    few = told._replace(observations=told.observations.take(index.some))
+    capture = _Capture(task, few, free, task.width(begin))
+    weighing = _Weighing.of(begin, noise)
+    begun = capture.fitted(corrections, begin, weighing)
+    now, settled = capture.searched(begun, weighing)
+    others = told._replace(observations=told.observations.take(index.held_out))
+    checked = capture._replace(told=others)
+    before, after = (checked.above_noise(state, weighing, noise) for state in (begun, now))
+    absorbed = 1 - after / before if before > 0 else 1.0
+    if task.settings.noise is None:
+        # Less is left now than what the samples were weighed by.
+        again = finish(task, few, _account(task, few, now, free, settled))
+        weighing = _Weighing.of(again.stop, noise)
+        begun = capture.fitted(now.corrections, again.stop, weighing)
+        now, settled = capture.searched(begun, weighing)
+    found = finish(task, few, _account(task, few, now, free, settled))
+    return found._replace(absorbed=absorbed)
 
 
 def finish(task: MaterialTask, told: Told, calibrated: Calibrated) -> Calibrated:
@@ -134,10 +208,28 @@ def finish(task: MaterialTask, told: Told, calibrated: Calibrated) -> Calibrated
     return _account(task, told, state, calibrated.free, calibrated.settled)
 
 
+class _Divided(NamedTuple):
+    """The samples to calibrate on, and as many others, where there are any, to check that by."""
+
+    some: Int[np.ndarray, "sample"]
+    held_out: Int[np.ndarray, "sample"]
+
+    @classmethod
+    def of(cls, task: MaterialTask, told: Told, begin: Stop) -> "_Divided":
+        """Take more samples where the light is a few sources."""
+        few = told.observations.take(np.zeros(1, int))
+        nodes = task.nodes(told.light, few, task.width(begin), _CELLS)
+        each = sum(part.directions.shape[-2] for part in nodes)
+        count = int(np.clip(_WORK / each, _SAMPLES, _MOST_SAMPLES))
+        order = np.random.default_rng(task.settings.seed).permutation(told.observations.count)
+        some, others = np.sort(order[:count]), np.sort(order[count : 2 * count])
+        return cls(some, others if len(others) >= _SAMPLES // 2 else some)
+
+
 def _some(count: int, seed: int) -> Int[np.ndarray, "sample"]:
-    if count <= _SAMPLES:
+    if count <= _MOST_SAMPLES:
         return np.arange(count)
-    return np.sort(np.random.default_rng(seed).choice(count, _SAMPLES, replace=False))
+    return np.sort(np.random.default_rng(seed).choice(count, _MOST_SAMPLES, replace=False))
 
 
 def _in_priors(corrections: Corrections, name: str) -> Float[np.ndarray, "number"]:
@@ -190,17 +282,18 @@ _NO_ROOM = {
 }
 
 
-def _step(task: MaterialTask, told: Told, state: _State, free: tuple[str, ...]) -> _Step:
+def _step(capture: _Capture, state: _State, strength: float) -> _Step:
     """Solve for material and nuisances at once, to first order."""
-    count = state.stop.observations.count
-    known, columns, names = _columns(task, told, state, free, np.arange(count))
+    count, free = state.stop.observations.count, capture.free
+    known, columns, names = _columns(capture.task, capture.told, state, free, np.arange(count))
     both = np.hstack([_scaled(known.jacobian), columns])
     prior = np.zeros(both.shape[1])
     prior[-len(names) :] = 1
     at = np.concatenate([_in_priors(state.corrections, name) for name in free])
-    right = both.T @ known.left
+    right = strength * both.T @ known.left
     right[-len(names) :] -= at
-    found = np.linalg.lstsq(both.T @ both + np.diag(prior), right, rcond=1e-12)[0]
+    matrix = strength * both.T @ both + np.diag(prior)
+    found = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
     gain, found = float(right @ found), found[-len(names) :]
     return _Step({name: found[names == name] * _deviations(name, names) for name in free}, gain)
 

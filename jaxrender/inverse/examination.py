@@ -26,6 +26,8 @@ _MOST_NEIGHBOURS, _NEIGHBOURS_CELL = 6000, 0.5
 _MOST_FREED = 3
 # Causes whose odds are within e^5 of the best one's may be the right one.
 _AS_WELL = 10.0
+# What is freed is to do this part of what the diagnosis foretold.
+_AS_FORETOLD = 0.5
 
 
 class Examined(NamedTuple):
@@ -36,6 +38,7 @@ class Examined(NamedTuple):
     diagnosis: tuple[Diagnosis, ...] = ()
     calibrated: Calibrated | None = None
     unsettled: bool = False
+    refused: tuple[str, ...] = ()
 
     @property
     def freed(self) -> tuple[str, ...]:
@@ -48,12 +51,22 @@ class Examined(NamedTuple):
 
         There are none where something else explains more: that no nuisance is to take up.
         """
-        if not self.diagnosis or self.diagnosis[0].cause not in NUISANCES:
+        left = [one for one in self.diagnosis if one.cause not in self.refused]
+        if not left or left[0].cause not in NUISANCES:
             return ()
-        least = self.diagnosis[0].bic - _AS_WELL
-        return tuple(
-            one.cause for one in self.diagnosis if one.bic >= least and one.cause in NUISANCES
-        )
+        least = left[0].bic - _AS_WELL
+        return tuple(one.cause for one in left if one.bic >= least and one.cause in NUISANCES)
+
+    def and_then(self, further: "Examined") -> "Examined":
+        """Go on with what was freed, if that did what the diagnosis foretold; else refuse it.
+
+        What is wrong in truth does more than its first order says; what looks alike does less.
+        """
+        best = next(one for one in self.diagnosis if one.cause == self.named[0])
+        assert further.calibrated is not None
+        if further.calibrated.absorbed >= _AS_FORETOLD * best.explains:
+            return further._replace(refused=self.refused)
+        return self._replace(refused=(*self.refused, *self.named))
 
 
 def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> Examined:
@@ -72,8 +85,9 @@ def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> E
     for _ in range(_MOST_FREED):
         if not examined.named:
             break
-        examined = _freed(task, told, examined, (*examined.freed, *examined.named))
-        examined = _examined(task, told, pool, examined)
+        free = (*examined.freed, *examined.named)
+        further = _examined(task, told, pool, _freed(task, told, examined, free))
+        examined = examined.and_then(further)
     unsettled = examined.calibrated is not None and bool(examined.named)
     examined = _finished(task, told, pool, examined)
     return examined._replace(unsettled=unsettled)

@@ -31,6 +31,8 @@ def summary_of(result: dict[str, Any]) -> str:
         f"residual {100 * residual['relative_rms']:.2f} % rms of {residual['samples']} samples"
         f", noise {100 * result['noise']['relative']:.2f} % + {result['noise']['floor']:.3g}"
     )
+    if "calibration" in result:
+        lines.append(f"freed: {', '.join(result['calibration']['free'])}")
     if "scale" in result:
         lines.append(f"scale of the light {result['scale']:.4g}; it makes the mean of kd + ks 1")
     if "frequency" in result:
@@ -93,6 +95,8 @@ def _summary_of_texture(result: dict[str, Any]) -> list[str]:
 def _shown(value: Any) -> str:
     if isinstance(value, list):
         return " ".join(_shown(item) for item in value)
+    if value is None:
+        return "n/a"
     return value if isinstance(value, str) else f"{value:.4g}"
 
 

@@ -12,12 +12,14 @@ import numpy as np
 from jaxrender.brdf import Glossy, Microfacet, Parametric, lobe_named
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
-from jaxrender.inverse.nuisances import bumps, rotation
+from jaxrender.inverse.nuisances import NUISANCES, bumps, rotation
 from jaxrender.inverse.rays import center_of, size_of
 from jaxrender.shapes import Float
 
 # Smooth changes of paint have harmonics up to this degree.
 _PAINTS = 3
+# Gains and paints change by about this part.
+_TYPICAL = 0.1
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
 # Models of other tails, of the same numbers.
@@ -162,6 +164,15 @@ _ALL = (
     Cause("sites", "the material is not the same everywhere", _sites, of_light=False),
 )
 CAUSES = {cause.name: cause for cause in _ALL}
+
+
+def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray, "column"]:
+    """Say how much of a cause's columns may be expected: of a nuisance, what its prior says."""
+    if name in NUISANCES:
+        return NUISANCES[name].deviations(count)
+    if name == "lobe":
+        return np.full(count, float(np.mean(np.asarray(grounds.material.lobe_amplitude))))
+    return np.full(count, _TYPICAL)
 
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:

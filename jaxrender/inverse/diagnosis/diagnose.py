@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.diagnosis.causes import CAUSES
+from jaxrender.inverse.diagnosis.causes import CAUSES, typical_amounts
 from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
 from jaxrender.inverse.diagnosis.saturation import clipped_values
 from jaxrender.inverse.diagnosis.scores import Leftover, Score
@@ -62,7 +62,8 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
                 continue
             columns = cause.columns(grounds)
             if columns is not None:
-                score = leftover.score(known.weighted(columns))
+                typical = typical_amounts(cause.name, grounds, columns.shape[2])
+                score = leftover.score(known.weighted(columns), typical)
                 found.append(_Tested(cause.name, cause.sentence, score))
         return found
 

@@ -10,6 +10,7 @@ from jaxrender.inverse.conditioning import GRAZING_COSINE
 from jaxrender.pipelines.report.contents import Contents, ReportContents, SpectrumContents
 from jaxrender.pipelines.report.display import hex_colour
 from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numbers, percent, shown
+from jaxrender.shapes import Float
 
 _RGB = ("red", "green", "blue")
 
@@ -109,7 +110,7 @@ def _parameter(contents: Contents, name: str) -> Parameter:
 
 def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
     values = _values(contents, "value", name)
-    intervals = np.array(_values(contents, "interval", name)).reshape(-1, 2)
+    intervals = _intervals(contents, name)
     errors = _values(contents, "error", name)
     frequency = contents.result.get("frequency", {})
     before = numbers(frequency.get("brdf", {}).get(name))
@@ -140,6 +141,15 @@ def _values(contents: Contents, what: str, name: str) -> list[float]:
     pair = parts.get(what, [fitted.lower, fitted.upper])
     found = np.stack([np.asarray(part.of(name), float) for part in pair], -1)
     return found.ravel().tolist()
+
+
+def _intervals(contents: Contents, name: str) -> Float[np.ndarray, "line 2"]:
+    """List the intervals; an end that is nowhere (null in the result) is no number."""
+    stated = contents.result.get("interval90", {}).get(name)
+    if stated is None:
+        return np.array(_values(contents, "interval", name)).reshape(-1, 2)
+    # None becomes NaN.
+    return np.array(stated, float).reshape(-1, 2)
 
 
 def _is_absolute(result: dict[str, Any]) -> bool:
