@@ -35,7 +35,7 @@ from jaxrender.inverse.coarse_fit import fit_coarsely
 from jaxrender.inverse.conditioning import WidthEvidence
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.examination import examine
+from jaxrender.inverse.examination import check_free, examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import (
@@ -123,9 +123,10 @@ def fit_brdf(
     have places.  ``pool`` are all pixels that the observations were drawn from: neighbours among
     them tell the noise, and on a convex shape the refinement draws from it.
 
-    Raises ``ValueError`` for fewer samples than unknowns, and where light is to bounce off a base
-    that is not Lambertian.
+    Raises ``ValueError`` for fewer samples than unknowns, where light is to bounce off a base that
+    is not Lambertian, and for nuisances that there are none of or no room for.
     """
+    check_free(settings.free)
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
     task = MaterialTask(problem, variant, observations, light, settings, concave(shape), stage)

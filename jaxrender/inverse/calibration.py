@@ -1,9 +1,10 @@
-"""Calibration: nuisances of a capture, found together with the material (Gauss and Newton).
+"""Calibration: nuisances of a capture, found together with the material.
 
 Each round fits the material to samples and light as they are corrected so far, differentiates the
 prediction by what is free (the columns by which ``diagnosis`` tests causes), and corrects further:
 least squares of material and nuisances at once, the nuisances held by their priors.  A step that
-makes matters worse is halved.  At the end the errors of the material hold those of the nuisances.
+makes matters worse is damped (Levenberg and Marquardt).  At the end the errors of the material hold
+those of the nuisances.
 """
 
 from typing import NamedTuple
@@ -28,8 +29,11 @@ from jaxrender.shapes import Float, Int
 _SAMPLES, _CELLS = 1500, 0.35
 # Of light of few sources so many pairs of a sample and a node, and no more samples than that.
 _WORK, _MOST_SAMPLES = 1e5, 6000
-# Rounds and halvings at most; a round that gains less than this of chi-squared is the last.
-_ROUNDS, _HALVINGS, _LEAST_GAIN = 20, 6, 0.5
+# Rounds, and tries of each with more and more damping; a round that gains less than this of
+# chi-squared is the last.
+_ROUNDS, _TRIES, _DAMPING, _LEAST_GAIN = 25, 5, 0.03, 0.5
+# Degrees of freedom of the priors: a fault is many deviations off more often than Gauss says.
+_FREEDOM = 4.0
 # Sources come no nearer than this.
 _NEAREST = 0.95
 # Two nuisances are alike where both together leave less than their priors say, of something that
@@ -120,7 +124,7 @@ class _Capture(NamedTuple):
         left = np.asarray(stop.data.weights) * (
             np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
         )
-        prior = sum(float(np.sum(_in_priors(corrections, name) ** 2)) for name in self.free)
+        prior = sum(_Pull.of(corrections, name).cost for name in self.free)
         cost = weighing.strength * float(np.sum(left**2)) + prior
         return _State(corrections, light, stop, cost)
 
@@ -140,21 +144,23 @@ class _Capture(NamedTuple):
 
     def searched(self, now: _State, weighing: _Weighing) -> tuple[_State, bool]:
         """Correct further until nothing is gained; say whether that was so."""
+        damping = 0.0
         for _ in range(_ROUNDS):
-            step = _step(self, now, weighing.strength)
-            if step.gain < _LEAST_GAIN:
-                return now, True
-            further, part = None, 1.0
-            for _ in range(_HALVINGS):
-                tried = _moved(now.corrections, step, part)
-                predicted = np.asarray(now.stop.fit.predicted)
+            equations = _equations(self, now, weighing.strength)
+            predicted, further = np.asarray(now.stop.fit.predicted), None
+            for _ in range(_TRIES):
+                step = equations.step(damping)
+                if step.gain < _LEAST_GAIN:
+                    return now, True
+                tried = _moved(now.corrections, step)
                 further = self.fitted(tried, now.stop, weighing, predicted)
                 if further.cost < now.cost:
                     break
-                further, part = None, part / 2
+                further, damping = None, max(10 * damping, _DAMPING)
             if further is None:
                 return now, True
             gained, now = now.cost - further.cost, further
+            damping = damping / 10 if damping > _DAMPING else 0.0
             if gained < _LEAST_GAIN:
                 return now, True
         return now, False
@@ -232,10 +238,32 @@ def _some(count: int, seed: int) -> Int[np.ndarray, "sample"]:
     return np.sort(np.random.default_rng(seed).choice(count, _MOST_SAMPLES, replace=False))
 
 
-def _in_priors(corrections: Corrections, name: str) -> Float[np.ndarray, "number"]:
-    """Say how far a nuisance is from what was told, in standard deviations of its prior."""
-    now = corrections.of(name)
-    return now / NUISANCES[name].deviations(len(now))
+class _Pull(NamedTuple):
+    """How far a nuisance is from what was told, in standard deviations of its prior, and the pull.
+
+    A fault that is gross is pulled less: by Student's t of few degrees of freedom.
+    """
+
+    off: Float[np.ndarray, "number"]
+
+    @classmethod
+    def of(cls, corrections: Corrections, *names: str) -> "_Pull":
+        """Look at some nuisances, one after the other."""
+        numbers = [
+            corrections.of(name) / NUISANCES[name].deviations(len(corrections.of(name)))
+            for name in names
+        ]
+        return cls(np.concatenate(numbers))
+
+    @property
+    def weights(self) -> Float[np.ndarray, "number"]:
+        """The information that a prior has here."""
+        return 1 / (1 + self.off**2 / _FREEDOM)
+
+    @property
+    def cost(self) -> float:
+        """What it adds to chi-squared."""
+        return float(np.sum(_FREEDOM * np.log1p(self.off**2 / _FREEDOM)))
 
 
 class _Columns(NamedTuple):
@@ -246,7 +274,7 @@ class _Columns(NamedTuple):
 
     known: Derivatives
     columns: Float[np.ndarray, "value nuisance"]
-    names: Float[np.ndarray, "nuisance"]
+    names: np.ndarray
 
 
 def _columns(
@@ -266,15 +294,17 @@ def _columns(
         columns = CAUSES[name].columns(grounds)
         if columns is None:
             raise ValueError(f"{name} cannot be freed: {_NO_ROOM.get(name, 'there is none')}")
-        deviations = NUISANCES[name].deviations(columns.shape[2])
-        found.append(known.weighted(columns * deviations))
-        names += [name] * columns.shape[2]
+        # The last photographs may have no sample among these.
+        every = len(state.corrections.of(name))
+        columns = np.pad(columns, ((0, 0), (0, 0), (0, every - columns.shape[2])))
+        found.append(known.weighted(columns * NUISANCES[name].deviations(every)))
+        names += [name] * every
     return _Columns(known, np.hstack(found), np.array(names))
 
 
 _NO_ROOM = {
     "camera": "nobody says where the cameras stand",
-    "scale": "nobody says where the cameras stand",
+    "scale": "nobody says where the cameras stand, or their rays are parallel",
     "object": "nobody says where the samples lie",
     "environment": "the light has no environment",
     "lamps": "the light has no sources",
@@ -282,20 +312,38 @@ _NO_ROOM = {
 }
 
 
-def _step(capture: _Capture, state: _State, strength: float) -> _Step:
-    """Solve for material and nuisances at once, to first order."""
+class _Equations(NamedTuple):
+    """Normal equations of material and nuisances, the nuisances last and called by ``names``."""
+
+    matrix: Float[np.ndarray, "all all"]
+    right: Float[np.ndarray, "all"]
+    names: np.ndarray
+
+    def step(self, damping: float) -> _Step:
+        """Solve them; damping shortens what is told worst."""
+        diagonal = np.where(np.arange(len(self.right)) < len(self.right) - len(self.names), 0, 1)
+        damped = self.matrix + damping * np.diag(diagonal * np.diag(self.matrix))
+        found = np.linalg.lstsq(damped, self.right, rcond=1e-12)[0]
+        gain = float(2 * self.right @ found - found @ self.matrix @ found)
+        own = found[-len(self.names) :]
+        by = {
+            str(name): own[self.names == name] * _deviations(name, self.names)
+            for name in dict.fromkeys(self.names)
+        }
+        return _Step(by, gain)
+
+
+def _equations(capture: _Capture, state: _State, strength: float) -> _Equations:
+    """Set up material and nuisances at once, to first order."""
     count, free = state.stop.observations.count, capture.free
     known, columns, names = _columns(capture.task, capture.told, state, free, np.arange(count))
     both = np.hstack([_scaled(known.jacobian), columns])
+    pull = _Pull.of(state.corrections, *free)
     prior = np.zeros(both.shape[1])
-    prior[-len(names) :] = 1
-    at = np.concatenate([_in_priors(state.corrections, name) for name in free])
+    prior[-len(names) :] = pull.weights
     right = strength * both.T @ known.left
-    right[-len(names) :] -= at
-    matrix = strength * both.T @ both + np.diag(prior)
-    found = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
-    gain, found = float(right @ found), found[-len(names) :]
-    return _Step({name: found[names == name] * _deviations(name, names) for name in free}, gain)
+    right[-len(names) :] -= pull.weights * pull.off
+    return _Equations(strength * both.T @ both + np.diag(prior), right, names)
 
 
 def _deviations(name: str, names: np.ndarray) -> Float[np.ndarray, "number"]:
@@ -303,12 +351,12 @@ def _deviations(name: str, names: np.ndarray) -> Float[np.ndarray, "number"]:
     return NUISANCES[name].deviations(int(np.sum(names == name)))
 
 
-def _moved(corrections: Corrections, step: _Step, part: float) -> Corrections:
-    """Take part of a step, and no further than bounds allow."""
+def _moved(corrections: Corrections, step: _Step) -> Corrections:
+    """Take a step, no further than bounds allow."""
     for name, by in step.by.items():
         before = corrections.of(name)
         highest = _NEAREST if name == "nearness" else np.inf
-        after = np.clip(before + part * by, NUISANCES[name].lowest, highest)
+        after = np.clip(before + by, NUISANCES[name].lowest, highest)
         # Rotations follow upon each other, so they are not clipped but turned.
         corrections = corrections.moved(name, after - before)
     return corrections
@@ -331,7 +379,8 @@ def _account(
     # How the material answers to each nuisance, and what of the nuisance the material cannot make.
     answer = np.linalg.lstsq(_scaled(jacobian), columns, rcond=1e-9)[0]
     own = columns - _scaled(jacobian) @ answer
-    covariance = np.linalg.inv(own.T @ own + np.eye(len(names)))
+    pull = _Pull.of(state.corrections, *free)
+    covariance = np.linalg.inv(own.T @ own + np.diag(pull.weights))
     left = known.left - own @ (covariance @ (own.T @ known.left))
     channels = known.weights.shape[1]
     scores = np.sum((left[:, None] * own).reshape(-1, channels, len(names)), axis=1)

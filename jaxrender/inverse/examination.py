@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse.calibration import Calibrated, calibrate, finish
-from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
+from jaxrender.inverse.diagnosis import CLIPPED, Diagnosis, Suspect, diagnose
 from jaxrender.inverse.known_light import DUAL_ERROR
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
@@ -49,22 +49,28 @@ class Examined(NamedTuple):
     def named(self) -> tuple[str, ...]:
         """The nuisance that explains the rest best, and those that do so as well.
 
-        There are none where something else explains more: that no nuisance is to take up.
+        None is tried where values are clipped: that no nuisance is to take up.
         """
-        left = [one for one in self.diagnosis if one.cause not in self.refused]
-        if not left or left[0].cause not in NUISANCES:
+        if any(one.cause == CLIPPED for one in self.diagnosis):
             return ()
-        least = left[0].bic - _AS_WELL
-        return tuple(one.cause for one in left if one.bic >= least and one.cause in NUISANCES)
+        left = [
+            one
+            for one in self.diagnosis
+            if one.cause in NUISANCES and one.cause not in self.refused
+        ]
+        least = left[0].bic - _AS_WELL if left else 0.0
+        return tuple(one.cause for one in left if one.bic >= least)
 
     def and_then(self, further: "Examined") -> "Examined":
         """Go on with what was freed, if that did what the diagnosis foretold; else refuse it.
 
         What is wrong in truth does more than its first order says; what looks alike does less.
+        Where something else explains more, it is to do more than that would.
         """
-        best = next(one for one in self.diagnosis if one.cause == self.named[0])
+        best = self.diagnosis[0]
+        demanded = (_AS_FORETOLD if best.cause in self.named else 1) * best.explains
         assert further.calibrated is not None
-        if further.calibrated.absorbed >= _AS_FORETOLD * best.explains:
+        if further.calibrated.absorbed >= demanded:
             return further._replace(refused=self.refused)
         return self._replace(refused=(*self.refused, *self.named))
 
@@ -93,11 +99,15 @@ def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> E
     return examined._replace(unsettled=unsettled)
 
 
-def check_free(free: tuple[str, ...]) -> tuple[str, ...]:
+def check_free(free: tuple[str, ...] | str) -> tuple[str, ...]:
     """Refuse what is no nuisance; each counts once."""
-    for name in free:
+    if free == "auto":
+        return ()
+    for name in (free,) if isinstance(free, str) else free:
         if name not in NUISANCES:
             raise ValueError(f"{name!r} cannot be freed; choose of {', '.join(NUISANCES)}, or auto")
+    if isinstance(free, str):
+        raise ValueError(f"free={free!r}: give a tuple of names, or auto")
     return tuple(dict.fromkeys(free))
 
 

@@ -58,6 +58,13 @@ class Observations(NamedTuple):
         return self.pixels / np.mean(self.pixels) if self.count else self.pixels
 
     @property
+    def frames(self) -> int:
+        """The number of photographs: those whose cameras are known, or up to the last sample's."""
+        if self.eyes is not None:
+            return len(self.eyes)
+        return int(np.max(np.asarray(self.frame), initial=-1)) + 1
+
+    @property
     def count(self) -> int:
         """The number of samples."""
         return self.radiance.shape[0]

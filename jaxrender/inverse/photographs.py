@@ -226,6 +226,7 @@ def _photograph(reading: Reading, frame: Frame, image: Image, view: SurfaceView)
     radiance = _linearised(reading.response or Linear(), frame, image, selection.usable)
     if exposure is not None:
         radiance = to_radiance(radiance, float(exposure))
+        frame = frame._replace(exposure=float(exposure))
     return Photograph(frame, radiance, view, covered, selection)
 
 

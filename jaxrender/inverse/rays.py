@@ -12,6 +12,9 @@ from jaxrender.geometry import Hits, Shape
 from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import Float, checked
 
+# Rays that pass their camera by more than this part of its distance are not those of a pinhole.
+_ASIDE = 1e-6
+
 
 class Rays(NamedTuple):
     """The rays on which the samples are seen: a point of each before the object, and where to.
@@ -34,6 +37,14 @@ class Rays(NamedTuple):
         eyes = np.asarray(observations.eyes, float)[np.asarray(observations.frame)]
         depth = np.sum((eyes - points) * outgoing, axis=1, keepdims=True)
         return cls(points + depth * outgoing, -outgoing, eyes)
+
+    @property
+    def parallel(self) -> bool:
+        """Whether the rays of a camera are parallel, so that nearer is no larger."""
+        if self.eyes is None:
+            return False
+        aside = np.cross(self.directions, self.eyes - self.origins)
+        return bool(np.max(np.linalg.norm(aside, axis=1)) > _ASIDE * np.max(np.abs(self.eyes)))
 
     @checked
     def turned(self, rotations: Float[np.ndarray, "*sample 3 3"]) -> "Rays":

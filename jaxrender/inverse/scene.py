@@ -254,7 +254,7 @@ def _with_the_light(
     _check_ratio(material, unknowns, diffuse)
     known = known_of(unknowns, material.lobe, channels, diffuse=diffuse)
     drawn = draw(pool, sharpness(pool), *draws).observations
-    found = factorize(drawn, material.lobe, settings, known, shape=scene.shape)
+    found = factorize(drawn, material.lobe, settings, known, shape=scene.shape, pool=pool)
     given = reflectances_of(unknowns, channels)
     if given is not None:
         found = in_units_of(found, *given)

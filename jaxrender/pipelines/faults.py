@@ -67,8 +67,12 @@ def planted(recipe: RecipeConfig, shape: Shape, photographs: int) -> Planted:
     if not any(isinstance(one, DirectionalSources) for one in lights):
         for name in sizes.keys() & {"lamps", "nearness"}:
             raise InputError(f"faults.{name}: no source is there; give lighting.directional")
-    if "environment" in sizes and not any(isinstance(one, Environment) for one in lights):
-        raise InputError("faults.environment: no image is there; give lighting.environment")
+    rest = [one for one in lights if not isinstance(one, DirectionalSources)]
+    if "environment" in sizes and not (rest and all(isinstance(one, Environment) for one in rest)):
+        raise InputError(
+            "faults.environment turns an image; give lighting.environment, and beside it nothing "
+            "but lighting.directional"
+        )
     if "nearness" in sizes and recipe.texture is not None:
         raise InputError("faults.nearness: near sources light one material; remove texture")
     told = Told(_nothing(photographs), light_for_fit(recipe), shape)

@@ -28,6 +28,7 @@ from jaxrender.spectra import light_coefficients
 # Keys of a config that make up for a cause.
 _FREE = {
     "saturation": "capture.saturation",
+    "convention": "lighting.environment.convention",
     "lobe": "brdf.compare",
     "interreflection": "solve.interreflection",
 }

@@ -24,6 +24,7 @@ from jaxrender.geometry import (
 )
 from jaxrender.harmonics import evaluate
 from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf, unknowns_of
+from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES
 from jaxrender.inverse.diagnosis.grounds import Grounds
 from jaxrender.inverse.diagnosis.saturation import clipped_values
@@ -40,15 +41,16 @@ ENERGY = np.array([[2.0, 1.8, 1.6]])
 STEP = 1e-4
 
 
-def environment():
-    """Make smooth light, bright enough to be positive."""
+def smooth_light():
+    """Make coefficients of smooth light, bright enough to be positive."""
     rng = np.random.default_rng(5)
     light = 0.25 * rng.normal(size=(16, 3))
     light[0] = 4.0
-    return HarmonicLight(light).to_environment(48)
+    return light
 
 
-ENVIRONMENT = environment()
+LIGHT = smooth_light()
+ENVIRONMENT = HarmonicLight(LIGHT).to_environment(48)
 
 
 def cameras(turn=0.0, axis=None):
@@ -111,10 +113,7 @@ def rotation(angle, axis):
 def turned_environment():
     """Turn the smooth light about x: what stood at w stands at R w."""
     directions = ENVIRONMENT.grid.directions()
-    rng = np.random.default_rng(5)
-    light = 0.25 * rng.normal(size=(16, 3))
-    light[0] = 4.0
-    turned = np.asarray(evaluate(light, directions @ rotation(STEP, [1, 0, 0])))
+    turned = np.asarray(evaluate(LIGHT, directions @ rotation(STEP, [1, 0, 0])))
     return Environment(turned)
 
 
@@ -188,6 +187,21 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     smooth = dataclasses.replace(grounds, light=KnownLight(ENVIRONMENT, DirectionalSources.none()))
     assert CAUSES["lamps"].columns(smooth) is None
     assert CAUSES["nearness"].columns(smooth) is None
+
+
+def test_an_environment_in_another_convention_is_told_by_its_axes(grounds):
+    # y up for z up, seen in a mirror too: right-handed axes alone would not find it.
+    matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]) @ np.diag([1.0, -1, 1])
+    directions = ENVIRONMENT.grid.directions()
+    turned = Environment(np.asarray(evaluate(LIGHT, directions @ matrix)))
+    wrong = photographed(CLEAN, turned)
+    some = dataclasses.replace(
+        grounds, observations=CLEAN._replace(radiance=wrong), predicted=wrong
+    )
+    found = other_axes(some)
+    np.testing.assert_array_equal(found.matrix, matrix)
+    assert "its axes x, y, z should lie along +y, -z, +x" in found.sentence()
+    assert other_axes(grounds) is None
 
 
 def test_a_score_is_least_squares_with_more_columns():

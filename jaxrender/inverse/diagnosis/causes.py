@@ -70,7 +70,7 @@ def _object(grounds: Grounds) -> Columns | None:
 
 def _scale(grounds: Grounds) -> Columns | None:
     """Make the object larger: the cameras come nearer, relative to its size."""
-    if not grounds.placed or grounds.rays.eyes is None:
+    if not grounds.placed or grounds.rays.eyes is None or grounds.rays.parallel:
         return None
     assert grounds.shape is not None
     nearer = STEP * (center_of(grounds.shape) - grounds.rays.eyes)
@@ -177,7 +177,8 @@ def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:
     """Mark the samples of each photograph."""
-    return (grounds.frame[:, None] == np.unique(grounds.frame))[:, None, :].astype(float)
+    every = np.arange(grounds.observations.frames)
+    return (grounds.frame[:, None] == every)[:, None, :].astype(float)
 
 
 def _unit(vectors: Float[np.ndarray, "sample 3"]) -> Float[np.ndarray, "sample 3"]:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES, typical_amounts
 from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
 from jaxrender.inverse.diagnosis.saturation import clipped_values
@@ -18,7 +19,9 @@ _SAMPLES = 700
 # A cause is named where the criterion prefers it by so much (odds of e^5 to one), and where it
 # changes the photographs by more than the integrals' own errors.
 _NAMED, _LEAST_EFFECT = 10.0, 1e-3
-_CLIPPED = "saturation"
+CLIPPED = "saturation"
+# Where more than this part of the radiance is misfit, other axes of the environment are tried.
+_GROSS = 0.15
 
 
 class Diagnosis(NamedTuple):
@@ -81,11 +84,18 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
     clipped = clipped_values(suspect.told.take(index), suspect.pool)
     if clipped.any():
         score = leftover.without(clipped.ravel(), int(clipped.any(axis=0).sum()))
-        found += named([_Tested(_CLIPPED, "bright values are clipped", score)])
+        found += named([_Tested(CLIPPED, "bright values are clipped", score)])
     if found or misfit.found:
         found += named(tested(of_light=True))
+    if misfit.rms > _GROSS and not suspect.freed:
+        axes = other_axes(grounds)
+        if axes is not None:
+            gain = known.left.size * 2 * np.log(axes.as_told / max(axes.left, 1e-300))
+            explains = 1 - (axes.left / axes.as_told) ** 2
+            none = np.zeros(slopes.shape[0])
+            found.append(Diagnosis("convention", axes.sentence(), explains, gain, none))
     # Values that pile up at the top are clipped, whatever else they look like.
-    return tuple(sorted(found, key=lambda one: (one.cause != _CLIPPED, -one.bic)))
+    return tuple(sorted(found, key=lambda one: (one.cause != CLIPPED, -one.bic)))
 
 
 def _some(suspect: Suspect) -> Int[np.ndarray, "sample"]:

@@ -177,11 +177,25 @@ class Grounds:
         """What the environment does, if there is one."""
         if self.light.environment is None:
             return None
+        return self._part(self.environment_nodes(_CELL_PER_WIDTH * float(self.material.width)))
+
+    def environment_nodes(self, cell: float) -> LightNodes:
+        """Condense the environment to cells of some width (radians)."""
         dark = DirectionalSources.none(self.predicted.shape[1])
         alone = KnownLight(self.light.environment, dark, turn=self.light.turn)
-        (nodes,) = exact_nodes(alone, self.frame, float(self.material.width), _CELL_PER_WIDTH)
+        (nodes,) = exact_nodes(alone, self.frame, 1.0, cell)
         assert isinstance(nodes, LightNodes)
-        return self._part(_filled(nodes))
+        return _filled(nodes)
+
+    def thinned(self, count: int) -> "Grounds":
+        """Keep so many of the samples, evenly."""
+        kept = np.linspace(0, len(self.frame) - 1, min(count, len(self.frame))).astype(int)
+        return dataclasses.replace(
+            self,
+            observations=self.observations.take(kept),
+            predicted=self.predicted[kept],
+            gain=self.gain[kept],
+        )
 
     @cached_property
     def sources(self) -> tuple[Part, ...]:

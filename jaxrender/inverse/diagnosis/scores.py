@@ -53,16 +53,18 @@ class Leftover:
         ``typical`` are amounts that may be expected of each column.  They hold the shift where the
         fit's unknowns can make nearly all of what the cause does.
         """
-        if typical is None:
-            typical = np.full(columns.shape[1], np.inf)
+        expected = np.full(columns.shape[1], np.inf) if typical is None else typical
         size = np.linalg.norm(columns, axis=0)
-        columns, typical = columns[:, size > 0] / size[size > 0], (typical * size)[size > 0]
+        columns, expected = (
+            columns[:, size > 0] / size[size > 0],
+            expected[size > 0] * size[size > 0],
+        )
         made = self._basis.T @ columns
         gram = columns.T @ columns - made.T @ made
         values, vectors = np.linalg.eigh(gram) if gram.size else (np.zeros(0), gram)
         real = values > _DEPENDENT
         along = (vectors[:, real].T @ (columns.T @ self.left)) / np.sqrt(values[real])
-        held = gram + np.diag(1 / typical**2)
+        held = gram + np.diag(1 / expected**2)
         amounts = np.linalg.pinv(held, _DEPENDENT, hermitian=True) @ (columns.T @ self.left)
         # The prediction is J x + C a: where a comes in, x answers to what C does.
         shift = -self._answers @ (made @ amounts)

@@ -1,14 +1,16 @@
 """Predict other samples by the light and the material that a factorization has found."""
 
+from typing import Protocol, runtime_checkable
+
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.harmonics import band_limit_of, coefficient_count
+from jaxrender.inverse.factorization.account import RecoveredScene
 from jaxrender.inverse.factorization.correction import hidden_slow_light
 from jaxrender.inverse.factorization.integral_response import columns_under_slow_light
-from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
@@ -22,8 +24,23 @@ from jaxrender.reflection import (
 from jaxrender.shapes import Float
 
 
+@runtime_checkable
+class Found(Protocol):
+    """A material and the light that was found with it."""
+
+    @property
+    def brdf(self) -> Parametric:
+        """The material."""
+        ...
+
+    @property
+    def scene(self) -> RecoveredScene:
+        """The light."""
+        ...
+
+
 def predict(
-    found: Factorization, observations: Observations, shape: Shape | None = None
+    found: Found, observations: Observations, shape: Shape | None = None
 ) -> Float[np.ndarray, "sample channel"]:
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
     brdf, slow = found.brdf, jnp.asarray(found.scene.slow)

@@ -13,6 +13,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.blas import one_blas_thread
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
 from jaxrender.inverse.factorization.integral_response import IntegralResponse, response_of_convex
+from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
 from jaxrender.inverse.factorization.sight import Sight
@@ -28,6 +29,7 @@ from jaxrender.inverse.factorization.state import (
     free_unknowns,
     in_deviations,
 )
+from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
@@ -43,6 +45,9 @@ _AT_BOUND = 0.01
 # Above this relative residual, several times the noise of usual photographs, the reasons say that
 # the light is only sketched.
 _SKETCHED = 0.05
+# So many rows of three neighbouring pixels tell the noise.  The light is a sum of few degrees and
+# sources: less of the radiance than this it may leave without being wrong.
+_ROWS, _LEAST_MISFIT = 1000, 0.01
 
 
 class Factorization(NamedTuple):
@@ -58,6 +63,7 @@ class Factorization(NamedTuple):
     predicted: Float[np.ndarray, "sample channel"]
     noise: NoiseModel
     gauge: str
+    misfit: Misfit | None = None
 
     @property
     def relative_rms(self) -> float:
@@ -73,6 +79,7 @@ def factorize(
     *,
     gauge: str = "per-channel",
     shape: Shape | None = None,
+    pool: Observations | None = None,
     stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
     watch: Callable[[Round], None] = lambda round_: None,
 ) -> Factorization:
@@ -83,7 +90,8 @@ def factorize(
     for one with a single lobe a share of 1; ``scene.determined`` then says which degrees of the
     light it determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).
     For a concave object give the ``shape`` and the observations' places: its shadows are then
-    modelled, its interreflections are not.  Raises ``ValueError`` for too few samples, and for a
+    modelled, its interreflections are not.  ``pool`` are all pixels, whose neighbours tell the
+    noise.  Raises ``ValueError`` for too few samples, and for a
     model of more numbers than a width and an index.
     """
     _check_numbers(variant)
@@ -106,13 +114,17 @@ def factorize(
         state = settle(task, state, watch)
     with stage("account"):
         parameters, scene = account_of(task, state, gauge)
-        outcome, identifiable, reasons = _judge(task, state, parameters)
     assert state.joint is not None
     noise = in_deviations(task, state, state.joint.solved).noise
     value = parameters.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
     brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
     predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
+    misfit = None
+    if pool is not None:
+        with stage("misfit"):
+            misfit = _misfit(_Pair(brdf, scene), Left(observations, predicted), pool, shape)
+    outcome, identifiable, reasons = _judge(task, state, parameters, misfit)
     return Factorization(
         brdf,
         scene,
@@ -122,9 +134,27 @@ def factorize(
         reasons,
         state.rounds,
         predicted,
-        noise,
+        noise if misfit is None else misfit.noise,
         gauge,
+        misfit,
     )
+
+
+class _Pair(NamedTuple):
+    """A material and the light that was found with it."""
+
+    brdf: Parametric
+    scene: RecoveredScene
+
+
+def _misfit(found: _Pair, fitted: Left, pool: Observations, shape: Shape | None) -> Misfit | None:
+    """Measure the noise between neighbouring pixels, and what is left above it."""
+    rows = rows_of_three(pool, _ROWS, 0)
+    neighbours = None
+    if len(rows):
+        some = pool.take(rows.ravel())
+        neighbours = Left(some, predict(found, some, shape))
+    return measure_misfit(fitted, neighbours, None, least=_LEAST_MISFIT)
 
 
 def _check_numbers(variant: Parametric) -> None:
@@ -175,7 +205,7 @@ def _check_enough(task: Task) -> None:
 
 
 def _judge(
-    task: Task, state: State, parameters: Uncertain
+    task: Task, state: State, parameters: Uncertain, misfit: Misfit | None
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
@@ -200,6 +230,9 @@ def _judge(
             lost = not_identifiable(name, parameters)
             reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
     residual = state.rounds[-1].relative_rms
+    wrong = misfit is not None and misfit.found
+    if misfit is not None and wrong:
+        reasons.append(misfit.sentence())
     if residual > _SKETCHED:
         reasons.append(
             f"the light found leaves {100 * residual:.1f} % of the photographs unexplained: allow "
@@ -212,6 +245,8 @@ def _judge(
     if not state.settled:
         reasons.append("light and material still moved when the search ended")
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
+    if wrong:
+        return Outcome.MISFIT, identifiable, tuple(reasons)
     good = all(identifiable.values())
     return (Outcome.CONVERGED if good else Outcome.NOT_IDENTIFIABLE), identifiable, tuple(reasons)
 

@@ -10,6 +10,8 @@ from jaxrender.shapes import Float, checked
 # Harmonics of the displacement up to this degree; the constant turns nothing.
 _DEGREE = 4
 BUMPS = coefficient_count(_DEGREE) - 1
+# The mean square of a harmonic's gradient is l (l + 1) / 4 pi; this is that of all together.
+SLOPES = sum((2 * k + 1) * k * (k + 1) for k in range(1, _DEGREE + 1)) / (4 * np.pi)
 # Derivatives of harmonics are taken over this step (radians).
 _STEP = 1e-4
 

@@ -69,7 +69,7 @@ class Corrections(NamedTuple):
     @classmethod
     def none(cls, told: Told) -> "Corrections":
         """Make those of a capture in which nothing is wrong."""
-        frames = int(np.max(np.asarray(told.observations.frame), initial=-1)) + 1
+        frames = told.observations.frames
         groups = len(source_groups(told.light))
         radiance = np.asarray(told.observations.radiance, float)
         return cls(

@@ -1,14 +1,14 @@
 """The nuisances that a fit can free: what each is, its unit, and what is known of it beforehand.
 
-The priors are Gaussian about what was told.  They are what a careful capture has: the photographs
-say more, wherever they say anything.
+The priors are about what was told.  They are what a careful capture has: the photographs say more,
+wherever they say anything.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.nuisances.bumps import BUMPS
+from jaxrender.inverse.nuisances.bumps import SLOPES
 from jaxrender.shapes import Float
 
 
@@ -51,7 +51,7 @@ def _percent(prior: float) -> tuple[Unit, ...]:
 
 
 # So many numbers, each with this part of a degree as prior, turn normals by one degree (rms).
-_PER_BUMP = float(np.sqrt(4 * np.pi / BUMPS))
+_PER_BUMP = float(1 / np.sqrt(SLOPES))
 
 NUISANCES = {
     one.name: one

@@ -51,7 +51,7 @@ class FaultsConfig(Section):
     nearness: NonNegative = 0.0
     """The object's size over the distance of its sources; 0 is infinitely far."""
     black: NonNegative = 0.0
-    """Standard deviation of each channel's black level, percent of the radiance."""
+    """Standard deviation of each channel's black level, percent of a radiance of 1."""
     response: NonNegative = 0.0
     """Standard deviation of the response's exponent, percent."""
     normals: NonNegative = 0.0

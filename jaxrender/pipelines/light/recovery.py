@@ -174,7 +174,9 @@ def recover_light(
     else:
         with fault_of(str(config.capture.transforms)):
             (asked,) = models
-            found = factorize(observations, asked.variant, settings, asked.known, **options)
+            found = factorize(
+                observations, asked.variant, settings, asked.known, pool=evidence.pool, **options
+            )
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = in_given_units(config, found)

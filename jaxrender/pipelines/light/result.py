@@ -72,6 +72,7 @@ def result_of(recovered: Recovered) -> Result:
         lighting=_lighting(recovered),
         photographs=recovered.photographs,
         own=own,
+        misfit=found.misfit,
     )
 
 
