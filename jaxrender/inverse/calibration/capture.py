@@ -1,0 +1,142 @@
+"""A capture of which something is free: the material that fits, and the search for corrections."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.calibration.equations import Pull, State, Step, equations_of
+from jaxrender.inverse.elimination import Data
+from jaxrender.inverse.material_task import MaterialTask
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
+from jaxrender.inverse.passes import Begin, Stop, descend
+from jaxrender.inverse.weights import standard_deviations
+from jaxrender.shapes import Float, Int
+
+# So many samples are calibrated on; the light is condensed to cells of so many widths of the lobe.
+_SAMPLES, _CELLS = 1500, 0.35
+# Of light of few sources so many pairs of a sample and a node, and no more samples than that.
+_WORK, MOST_SAMPLES = 1e5, 6000
+# Rounds, and tries of each with more and more damping; a round that gains less than this of
+# chi-squared is the last.
+_ROUNDS, _TRIES, _DAMPING, _LEAST_GAIN = 25, 5, 0.03, 0.5
+# Sources come no nearer than this.
+NEAREST = 0.95
+
+
+class Weighing(NamedTuple):
+    """How samples count: by the noise and what a wrong model leaves above it.
+
+    So a wrong model does not chase the darkest pixels.  Beside the priors they count as if all of
+    it were noise of single pixels: by ``strength``, the ratio of the two variances.
+    """
+
+    noise: NoiseModel
+    strength: float
+
+    @classmethod
+    def of(cls, stop: Stop, pixels: NoiseModel) -> "Weighing":
+        """Weigh by the noise that a fit has ended with."""
+        predicted = np.asarray(stop.fit.predicted)
+        of_fit, own = (
+            float(np.mean(standard_deviations(noise, predicted) ** 2))
+            for noise in (stop.noise, pixels)
+        )
+        return cls(stop.noise, max(of_fit / own, 1.0))
+
+
+class FreeCapture(NamedTuple):
+    """Some samples of a capture, what is free of it, and the width of the lobe."""
+
+    task: MaterialTask
+    told: Told
+    free: tuple[str, ...]
+    width: float
+
+    def fitted(
+        self,
+        corrections: Corrections,
+        before: Stop,
+        weighing: Weighing,
+        predicted: Float[np.ndarray, "sample channel"] | None = None,
+    ) -> State:
+        """Fit the material to corrected samples, under corrected light."""
+        task, told = self.task, self.told
+        observed, light = corrections.observations(told), corrections.light(told)
+        model = task.integral(observed, task.nodes(light, observed, self.width, _CELLS))
+        start = Begin(weighing.noise, predicted, np.asarray(before.fit.solution.point)[None])
+        settings = task.settings._replace(noise=weighing.noise)
+        stop = descend(task.problem, model, observed, start, settings)
+        left = np.asarray(stop.data.weights) * (
+            np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
+        )
+        prior = sum(Pull.of(corrections, name).cost for name in self.free)
+        cost = weighing.strength * float(np.sum(left**2)) + prior
+        return State(corrections, light, stop, cost)
+
+    def above_noise(self, state: State, weighing: Weighing, pixels: NoiseModel) -> float:
+        """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
+        task, problem, end = self.task, self.task.problem, state.stop.fit
+        observed = state.corrections.observations(self.told)
+        nodes = task.nodes(state.light, observed, self.width, _CELLS)
+        physical = problem.unknowns.unpack(end.solution.point)
+        near = LinearisedModel.about(task.integral(observed, nodes), physical.numbers)
+        data = Data(observed.radiance, np.ones_like(observed.radiance), np.asarray(observed.frame))
+        predicted = np.asarray(problem.columns(near, data, physical).times(end.linear.amplitudes))
+        squares = (np.asarray(observed.radiance) - predicted) ** 2
+        squares -= standard_deviations(pixels, predicted) ** 2
+        squares /= standard_deviations(weighing.noise, predicted) ** 2
+        return float(np.sum(observed.shares[:, None] * squares))
+
+    def searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
+        """Correct further until nothing is gained; say whether that was so."""
+        damping = 0.0
+        for _ in range(_ROUNDS):
+            equations = equations_of(self.task, self.told, now, self.free, weighing.strength)
+            predicted, further = np.asarray(now.stop.fit.predicted), None
+            for _ in range(_TRIES):
+                step = equations.step(damping)
+                if step.gain < _LEAST_GAIN:
+                    return now, True
+                tried = _moved(now.corrections, step)
+                further = self.fitted(tried, now.stop, weighing, predicted)
+                if further.cost < now.cost:
+                    break
+                further, damping = None, max(10 * damping, _DAMPING)
+            if further is None:
+                return now, True
+            gained, now = now.cost - further.cost, further
+            damping = damping / 10 if damping > _DAMPING else 0.0
+            if gained < _LEAST_GAIN:
+                return now, True
+        return now, False
+
+
+class Divided(NamedTuple):
+    """The samples to calibrate on, and as many others, where there are any, to check that by."""
+
+    some: Int[np.ndarray, "sample"]
+    held_out: Int[np.ndarray, "sample"]
+
+    @classmethod
+    def of(cls, task: MaterialTask, told: Told, begin: Stop) -> "Divided":
+        """Take more samples where the light is a few sources."""
+        few = told.observations.take(np.zeros(1, int))
+        nodes = task.nodes(told.light, few, task.width(begin), _CELLS)
+        each = sum(part.directions.shape[-2] for part in nodes)
+        count = int(np.clip(_WORK / each, _SAMPLES, MOST_SAMPLES))
+        order = np.random.default_rng(task.settings.seed).permutation(told.observations.count)
+        some, others = np.sort(order[:count]), np.sort(order[count : 2 * count])
+        return cls(some, others if len(others) >= _SAMPLES // 2 else some)
+
+
+def _moved(corrections: Corrections, step: Step) -> Corrections:
+    """Take a step, no further than bounds allow."""
+    for name, by in step.by.items():
+        before = corrections.of(name)
+        highest = NEAREST if name == "nearness" else np.inf
+        after = np.clip(before + by, NUISANCES[name].lowest, highest)
+        # Rotations follow upon each other, so they are not clipped but turned.
+        corrections = corrections.moved(name, after - before)
+    return corrections
