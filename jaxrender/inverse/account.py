@@ -139,8 +139,14 @@ def judge(
     identifiable, reasons = {}, [*account.reasons, *account.notes]
     # A prior is held against what the photographs say, be the model right or wrong.
     exact = account.parameters.if_exact or account.parameters
+    shaped = [variant.amplitude_names[at] for at in variant.shaped()]
     for name in names:
-        reached = within_reach(account.parameters, name)
+        base = name in variant.bases
+        reached = within_reach(account.parameters, name, shaped if base else ())
+        lobes = sum(float(np.mean(account.parameters.value.of(lobe))) for lobe in shaped)
+        if base and lobes > 0 and not _is_stated(name, unknowns[name], variant):
+            # A metal has no base: 0 is its value, and no bound that anybody would widen.
+            bound[name] = False
         silent = rests_on_prior(exact, name, unknowns[name].prior)
         off = 0.0 if silent else off_prior(exact, name, unknowns[name].prior)
         identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF

@@ -13,7 +13,7 @@ That covariance is right if the model is.  Where the samples come with their ``c
 widened by what they leave unexplained together, and the model's own stays beside it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -125,14 +125,19 @@ def intervals(
     return Uncertain(value, low, high, error, covariance, origins=origins)
 
 
-def within_reach(uncertain: Uncertain, name: str) -> bool:
-    """Say whether a parameter's interval lies within 25 % of its value above its origin."""
+def within_reach(uncertain: Uncertain, name: str, beside: Iterable[str] = ()) -> bool:
+    """Say whether a parameter's interval lies within 25 % of its value above its origin.
+
+    ``beside`` are amplitudes that count with its own: a base that is all but black is known well
+    where it is known to be dark beside the lobe.
+    """
     origin = uncertain.origins.get(name, 0.0)
     value, low, high = (
         np.asarray(part.of(name)) - origin
         for part in (uncertain.value, uncertain.lower, uncertain.upper)
     )
-    reach = IDENTIFIABLE_WITHIN * np.abs(value)
+    whole = np.abs(value) + sum(float(np.mean(uncertain.value.of(other))) for other in beside)
+    reach = IDENTIFIABLE_WITHIN * whole
     return bool(np.all(high - value <= reach) and np.all(value - low <= reach))
 
 

@@ -46,6 +46,24 @@ class Variant(NamedTuple):
         """Whether the data reject it."""
         return self.chi_squared > _REJECTED_ABOVE
 
+    @property
+    def preferred(self) -> bool:
+        """Whether the data reject the model that was fitted, beside this one."""
+        return self.chi_squared < -_REJECTED_ABOVE
+
+    def sentence(self) -> str:
+        """Say that it is better, and what to choose."""
+        return (
+            f"the photographs prefer fresnel: {self.fresnel}, masking: {self.masking}, by a "
+            f"chi-squared of {-self.chi_squared:,.0f}: choose these"
+        )
+
+
+def preferred(variants: tuple[Variant, ...]) -> Variant | None:
+    """Find the variant that the data prefer to the model that was fitted, the best of them."""
+    better = [variant for variant in variants if variant.preferred]
+    return min(better, key=lambda one: one.chi_squared, default=None)
+
 
 class _Switched(Microfacet):
     """A microfacet whose choices are values of switches: one compiled program serves them all."""

@@ -15,7 +15,7 @@ from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, values_of
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.transfer_field import TransferField
-from jaxrender.inverse.variants import Variant, model_sensitive
+from jaxrender.inverse.variants import Variant, model_sensitive, preferred
 from jaxrender.io.netcdf import Group, Variable
 from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.calibration import by_photograph, calibration_of
@@ -58,7 +58,7 @@ def result_of(finding: Finding) -> Result:
     return Result(
         task="brdf",
         outcome=fit.outcome,
-        reasons=fit.reasons,
+        reasons=(*_headline(finding.variants), *fit.reasons),
         brdf=material | words.choices(),
         interval90=words.intervals(parameters.lower, parameters.upper),
         standard_error=words.values(parameters.standard_error),
@@ -71,6 +71,12 @@ def result_of(finding: Finding) -> Result:
         own=_own(finding),
         misfit=fit.misfit,
     )
+
+
+def _headline(variants: tuple[Variant, ...]) -> tuple[str, ...]:
+    """Say first that another choice of the same model is better, where it is."""
+    better = preferred(variants)
+    return () if better is None else (better.sentence(),)
 
 
 def _own(finding: Finding) -> dict[str, Any]:
@@ -163,6 +169,7 @@ def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:
         **_words(finding).material(variant.parameters),
         "chi_squared": variant.chi_squared,
         "rejected": variant.rejected,
+        "preferred": variant.preferred,
     }
 
 

@@ -96,7 +96,7 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
         near = LinearisedModel.about(final.model, physical.numbers)
     # What the photographs show, before any gauge.
     amplitudes = np.asarray(final.fit.linear.amplitudes)
-    supposed = Supposed(fit.brdf.with_amplitudes(*amplitudes), final.noise)
+    supposed = Supposed(fit.brdf.with_amplitudes(*amplitudes), fit.noise)
     observed = final.observations
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     foreseen = foreseen_of(situation, supposed, near)

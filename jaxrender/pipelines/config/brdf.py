@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Discriminator,
     Field,
     Strict,
@@ -88,7 +89,13 @@ def _known(number: Number, domain: Interval) -> Any:
         Annotated[Literal["none"], Tag("<none>")] | Annotated[single, Tag("<parameter>")],
         Discriminator(lambda value: "<none>" if value == "none" else "<parameter>"),
         Accepts(f"'free', 'none', {words}"),
+        BeforeValidator(none_for_nothing),
     ]
+
+
+def none_for_nothing(value: Any) -> Any:
+    """Read null as the word none."""
+    return "none" if value is None else value
 
 
 class _Brdf(Section):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from jaxrender.catalogue import MODELS, NAMES, described, numbers_named
 from jaxrender.pipelines.config.brdf import (
@@ -13,6 +13,7 @@ from jaxrender.pipelines.config.brdf import (
     Masking,
     Model,
     foreign_keys,
+    none_for_nothing,
     refuse_outside,
     stated,
     with_defaults_of_model,
@@ -76,7 +77,7 @@ def _truth(name: str) -> tuple[Any, Any]:
         return Rgb, Field(default=(0.0, 0.0, 0.0), description=text)
     kind = stated(name)
     if number.may_be_none:
-        kind = Literal["none"] | kind
+        kind = Annotated[Literal["none"] | kind, BeforeValidator(none_for_nothing)]
     return kind, Field(default=number.typical, description=text)
 
 

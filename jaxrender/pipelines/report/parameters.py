@@ -41,13 +41,13 @@ class Parameter(NamedTuple):
 
 
 class VariantRow(NamedTuple):
-    """One other model that was fitted: its choices, its values, and whether the data reject it."""
+    """One other model that was fitted: its choices, its values, and what the data say of it."""
 
     fresnel: str
     masking: str
     chi_squared: str
     values: tuple[str, ...]
-    rejected: bool
+    verdict: str
 
 
 class Variants(NamedTuple):
@@ -195,11 +195,17 @@ def variants(contents: ReportContents) -> Variants | None:
                 ", ".join(shown(x, 3) for x in numbers(variant.get(name))) or MISSING
                 for name in names
             ),
-            bool(variant.get("rejected", False)),
+            _verdict_on(variant),
         )
         for variant in found
     )
     return Variants(tuple(n.letter + n.index for n in own if n.name in names), rows)
+
+
+def _verdict_on(variant: dict[str, Any]) -> str:
+    if variant.get("preferred"):
+        return "better than the fit"
+    return "rejected" if variant.get("rejected") else "not rejected"
 
 
 def _chi_squared(difference: Any) -> str:
