@@ -4,8 +4,9 @@
     how a fit ended, in words
 ``solvers`` ``blas``
     the only place that knows the optimisation libraries; BLAS kept to one thread
-``unknowns``
-    which parameters are free, within what bounds, with what prior, and how they enter
+``unknowns`` ``parameters``
+    which parameters are free, within what bounds, with what prior, and how they enter; the same
+    in a material's own units
 ``observations``
     usable pixels as measurements, and how a subset of them is drawn
 ``elimination`` ``search`` ``descent``
@@ -18,9 +19,12 @@
 ``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
     intervals; what rests on grazing angles; what is identifiable and why not, in words; what rests
     on the model
-``misfit`` ``clusters`` ``diagnosis``
+``misfit`` ``clusters`` ``diagnosis`` ``examination``
     noise apart from misfit, by neighbouring pixels; error bars that know of misfit; what would
-    explain it
+    explain it; all of that for one fit
+``nuisances`` ``calibration`` ``rays`` ``near_light``
+    what may be a little wrong with a capture, as numbers; found together with the material; rays of
+    moved cameras; sources that have a place
 ``photographs`` ``scene`` ``estimate`` ``own_words``
     photographs into observations; a scene and what of it is unknown; what was found of it, shown
     and saved; a material by the numbers of its own model

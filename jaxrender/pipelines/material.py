@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -159,9 +160,11 @@ def recover_material(
     else:
         unknowns = unknowns_of(config, len(photographs))
         lobe = lobe_of(config.brdf)
-        found = fit_brdf(
-            observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
-        )
+        # What may be freed depends on photographs and light, of which the config knows nothing.
+        with fault_of("solve.free") if config.solve.free else nullcontext():
+            found = fit_brdf(
+                observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
+            )
     calibrated = found.calibrated
     if calibrated is not None:
         light, photographs = calibrated.light.upright, mended(photographs, calibrated, shape)

@@ -21,6 +21,8 @@ _WORK, MOST_SAMPLES = 1e5, 6000
 # Rounds, and tries of each with more and more damping; a round that gains less than this of
 # chi-squared is the last.
 _ROUNDS, _TRIES, _DAMPING, _LEAST_GAIN = 25, 5, 0.03, 0.5
+# A photograph that leaves so many times the chi-squared of the median one stands out.
+_ODD = 1.5
 # Sources come no nearer than this.
 NEAREST = 0.95
 
@@ -74,6 +76,26 @@ class FreeCapture(NamedTuple):
         prior = sum(Pull.of(corrections, name).cost for name in self.free)
         cost = weighing.strength * float(np.sum(left**2)) + prior
         return State(corrections, light, stop, cost)
+
+    def restarted(self, now: State, weighing: Weighing) -> State:
+        """Let cameras begin anew whose photographs stand out, now that the others are mended.
+
+        Under a material that all of them had spoilt, one may have gone the wrong way.
+        """
+        if "camera" not in self.free:
+            return now
+        frame, frames = np.asarray(now.stop.data.frame), self.told.observations.frames
+        left = np.asarray(now.stop.data.weights) * (
+            np.asarray(now.stop.data.radiance) - np.asarray(now.stop.fit.predicted)
+        )
+        squares = np.array([np.mean(left[frame == k] ** 2) for k in np.unique(frame)])
+        odd = np.isin(np.arange(frames), np.unique(frame)[squares > _ODD * np.median(squares)])
+        if not odd.any():
+            return now
+        camera = np.where(odd[:, None], 0.0, now.corrections.camera)
+        begun = self.fitted(now.corrections._replace(camera=camera), now.stop, weighing)
+        anew, _ = self.searched(begun, weighing)
+        return anew if anew.cost < now.cost else now
 
     def above_noise(self, state: State, weighing: Weighing, pixels: NoiseModel) -> float:
         """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
