@@ -193,6 +193,7 @@ EXCEPTIONS = {
     **dict.fromkeys(("Candidates", "Cells", "LightSplit"), "what those give: numbers, no function"),
     "BallLight": "what light_of_ball gives: numbers, no function",
     "Flaps": "numbers; what they cut is in the rows of PointLight",
+    "Environment.turned": "looks its image up on the host",
     "FunctionLight": "what light by direction is: its rows are those of skies and lobes",
     "Light": "what a light is: its rows are those of the kinds of light",
     "LightNodes": "numbers, no function",

@@ -18,7 +18,7 @@ from jaxrender.shapes import Float
 
 # Smooth changes of paint have harmonics up to this degree.
 _PAINTS = 3
-# Gains and paints change by about this part.
+# Gains and paints change by about this part, and a lobe that is hardly there by this much.
 _TYPICAL = 0.1
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
@@ -171,7 +171,8 @@ def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray
     if name in NUISANCES:
         return NUISANCES[name].deviations(count)
     if name == "lobe":
-        return np.full(count, float(np.mean(np.asarray(grounds.material.lobe_amplitude))))
+        lobe = float(np.mean(np.asarray(grounds.material.lobe_amplitude)))
+        return np.full(count, max(lobe, _TYPICAL))
     return np.full(count, _TYPICAL)
 
 
