@@ -41,7 +41,6 @@ def calibrate(
         weighing = Weighing.of(again.stop, noise)
         begun = capture.fitted(now.corrections, again.stop, weighing)
         now, settled = capture.searched(begun, weighing)
-        now = capture.restarted(now, weighing)
     found = finish(task, few, account_of(task, few, now, free, settled))
     return found._replace(absorbed=absorbed)
 

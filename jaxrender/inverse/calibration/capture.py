@@ -18,11 +18,10 @@ from jaxrender.shapes import Float, Int
 _SAMPLES, _CELLS = 1500, 0.35
 # Of light of few sources so many pairs of a sample and a node, and no more samples than that.
 _WORK, MOST_SAMPLES = 1e5, 6000
-# Rounds, and tries of each with more and more damping; a round that gains less than this of
-# chi-squared is the last.
-_ROUNDS, _TRIES, _DAMPING, _LEAST_GAIN = 25, 5, 0.03, 0.5
-# A photograph that leaves so many times the chi-squared of the median one stands out.
-_ODD = 1.5
+# Rounds, and tries of each with more and more damping.
+_ROUNDS, _TRIES, _DAMPING = 25, 5, 0.03
+# A round that gains less of chi-squared is the last: than this, and than this part of what is left.
+_LEAST_GAIN, _SMALL_GAIN = 0.5, 1e-3
 # Sources come no nearer than this.
 NEAREST = 0.95
 
@@ -77,26 +76,6 @@ class FreeCapture(NamedTuple):
         cost = weighing.strength * float(np.sum(left**2)) + prior
         return State(corrections, light, stop, cost)
 
-    def restarted(self, now: State, weighing: Weighing) -> State:
-        """Let cameras begin anew whose photographs stand out, now that the others are mended.
-
-        Under a material that all of them had spoilt, one may have gone the wrong way.
-        """
-        if "camera" not in self.free:
-            return now
-        frame, frames = np.asarray(now.stop.data.frame), self.told.observations.frames
-        left = np.asarray(now.stop.data.weights) * (
-            np.asarray(now.stop.data.radiance) - np.asarray(now.stop.fit.predicted)
-        )
-        squares = np.array([np.mean(left[frame == k] ** 2) for k in np.unique(frame)])
-        odd = np.isin(np.arange(frames), np.unique(frame)[squares > _ODD * np.median(squares)])
-        if not odd.any():
-            return now
-        camera = np.where(odd[:, None], 0.0, now.corrections.camera)
-        begun = self.fitted(now.corrections._replace(camera=camera), now.stop, weighing)
-        anew, _ = self.searched(begun, weighing)
-        return anew if anew.cost < now.cost else now
-
     def above_noise(self, state: State, weighing: Weighing, pixels: NoiseModel) -> float:
         """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
         task, problem, end = self.task, self.task.problem, state.stop.fit
@@ -117,9 +96,11 @@ class FreeCapture(NamedTuple):
         for _ in range(_ROUNDS):
             equations = equations_of(self.task, self.told, now, self.free, weighing.strength)
             predicted, further = np.asarray(now.stop.fit.predicted), None
+            # Where much is left that is no noise, small gains are the price of coarse derivatives.
+            least = max(_LEAST_GAIN, _SMALL_GAIN * (now.cost - predicted.size))
             for _ in range(_TRIES):
                 step = equations.step(damping)
-                if step.gain < _LEAST_GAIN:
+                if step.gain < least:
                     return now, True
                 tried = _moved(now.corrections, step)
                 further = self.fitted(tried, now.stop, weighing, predicted)
@@ -130,7 +111,7 @@ class FreeCapture(NamedTuple):
                 return now, True
             gained, now = now.cost - further.cost, further
             damping = damping / 10 if damping > _DAMPING else 0.0
-            if gained < _LEAST_GAIN:
+            if gained < least:
                 return now, True
         return now, False
 
