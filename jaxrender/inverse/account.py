@@ -111,7 +111,9 @@ def error_bars(stop: Stop, settings: FitSettings) -> Uncertain:
         stop.data,
         stop.fit,
         settings.noise is not None,
-        variance_factor=variance_factor(in_deviations(stop), settings.loss),
+        variance_factor=variance_factor(
+            in_deviations(stop)[stop.observations.pixels > 0], settings.loss
+        ),
         shares=stop.observations.shares,
         clusters=Clusters.of(stop.observations),
     )

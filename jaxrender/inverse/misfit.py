@@ -60,6 +60,17 @@ class Left(NamedTuple):
         """What the prediction leaves."""
         return np.asarray(self.observations.radiance, float) - self.predicted
 
+    def counted(self, together: int) -> "Left":
+        """Keep the samples that stand for pixels, so many of them together or none.
+
+        Of those that a mended camera does not see nothing is known.
+        """
+        whole = np.all(self.observations.pixels.reshape(-1, together) > 0, axis=1)
+        if whole.all():
+            return self
+        kept = np.flatnonzero(np.repeat(whole, together))
+        return Left(self.observations.take(kept), self.predicted[kept])
+
 
 def rows_of_three(pool: Observations, most: int, seed: int) -> Int[np.ndarray, "row 3"]:
     """Find neighbouring pixels of a photograph's row, three and three; at most so many of them.
@@ -93,6 +104,8 @@ def measure_misfit(
     own arithmetic, relative to the radiance.  None where the noise is neither given nor told by
     neighbours.
     """
+    fitted = fitted.counted(1)
+    neighbours = None if neighbours is None else neighbours.counted(3)
     rows = 0 if neighbours is None else neighbours.observations.count // 3
     channels = fitted.predicted.shape[1]
     correlation, uncertain = None, 0.0

@@ -228,6 +228,11 @@ def _under_known_light(
         pool=pool,
     )
     light = scene.light or known.directional
+    if found.calibrated is not None:
+        mended = found.calibrated.light.upright
+        light = mended.directional
+        if mended.environment is not None:
+            light = mended.environment + light
     return _estimate(material, found, light, found.noise, found.final.relative_rms)
 
 

@@ -53,11 +53,12 @@ def by_photograph(fit: BRDFFit, photographs: list[Photograph]) -> list[dict[str,
     stop, calibrated = fit.final, fit.calibrated
     radiance, frame = np.asarray(stop.data.radiance, float), np.asarray(stop.data.frame)
     left, found = radiance - np.asarray(stop.fit.predicted), []
+    pixels = stop.observations.pixels[:, None]
     gains = np.asarray(fit.parameters.value.gains)
     for number, photograph in enumerate(photographs):
         own = frame == number
-        level = float(np.sum(radiance[own] ** 2))
-        rms = float(np.sqrt(np.sum(left[own] ** 2) / level)) if level > 0 else None
+        squares, level = (float(np.sum((pixels * part**2)[own])) for part in (left, radiance))
+        rms = float(np.sqrt(squares / level)) if level > 0 else None
         row: dict[str, Any] = {"name": photograph.frame.name, "relative_rms": rms}
         if len(gains) > 1:
             row["gain"] = float(gains[number])

@@ -72,6 +72,27 @@ def test_the_noise_is_that_of_the_pixels_whatever_the_model_leaves(bias):
         assert found.share < 0.1
 
 
+def test_what_stands_for_no_pixel_changes_nothing():
+    pool, truth = photographs()
+    rows = rows_of_three(pool, 1000, 0)
+    gone = np.zeros(pool.count, bool)
+    gone[np.random.default_rng(2).choice(pool.count, 400, replace=False)] = True
+    garbage = np.where(gone[:, None], 7.0, truth)
+    weights = np.where(gone, 0.0, 1.0)
+    thinner = pool._replace(stands_for=weights)
+    with_garbage = measure_misfit(
+        Left(thinner, garbage), Left(thinner.take(rows.ravel()), garbage[rows.ravel()]), None
+    )
+    whole, kept = rows[~gone[rows].any(axis=1)].ravel(), np.flatnonzero(~gone)
+    without = measure_misfit(
+        Left(pool.take(kept), truth[kept]), Left(pool.take(whole), truth[whole]), None
+    )
+    assert 0 < len(whole) < rows.size
+    assert not with_garbage.found
+    assert with_garbage.rms == without.rms
+    assert with_garbage.noise == without.noise
+
+
 def test_a_given_noise_is_taken():
     found, *_ = measured(0.0, NoiseModel(0.01, 0.0))
     assert found.noise.relative == 0.01

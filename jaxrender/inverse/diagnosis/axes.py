@@ -10,19 +10,19 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
-from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.diagnosis.grounds import Grounds
-from jaxrender.inverse.models import columns_under
+from jaxrender.inverse.diagnosis.turning import lobes_under
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.lighting import LightNodes
-from jaxrender.programs import stored
 from jaxrender.reflection import FrameNodes
-from jaxrender.shapes import AnyArray, Array, Bool, Float
+from jaxrender.shapes import Float
 
-# Widths of the lobe that are tried, besides the one found.
-_WIDTHS = (0.06, 0.12, 0.25, 0.5)
-# So many samples are looked at, under light in cells this wide (radians).
-_SAMPLES, _CELL = 350, 0.09
+# So many samples are looked at.
+_SAMPLES = 350
+# Widths of the lobe tried besides the one found, under light in cells this wide (radians).
+_WIDTHS, _CELL = (0.06, 0.12, 0.25, 0.5), 0.09
+# Wide lobes under wide cells say first which permutations are worth it, and so many of them are.
+_WIDE, _WIDE_CELL, _WORTH = (0.25, 0.5), 0.25, 7
 # Other axes are said where they leave less than this part of what the told ones leave.
 _LESS = 0.5
 _NAMES = ("x", "y", "z")
@@ -66,36 +66,47 @@ def other_axes(grounds: Grounds) -> OtherAxes | None:
     if grounds.light.environment is None:
         return None
     grounds = grounds.thinned(_SAMPLES)
-    every_node = grounds.environment_nodes(_CELL)
-    material = grounds.material
-    materials = [material]
+    told, *others = permutations()
+    screened = _left_under(grounds, [told, *others], _WIDE, _WIDE_CELL)
+    worth = [others[at] for at in np.argsort(screened[1:])[:_WORTH]]
+    tried = [told, *worth]
+    left = _left_under(grounds, tried, _WIDTHS, _CELL)
+    best = int(np.argmin(left))
+    if left[best] >= _LESS * left[0]:
+        return None
+    return OtherAxes(tried[best], float(left[best]), float(left[0]))
+
+
+def _left_under(
+    grounds: Grounds,
+    matrices: list[Float[np.ndarray, "3 3"]],
+    widths: tuple[float, ...],
+    cell: float,
+) -> Float[np.ndarray, "matrix"]:
+    """Say what is left under each permutation, with the best of the widths (rms)."""
+    every_node = grounds.environment_nodes(cell)
+    least = np.full(len(matrices), np.inf)
+    for material in _of_widths(grounds.material, widths):
+        lit = sum(_columns_of(grounds, material, source.nodes) for source in grounds.sources)
+        for at, matrix in enumerate(matrices):
+            directions = np.asarray(every_node.directions) @ matrix.T
+            nodes = every_node._replace(directions=directions)
+            columns = (_columns_of(grounds, material, nodes) + lit) * grounds.gain[:, :, None]
+            least[at] = min(least[at], _left(grounds, columns))
+    return least
+
+
+def _of_widths(material: Parametric, widths: tuple[float, ...]) -> list[Parametric]:
+    found: list[Parametric] = [material]
     if isinstance(material, Glossy) and material.has_frequency_view:
         mu = None if material.mu is None else float(np.clip(float(material.mu), 1.2, 2.5))
-        materials += [material.with_roughness(width, mu) for width in _WIDTHS]
-    measured = np.asarray(grounds.observations.radiance, float)
-    every = []
-    for matrix in permutations():
-        directions = np.asarray(every_node.directions) @ matrix.T
-        nodes = every_node._replace(directions=directions)
-        left = min(_left(grounds, one, nodes, measured) for one in materials)
-        every.append((left, matrix))
-    as_told, (least, matrix) = every[0][0], min(every, key=lambda one: one[0])
-    if least >= _LESS * as_told:
-        return None
-    return OtherAxes(matrix, float(least), float(as_told))
+        found += [material.with_roughness(width, mu) for width in widths]
+    return found
 
 
-def _left(
-    grounds: Grounds,
-    material: Parametric,
-    nodes: LightNodes,
-    measured: Float[np.ndarray, "sample channel"],
-) -> float:
+def _left(grounds: Grounds, columns: Float[np.ndarray, "sample lobe channel"]) -> float:
     """Solve for the amplitudes, and say what part of the photographs is left (rms)."""
-    columns = _columns_of(grounds, material, nodes)
-    for source in grounds.sources:
-        columns = columns + _columns_of(grounds, material, source.nodes)
-    columns = columns * grounds.gain[:, :, None]
+    measured = np.asarray(grounds.observations.radiance, float)
     squares, total = 0.0, 0.0
     for channel, values in enumerate(measured.T):
         some = columns[:, :, channel]
@@ -110,14 +121,4 @@ def _columns_of(
 ) -> Float[np.ndarray, "sample lobe channel"]:
     traced = nodes_seen(concave(grounds.shape), grounds.observations, (nodes,))
     seen = None if traced is None else traced[0]
-    return np.asarray(_columns(material, grounds.samples, nodes, seen))
-
-
-@stored(older_emitters=True)
-def _columns(
-    brdf: Parametric,
-    samples: SurfaceSamples,
-    nodes: LightNodes | FrameNodes,
-    seen: Bool[AnyArray, "sample node"] | None,
-) -> Float[Array, "sample lobe channel"]:
-    return columns_under(brdf, samples, nodes, seen)
+    return np.asarray(lobes_under(material, grounds.samples, nodes, seen))

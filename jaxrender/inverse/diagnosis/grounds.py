@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfaceSamples
-from jaxrender.inverse.diagnosis.turning import Turning, lobe_under, turning_of
+from jaxrender.inverse.diagnosis.turning import Turning, lobes_under, turning_of
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import LinearisedModel
@@ -282,7 +282,7 @@ class Grounds:
         """Evaluate another material's last lobe at amplitude one, under the whole light."""
         found = np.zeros_like(self.predicted)
         for nodes, seen in self.whole:
-            found = found + lobe_under(material, self.samples, nodes, seen)
+            found = found + np.asarray(lobes_under(material, self.samples, nodes, seen))[:, -1]
         return found
 
     @property

@@ -95,21 +95,12 @@ def _turning(
     return along(*steps)
 
 
-def lobe_under(
-    brdf: Parametric,
-    samples: SurfaceSamples,
-    nodes: LightNodes | FrameNodes,
-    seen: Bool[np.ndarray, "sample node"] | None = None,
-) -> Float[np.ndarray, "sample channel"]:
-    """Evaluate a material's last lobe at amplitude one, under one part of the light."""
-    return np.asarray(_lobe_under(brdf, samples, nodes, seen))
-
-
 @stored(older_emitters=True)
-def _lobe_under(
+def lobes_under(
     brdf: Parametric,
     samples: SurfaceSamples,
     nodes: LightNodes | FrameNodes,
-    seen: Bool[AnyArray, "sample node"] | None,
-) -> Float[Array, "sample channel"]:
-    return columns_under(brdf, samples, nodes, seen)[:, -1]
+    seen: Bool[AnyArray, "sample node"] | None = None,
+) -> Float[Array, "sample lobe channel"]:
+    """Evaluate a material's lobes at amplitude one, under one part of the light."""
+    return columns_under(brdf, samples, nodes, seen)

@@ -37,9 +37,11 @@ class ResidualPlots(NamedTuple):
 
 def residual_plots(stop: Stop) -> ResidualPlots | None:
     """Plot photograph - prediction of the samples of the final fit, all channels together."""
-    predicted = np.asarray(stop.fit.predicted, float)
-    residual = np.asarray(stop.data.radiance, float) - predicted
-    normals, outgoing = (np.asarray(array, float) for array in stop.observations.samples)
+    # Samples that a mended camera does not see stand for no pixel.
+    seen = stop.observations.pixels > 0
+    predicted = np.asarray(stop.fit.predicted, float)[seen]
+    residual = np.asarray(stop.data.radiance, float)[seen] - predicted
+    normals, outgoing = (np.asarray(array, float)[seen] for array in stop.observations.samples)
     cosines = np.sum(normals * outgoing, axis=1)
     angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
     scale = float(np.abs(predicted).mean())
