@@ -118,7 +118,7 @@ from jaxrender.reflection.shrm import (
     reflect_mirror_light,
     shrm_from_photographs,
 )
-from jaxrender.reflection.slow_light import reflect_slow_light
+from jaxrender.reflection.slow_light import reflect_slow_light, slow_light_columns
 from jaxrender.reflection.subspaces import (
     PrincipalComponents,
     RecoveredBasis,
@@ -170,6 +170,7 @@ __all__ = [
     "convolve_radial",
     "reflect_about_mirror",
     "reflect_slow_light",
+    "slow_light_columns",
     "facet_coefficients",
     "forward_of",
     "reflect_by_facets",

@@ -10,11 +10,13 @@ what ``integral_columns`` approaches as its grid grows, at a cost that does not 
 the lobe is.  Nothing may shadow the surface.
 """
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import band_limit_of
+from jaxrender.harmonics import band_limit_of, coefficient_count, rotate
 from jaxrender.programs import stored
 from jaxrender.reflection.convolution import reflect_about_mirror
 from jaxrender.shapes import AnyArray, Array, Float, checked
@@ -31,3 +33,25 @@ def reflect_slow_light(
     band_limit = band_limit_of(slow.shape[0])
     terms = azimuthal_transfer_of_samples(brdf, samples.exit_cosines, band_limit)
     return reflect_about_mirror(slow, terms, samples.world_from_mirror)
+
+
+@stored(older_emitters=True)
+@checked
+def slow_light_columns(
+    brdf: Glossy, samples: SurfaceSamples, band_limit: int
+) -> Float[Array, "sample coefficient"]:
+    """Evaluate the specular column (ks = 1) of every coefficient of light to a band limit.
+
+    A rotation's inverse is its transpose.  So the weights of the light in a sample's own frame are
+    turned into the world, and not the light into the frame of every sample.
+    """
+    samples = SurfaceSamples(*(jnp.asarray(a) for a in samples))
+    terms = azimuthal_transfer_of_samples(brdf, samples.exit_cosines, band_limit)
+    degree, order = np.nonzero(np.tri(band_limit + 1, dtype=bool))
+    wavelength = np.sqrt(4 * np.pi / (2 * degree + 1))
+    local = jnp.zeros((len(terms), coefficient_count(band_limit)), terms.dtype)
+    weighted = terms[:, degree, order] / jnp.asarray(wavelength, terms.dtype)[None]
+    local = local.at[:, degree * (degree + 1) + order].set(weighted)
+    return jax.vmap(lambda one, frame: rotate(one[:, None], frame)[:, 0])(
+        local, samples.world_from_mirror
+    )

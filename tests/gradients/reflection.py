@@ -279,6 +279,12 @@ ROWS = [
         kinks=dict.fromkeys(("head-on", "head-on at the poles"), TABLE_ENDS),
     ),
     columns(
+        "slow_light_columns",
+        lambda samples, sigma: reflection.slow_light_columns(glossy(sigma), samples, 1),
+        SIGMA,
+        kinks=dict.fromkeys(("head-on", "head-on at the poles"), TABLE_ENDS),
+    ),
+    columns(
         "mirror_light",
         partial(reflection.mirror_light, order_limit=1),
         SLOW,

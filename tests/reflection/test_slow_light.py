@@ -8,7 +8,7 @@ import pytest
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, degrees, legendre, real_basis
-from jaxrender.reflection import polar_columns, reflect_slow_light
+from jaxrender.reflection import polar_columns, reflect_slow_light, slow_light_columns
 from jaxrender.spectra import FacetLobe, mirror_frame, transfer_of_samples
 from jaxrender.spectra.mirror_frame import azimuthal_transfer
 
@@ -57,6 +57,15 @@ def test_equals_the_integral(scene, kind):
     basis = np.asarray(real_basis(samples.reflected, BAND_LIMIT))
     dual = (mean[:, degrees(BAND_LIMIT)] * basis) @ light
     assert np.abs(dual - exact).max() > 20 * np.abs(found - exact).max()
+
+
+def test_columns_of_every_coefficient_add_up_to_the_light(scene):
+    samples, light = scene
+    kind = Microfacet(np.ones(2), np.ones(2), 0.3, 1.5, "half", "smith")
+    columns = np.asarray(slow_light_columns(kind, samples, BAND_LIMIT))
+    np.testing.assert_allclose(
+        columns @ light, np.asarray(reflect_slow_light(kind, samples, light)), atol=1e-12
+    )
 
 
 def test_mirror_frames(scene):

@@ -91,7 +91,7 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     response, data = response_of(task, state), measured(task, state)
     system = reduced_system(response, state.guess, data)
     solved = system.solved
-    left = np.asarray(data.weights) * (state.target - np.asarray(solved.predicted))
+    left = np.asarray(data.weights) * (task.radiance - np.asarray(solved.predicted))
     free = free_unknowns(task, state)
     used = int(np.count_nonzero(free)) + data.radiance.shape[1] * (
         response.slow_count + int(np.count_nonzero(state.active))

@@ -25,7 +25,6 @@ from jaxrender.inverse.factorization.state import (
     Round,
     State,
     Task,
-    begin,
     free_unknowns,
     in_deviations,
 )
@@ -107,7 +106,7 @@ def factorize(
         sight = None if hiding is None else Sight(hiding, places_of(thinned))
         few = Task(thinned, task.response.thinned(step), sight, known, settings)
     with stage("light"), one_blas_thread():
-        state = light_the_scene(few, begin(few), watch)
+        state = light_the_scene(few, watch)
         if step > 1:
             state = taken_up(task, state)
     with stage("refine"), one_blas_thread():
@@ -119,7 +118,7 @@ def factorize(
     value = parameters.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
     brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
-    predicted = np.asarray(state.joint.solved.predicted) + task.radiance - state.target
+    predicted = np.asarray(state.joint.solved.predicted)
     misfit = None
     if pool is not None:
         with stage("misfit"):

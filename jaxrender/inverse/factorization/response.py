@@ -105,13 +105,19 @@ class Response(eqx.Module):
         mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
         return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
 
+    def slow_specular(
+        self, passed: Float[Array, "sample term"]
+    ) -> Float[Array, "sample coefficient"]:
+        """Evaluate the samples' whole response to slow light by the lobe."""
+        return self.slow_columns(passed)
+
     def columns(self, guess: Guess) -> Columns:
         """Evaluate both lobes' responses to every part of the light."""
         return self.columns_of(self.passed(guess), guess)
 
     def columns_of(self, passed: Float[Array, "sample term"], guess: Guess) -> Columns:
         """Evaluate the same where what the lobe passes on is known."""
-        slow = self.slow_columns(passed)
+        slow = self.slow_specular(passed)
         specular = jnp.concatenate([slow, self.source_specular(guess)], axis=1)
         diffuse = self.source_diffuse(jnp.asarray(guess.directions))
         return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
@@ -135,13 +141,15 @@ class MirrorResponse(Response):
     """Of a glossy material: slow light is filtered by degree and looked up at R (T 6.9, 6.12).
 
     ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
-    itself; ``mirror_basis`` holds V(R) Y_lm(R).
+    itself; ``mirror_basis`` holds V(R) Y_lm(R).  ``lacking`` is what this view leaves out of the
+    response to slow light, near where the search stands (``correction``).
     """
 
     variant: Glossy
     samples: SurfaceSamples
     diffuse_basis: Float[AnyArray, "sample coefficient"]
     mirror_basis: Float[AnyArray, "sample coefficient"]
+    lacking: Float[AnyArray, "sample coefficient"]
     lit: Float[AnyArray, "sample source"]
 
     @classmethod
@@ -155,7 +163,7 @@ class MirrorResponse(Response):
         diffuse = np.asarray(real_basis(samples.normals, band_limit)) * each.astype(dtype)
         mirror = real_basis(samples.reflected, band_limit)
         lit = as_jax(np.ones((len(diffuse), sources), dtype))
-        return cls(variant, samples, as_jax(diffuse), mirror, lit)
+        return cls(variant, samples, as_jax(diffuse), mirror, jnp.zeros_like(mirror), lit)
 
     def shadowed(
         self,
@@ -165,7 +173,7 @@ class MirrorResponse(Response):
         """Let the object shadow itself: transfer vectors for A_l Y_lm(n), and V(R) (T 6.12)."""
         seen = jnp.asarray(reflected)[:, None]
         mirror = jnp.where(seen, jnp.asarray(self.mirror_basis), 0)
-        return MirrorResponse(self.variant, self.samples, transfer, mirror, self.lit)
+        return dataclasses.replace(self, diffuse_basis=transfer, mirror_basis=mirror)
 
     def passed(self, guess: Guess) -> Float[Array, "sample degree"]:
         """Evaluate the transfer h_l(t_o) of every sample."""
@@ -178,6 +186,12 @@ class MirrorResponse(Response):
     ) -> Float[Array, "sample coefficient"]:
         """Evaluate h_l(t_o) V(R) Y_lm(R)."""
         return passed[:, degrees(band_limit_of(self.slow_count))] * jnp.asarray(self.mirror_basis)
+
+    def slow_specular(
+        self, passed: Float[Array, "sample degree"]
+    ) -> Float[Array, "sample coefficient"]:
+        """Evaluate the same, and what it leaves out."""
+        return self.slow_columns(passed) + jnp.asarray(self.lacking)
 
     def base_towards(
         self, directions: Float[Array, "direction 3"]

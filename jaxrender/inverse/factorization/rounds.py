@@ -3,15 +3,15 @@
 1. *Rounds*: matching pursuit adds sources while they pay, a few at first and more each time.  After
    each addition everything is fitted together.  Gauss-Newton steps move specular share, sigma, mu
    and the directions of all sources; slow light and energies are solved for inside each step.
-2. *Refinement*: where the fit ended, the exact integral gives the error of the dual model.  The
-   error is subtracted from the photographs and the fit is repeated, until nothing moves.
+2. *Refinement*: where the fit ended, the exact integral gives what the dual model lacks of the
+   samples' response to slow light.  It is added, and the fit is repeated until nothing moves.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from jaxrender.inverse.factorization.correction import corrected
+from jaxrender.inverse.factorization.correction import change, corrected
 from jaxrender.inverse.factorization.joint import Joint
 from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.sources import (
@@ -20,6 +20,7 @@ from jaxrender.inverse.factorization.sources import (
     with_neighbours_merged,
     without_idle_sources,
 )
+from jaxrender.inverse.factorization.starts import best_start, settled
 from jaxrender.inverse.factorization.state import (
     Round,
     State,
@@ -31,44 +32,41 @@ from jaxrender.inverse.factorization.state import (
     response_of,
     round_of,
     weigh_by_noise,
-    weigh_evenly,
 )
 
-# Sources added in each round, until there are as many as allowed or they no longer pay.
-_ROUNDS = (8, 8, 16, 16, 16, 16, 16, 16)
+# Sources added in each round, until there are as many as allowed or they no longer pay.  A few come
+# first: what a fit leaves that lacks them looks like more sources than there are.
+_ROUNDS = (2, 6, 8, 16, 16, 16, 16, 16, 16)
 # A round that found fewer is the last one.
 _TOO_FEW = 3
-_LAST_STEPS = 4
-# Below this residual the corrections by the exact integral count beside what sources explain.
-_NEARLY_THERE = 0.05
-# The last steps end when no logarithm moves by more than the second number, nor the corrected
-# photographs by more than the third, in standard deviations.
-_REFINEMENTS, _SETTLED, _SAME_TARGET = 8, 2e-3, 0.02
-# Where they end earlier, this much of the noise is too little for any error bar to show.
-_NEARLY_SAME_TARGET = 0.2
+_LAST_STEPS, _LAST_SOURCES = 4, 8
+# The last steps end when no logarithm moves by more than the second number, nor the correction by
+# more than the third, in standard deviations.
+_REFINEMENTS, _STILL, _SAME = 8, 3e-4, 0.005
+# Where they end earlier, this much is too little for any error bar to show.
+_NEARLY_STILL, _NEARLY_SAME = 2e-3, 0.2
 
 
-def light_the_scene(task: Task, state: State, watch: Callable[[Round], None]) -> State:
-    """Add sources in rounds while they pay."""
-    for count in (0, *_ROUNDS):
-        more = add_sources(task, state, count) if count else state
+def light_the_scene(task: Task, watch: Callable[[Round], None]) -> State:
+    """Begin where it pays most, and add sources in rounds while they pay."""
+    state, enough = best_start(task, _ROUNDS[0]), _ROUNDS[0]
+    for done in state.rounds:
+        watch(done)
+    added = int(np.count_nonzero(state.active))
+    for count in _ROUNDS[1:]:
+        if added < enough:
+            break
+        more, enough = add_sources(task, state, count), _TOO_FEW
         added = int(np.count_nonzero(more.active & ~state.active))
-        if count and not added:
-            break
-        state = descend(task, more, STEPS_PER_ROUND)
-        state = weigh_evenly(task, state)
-        if task.settings.refine and round_of(task, state).relative_rms < _NEARLY_THERE:
-            state = corrected(task, state)
-        state = state._replace(rounds=(*state.rounds, round_of(task, state)))
-        watch(state.rounds[-1])
-        if count and added < _TOO_FEW:
-            break
+        if added:
+            state = settled(task, more)
+            watch(state.rounds[-1])
     return state
 
 
 def taken_up(task: Task, state: State) -> State:
     """Go on with other samples of the same photographs, from the guess and the light found."""
-    fresh = begin(task, state.rounds[-1].relative_rms)._replace(
+    fresh = begin(task, misfit=state.rounds[-1].relative_rms)._replace(
         guess=state.guess,
         active=state.active,
         level=state.level,
@@ -84,18 +82,22 @@ def taken_up(task: Task, state: State) -> State:
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
     """Take the last steps, weighed by the noise and corrected by the exact integral."""
     for turn in range(_REFINEMENTS):
-        before, target = material_of(state), state.target
+        before = state
         state = weigh_by_noise(task, state)
         if task.settings.refine:
             state = corrected(task, state)
         state = descend(task, state, _LAST_STEPS, 1e-6)
-        if turn == 0:
+        if turn == 1:
             state = with_neighbours_merged(task, without_idle_sources(task, state))
-        # With a known material only the light moves, and with it what the dual model leaves out.
-        shift = np.sqrt(np.mean((state.weights * (state.target - target)) ** 2))
-        moved = float(np.max(np.abs(material_of(state) - before)))
-        state = state._replace(settled=moved < _SETTLED and float(shift) < _NEARLY_SAME_TARGET)
-        if state.settled and shift < _SAME_TARGET:
+            # More samples show more than the rounds did.
+            more = add_sources(task, state, _LAST_SOURCES)
+            if (more.active & ~state.active).any():
+                state = without_idle_sources(task, descend(task, more, STEPS_PER_ROUND))
+        # With a known material nothing moves but the light, which is solved for.
+        shift = change(before, state)
+        moved = float(np.max(np.abs(material_of(state) - material_of(before))))
+        state = state._replace(settled=moved < _NEARLY_STILL and shift < _NEARLY_SAME)
+        if turn and moved < _STILL and shift < _SAME:
             break
     state = state._replace(rounds=(*state.rounds, round_of(task, state)))
     watch(state.rounds[-1])

@@ -15,6 +15,7 @@ STEPS_PER_ROUND = 6
 _UNKNOWNS_PER_SOURCE = 5
 # Directions tried, and samples that they are tried on.
 _CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
+_FEW = 8
 # Sources this near to each other, as part of the lobe's width, may be one.
 _NEIGHBOURS_PER_SIGMA = 1.0
 
@@ -29,9 +30,11 @@ def add_sources(task: Task, state: State, count: int) -> State:
     radiance, weights, penalty = measured(task, state)
     few = Measured(radiance[::step], weights[::step], np.asarray(penalty) / step)
     seen = None if task.sight is None else task.sight.of_fixed(towards)[::step]
-    found = pursue(response_of(task, state).thinned(step), state.guess, few, towards, count, seen)
-    pays = step * np.asarray(found.gains) > _worth(measured(task, state))
-    chosen = np.asarray(found.chosen)[np.logical_and.accumulate(pays)]
+    # One program finds any few of them.
+    most = max(count, _FEW)
+    found = pursue(response_of(task, state).thinned(step), state.guess, few, towards, most, seen)
+    pays = step * np.asarray(found.gains) > worth_of_source(measured(task, state))
+    chosen = np.asarray(found.chosen)[np.logical_and.accumulate(pays)][:count]
     slots = np.flatnonzero(~state.active)[: len(chosen)]
     directions, active = np.array(state.guess.directions), state.active.copy()
     directions[slots], active[slots] = towards[chosen], True
@@ -47,7 +50,7 @@ def without_idle_sources(task: Task, state: State) -> State:
     inverse = np.linalg.inv(np.asarray(solved.normal)[:, slow:, slow:])
     covariance = np.einsum("crp,crq->cpq", inverse, inverse)
     energies = np.asarray(solved.light)[slow:].T
-    idle = _idle_sources(energies, covariance, state.active, _worth(measured(task, state)))
+    idle = _idle_sources(energies, covariance, state.active, worth_of_source(measured(task, state)))
     if not idle.any():
         return state
     return descend(task, state._replace(active=state.active & ~idle), STEPS_PER_ROUND)
@@ -104,9 +107,9 @@ def with_neighbours_merged(task: Task, state: State) -> State:
     trial = descend(task, state._replace(guess=guess, active=active), STEPS_PER_ROUND)
     assert trial.joint is not None
     lost = 2 * float(trial.joint.solved.cost - state.joint.solved.cost)
-    return trial if lost < fewer * _worth(measured(task, state)) else state
+    return trial if lost < fewer * worth_of_source(measured(task, state)) else state
 
 
-def _worth(data: Measured) -> float:
+def worth_of_source(data: Measured) -> float:
     """Compute by how much a source must lower chi-squared: log N for each unknown (Schwarz)."""
     return _UNKNOWNS_PER_SOURCE * float(np.log(np.asarray(data.radiance).size))

@@ -28,10 +28,10 @@ from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import deviations, robust_weights
-from jaxrender.shapes import Bool, Float, as_jax
+from jaxrender.shapes import Array, Bool, Float, as_jax
 
 # Where the search begins when nothing is known: both lobes of the same albedo, a wide lobe.
-_START_SIGMA, _START_MU = 0.25, 1.5
+START_SIGMA, _START_MU = 0.25, 1.5
 # The first weights are radiance to this power, of no less than this part of the mean radiance.
 _COMPRESSION, _DARK = -0.7, 1e-3
 # The relative residual that slow light alone is expected to leave.
@@ -116,19 +116,26 @@ class Task(NamedTuple):
         return Bounds(_between(self.sigma), _between(self.mu))
 
 
+class Lacking(NamedTuple):
+    """What the dual model leaves out of every sample's response to slow light, at a lobe."""
+
+    columns: Float[Array, "sample coefficient"]
+    lobe: tuple[float, float]
+
+
 class State(NamedTuple):
     """Where a factorization stands.
 
-    ``weights`` are those of a sample that stands for one pixel.  ``target`` is the radiance less
-    what the dual model is known to leave out, ``level`` the mean radiance of the light in each
-    channel.  ``settled`` says whether the last steps moved nothing any more.
+    ``weights`` are those of a sample that stands for one pixel.  ``level`` is the mean radiance of
+    the light in each channel, ``lacking`` what the dual model leaves out, where that is known.
+    ``settled`` says whether the last steps moved nothing any more.
     """
 
     guess: Guess
     active: Bool[np.ndarray, "source"]
     weights: Float[np.ndarray, "sample channel"]
-    target: Float[np.ndarray, "sample channel"]
     level: Float[np.ndarray, "channel"]
+    lacking: Lacking | None = None
     joint: Joint | None = None
     rounds: tuple[Round, ...] = ()
     settled: bool = False
@@ -142,14 +149,15 @@ class Deviations(NamedTuple):
     noise: NoiseModel
 
 
-def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
-    """Start without sources, both lobes of the same albedo.
+def begin(task: Task, sigma: float | None = None, misfit: float = _FIRST_MISFIT) -> State:
+    """Start without sources, both lobes of the same albedo, at a stated width or the usual one.
 
     ``misfit`` is the relative error with which the photographs count as known.
     """
     known, radiance = task.known, task.radiance
     channels, sources = radiance.shape[1], task.settings.most_sources
-    sigma, mu = task.sigma.first(_START_SIGMA), task.mu.first(_START_MU)
+    sigma = task.sigma.first(START_SIGMA) if sigma is None else sigma
+    mu = task.mu.first(_START_MU)
     variant = task.response.variant
     energy = float(variant.with_roughness(sigma, None if variant.mu is None else mu).energy)
     even = np.full(channels, 1 / (1 + energy))
@@ -163,7 +171,7 @@ def begin(task: Task, misfit: float = _FIRST_MISFIT) -> State:
     mean = np.average(radiance, axis=0, weights=task.observations.pixels)
     weights = np.maximum(radiance, _DARK * mean) ** _COMPRESSION
     weights = weights / (misfit * _rms(task, weights * radiance))
-    return State(guess, np.zeros(sources, bool), weights, radiance, mean)
+    return State(guess, np.zeros(sources, bool), weights, mean)
 
 
 def _between(unknown: Unknown) -> tuple[float, float]:
@@ -180,15 +188,19 @@ def measured(task: Task, state: State) -> Measured:
     slow = (degree * (degree + 1))[:, None] / expected**2
     sources = np.zeros((len(state.active), slow.shape[1]))
     weights = state.weights * np.sqrt(task.observations.shares)[:, None]
-    return Measured(state.target, weights, np.concatenate([slow, sources]))
+    return Measured(task.radiance, weights, np.concatenate([slow, sources]))
 
 
 def response_of(task: Task, state: State) -> Response:
-    """Switch on the sources in use, where they are seen."""
+    """Switch on the sources in use, where they are seen, and add what the dual model lacks."""
     seen = np.ones((len(task.radiance), 1))
     if task.sight is not None:
         seen = np.asarray(task.sight.of(state.guess.directions), float)
-    return eqx.tree_at(lambda r: r.lit, task.response, as_jax(seen * state.active[None, :]))
+    lit = as_jax(seen * state.active[None, :])
+    response = eqx.tree_at(lambda r: r.lit, task.response, lit)
+    if state.lacking is None:
+        return response
+    return eqx.tree_at(lambda r: r.lacking, response, state.lacking.columns)
 
 
 def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
@@ -232,7 +244,7 @@ def weigh_evenly(task: Task, state: State) -> State:
     """
     assert state.joint is not None
     weights, loss = begin(task).weights, task.settings.loss
-    left = weights * (state.target - np.asarray(state.joint.solved.predicted))
+    left = weights * (task.radiance - np.asarray(state.joint.solved.predicted))
     if loss == "squares":
         return state._replace(weights=weights / _rms(task, left))
     deviation = _NORMAL_DEVIATION * np.median(np.abs(left[as_pixels(task.observations)]))
@@ -250,7 +262,7 @@ def weigh_by_noise(task: Task, state: State) -> State:
 def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
     """Express residuals in standard deviations of the noise given, or else found in them."""
     predicted = np.asarray(solved.predicted)
-    left, even = state.target - predicted, as_pixels(task.observations)
+    left, even = task.radiance - predicted, as_pixels(task.observations)
     noise = task.settings.noise or estimate_noise(left[even], predicted[even])
     deviation = deviations(noise, predicted, _rms(task, task.radiance))
     return Deviations(left / deviation, deviation, noise)
@@ -259,7 +271,7 @@ def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
 def round_of(task: Task, state: State) -> Round:
     """Sum up where a round ended."""
     assert state.joint is not None
-    left = state.target - np.asarray(state.joint.solved.predicted)
+    left = task.radiance - np.asarray(state.joint.solved.predicted)
     guess = state.guess
     metal = task.response.variant.mu is None
     return Round(
