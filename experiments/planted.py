@@ -137,14 +137,14 @@ def _radiance(
     if world.bump is not None:
         normals = _bumpy(world.bump, normals)
         outgoing = np.asarray(outgoing)
-    whole = _integrated(world, world.material, points, normals, outgoing)
+    whole = integrated(world, world.material, points, normals, outgoing)
     if world.patch is None:
         return whole
-    other = _integrated(world, world.patch, points, normals, outgoing)
+    other = integrated(world, world.patch, points, normals, outgoing)
     return np.where(points[:, :1] > 0.6, other, whole)
 
 
-def _integrated(
+def integrated(
     world: World, brdf: Parametric, points: np.ndarray, normals: np.ndarray, outgoing: np.ndarray
 ) -> np.ndarray:
     samples = SurfaceSamples(*(jnp.asarray(part) for part in (normals, outgoing)))

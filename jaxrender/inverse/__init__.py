@@ -19,9 +19,9 @@
 ``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
     intervals; what rests on grazing angles; what is identifiable and why not, in words; what rests
     on the model
-``misfit`` ``clusters`` ``diagnosis`` ``examination``
-    noise apart from misfit, by neighbouring pixels; error bars that know of misfit; what would
-    explain it; all of that for one fit
+``misfit`` ``clusters`` ``saturation`` ``diagnosis`` ``examination``
+    noise apart from misfit, by neighbouring pixels; error bars that know of misfit; values that
+    were clipped; what would explain it; all of that for one fit
 ``nuisances`` ``calibration`` ``rays`` ``near_light``
     what may be a little wrong with a capture, as numbers; found together with the material; rays of
     moved cameras; sources that have a place

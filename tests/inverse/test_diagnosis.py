@@ -27,7 +27,6 @@ from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fi
 from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES
 from jaxrender.inverse.diagnosis.grounds import Grounds
-from jaxrender.inverse.diagnosis.saturation import clipped_values
 from jaxrender.inverse.diagnosis.scores import Leftover
 from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight
 from jaxrender.reflection import integral_columns, radiance
@@ -238,18 +237,6 @@ def test_values_left_out_are_not_in_the_fit():
     expected = np.linalg.lstsq(own[10:], left[10:], rcond=None)[0]
     np.testing.assert_allclose(score.shift, expected)
     assert score.gain > 100
-
-
-def test_clipped_values_are_found_and_quantised_ones_are_not():
-    rng = np.random.default_rng(8)
-    values = rng.uniform(size=(CLEAN.count, 3))
-    whole = CLEAN._replace(radiance=values)
-    assert not clipped_values(whole, whole).any()
-    clipped = whole._replace(radiance=np.minimum(values, 0.8))
-    np.testing.assert_array_equal(clipped_values(clipped, clipped), values >= 0.8)
-    quantised = whole._replace(radiance=np.round(values * 100) / 100)
-    assert not clipped_values(quantised, quantised).any()
-    assert not clipped_values(CLEAN, CLEAN).any()
 
 
 def fitted(photographs, **settings):

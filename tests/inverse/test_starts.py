@@ -3,6 +3,7 @@
 - Widths: the known one alone, or those within the bounds, the stated one among them.
 - Under smooth light and under a source, the search ends at one material from any start, and finds
   no source that is not there.
+- Clipped photographs are a misfit, and the reason says so.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from inverse_problems import ball_samples
 
 from jaxrender.brdf import WIDTH_BOUNDS, Microfacet
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations
+from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.starts import widths
@@ -60,6 +61,15 @@ def test_widths_to_begin_with(sigma, expected):
     nothing = Observations(samples, np.ones((20, 3)), np.zeros(20, int))
     task = Task(nothing, response, known=Known(sigma=sigma))
     assert widths(task) == pytest.approx(expected)
+
+
+def test_clipped_photographs_are_a_misfit():
+    photographs = photographed(False)
+    whole = np.asarray(photographs.radiance)
+    clipped = photographs._replace(radiance=np.minimum(whole, np.quantile(whole, 0.7)))
+    found = factorize(clipped, PAINT, SETTINGS._replace(refine=False), pool=clipped)
+    assert found.outcome is Outcome.MISFIT
+    assert any("they are clipped, and capture.saturation" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 ``diagnose`` tests each assumption of a fit by a score test.  ``causes`` holds one function for each
 thing that may be wrong: the columns that it would add to the prediction.  ``grounds`` is what they
 are made of, ``turning`` the derivatives that most of them share, ``scores`` the test itself;
-``saturation`` finds clipped values, and ``axes`` environments in another convention.
+``axes`` finds environments in another convention.
 """
 
 from jaxrender.inverse.diagnosis.diagnose import CLIPPED, Diagnosis, diagnose

@@ -7,10 +7,10 @@ import numpy as np
 from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES, typical_amounts
 from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
-from jaxrender.inverse.diagnosis.saturation import clipped_values
 from jaxrender.inverse.diagnosis.scores import Leftover, Score
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.parameters import slopes_of_parameters
+from jaxrender.inverse.saturation import clipped_values
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
 

@@ -32,6 +32,7 @@ from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
+from jaxrender.inverse.saturation import saturation_sentence
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
@@ -90,8 +91,10 @@ def factorize(
     light it determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).
     For a concave object give the ``shape`` and the observations' places: its shadows are then
     modelled, its interreflections are not.  ``pool`` are all pixels, whose neighbours tell the
-    noise.  Raises ``ValueError`` for too few samples, and for a
-    model of more numbers than a width and an index.
+    noise, and whose highest values tell whether they are clipped.
+
+    Raises ``ValueError`` for too few samples, and for a model of more numbers than a width and an
+    index.
     """
     _check_numbers(variant)
     hiding = concave(shape)
@@ -123,7 +126,8 @@ def factorize(
     if pool is not None:
         with stage("misfit"):
             misfit = _misfit(_Pair(brdf, scene), Left(observations, predicted), pool, shape)
-    outcome, identifiable, reasons = _judge(task, state, parameters, misfit)
+    clipped = None if pool is None else saturation_sentence(pool)
+    outcome, identifiable, reasons = _judge(task, state, parameters, misfit, clipped)
     return Factorization(
         brdf,
         scene,
@@ -204,7 +208,7 @@ def _check_enough(task: Task) -> None:
 
 
 def _judge(
-    task: Task, state: State, parameters: Uncertain, misfit: Misfit | None
+    task: Task, state: State, parameters: Uncertain, misfit: Misfit | None, clipped: str | None
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
@@ -229,8 +233,10 @@ def _judge(
             lost = not_identifiable(name, parameters)
             reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
     residual = state.rounds[-1].relative_rms
-    wrong = misfit is not None and misfit.found
-    if misfit is not None and wrong:
+    wrong = clipped is not None or (misfit is not None and misfit.found)
+    if clipped is not None:
+        reasons.append(clipped)
+    if misfit is not None and misfit.found:
         reasons.append(misfit.sentence())
     if residual > _SKETCHED:
         reasons.append(

@@ -30,6 +30,17 @@ def clipped_values(
     return found
 
 
+def saturation_sentence(pool: Observations) -> str | None:
+    """Say that values are clipped, and what to do about it; None where none are."""
+    share = float(np.mean(clipped_values(pool, pool).any(axis=1))) if pool.count else 0.0
+    if not share:
+        return None
+    return (
+        f"{100 * share:.2g} % of the pixels stand at the highest value of their photograph: they "
+        "are clipped, and capture.saturation leaves them out"
+    )
+
+
 def _clipped_at(values: Float[np.ndarray, "pixel"]) -> float | None:
     """Find the value at which a channel was clipped; None where nothing piles up at its top."""
     if not len(values) or not values.max() > 0:
