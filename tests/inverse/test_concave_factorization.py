@@ -94,6 +94,7 @@ def test_prediction_knows_of_the_shadows(photographs, found):
     assert off(predict(found, some)) > 3 * own
 
 
+@pytest.mark.slow
 def test_without_shadows_it_is_worse(photographs, found):
     blind = factorize(photographs, PAINT, SETTINGS)
     share, roughness = errors(found)

@@ -190,6 +190,7 @@ def test_masks_stay_with_their_samples(photographs):
     np.testing.assert_allclose(model.columns(numbers).diffuse, by_hand[:, 0], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_convex_shape_changes_nothing(photographs):
     light = KnownLight(None, SOURCES)
     nowhere = photographs._replace(places=None)

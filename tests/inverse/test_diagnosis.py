@@ -271,8 +271,12 @@ def test_a_clean_capture_has_no_diagnosis():
     ("name", "planted"),
     [
         ("exposure", PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None]),
-        ("black", PHOTOGRAPHS + 0.03),
-        ("object", photographed(seen(shape=Sphere(np.array([0.01, 0.0, 0.0]))))),
+        pytest.param("black", PHOTOGRAPHS + 0.03, marks=pytest.mark.slow),
+        pytest.param(
+            "object",
+            photographed(seen(shape=Sphere(np.array([0.01, 0.0, 0.0])))),
+            marks=pytest.mark.slow,
+        ),
         ("lamps", photographed(CLEAN, energy=1.1 * ENERGY)),
     ],
 )

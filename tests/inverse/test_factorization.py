@@ -150,6 +150,7 @@ def test_the_light_is_found(found):
 def test_derivatives_of_the_prediction(photographs):
     task = _task(photographs)
     state = _with_sources(task, [SOURCE, np.array([0.6, 0.0, 0.8])])
+    state = corrected(task, state)
     response = response_of(task, state)
     light = state.joint.solved.light
     tangents = _slopes(response, state.guess, light)
@@ -448,13 +449,20 @@ def test_what_the_dual_model_lacks_makes_it_the_integral(photographs):
     task = _task(photographs)
     state = corrected(task, _with_sources(task, []))
     response, light = response_of(task, state), np.random.default_rng(3).normal(size=(121, 3))
-    slow = response.slow_specular(response.passed(state.guess)) @ light
+    slow = response.slow_specular(response.passed(state.guess), state.guess) @ light
     lobe = response.lobe(state.guess)
     exact = reflect_slow_light(lobe, photographs.samples, light)
     np.testing.assert_allclose(slow, exact, atol=1e-10)
     dual = response.slow_columns(response.passed(state.guess)) @ light
     assert np.abs(dual - np.asarray(exact)).max() > 1e-2
     assert change(state, corrected(task, state)) == 0
+    # Beside the guess it is linear.
+    near = state.guess._replace(sigma=state.guess.sigma + 0.02, mu=state.guess.mu - 0.02)
+    exact = np.asarray(reflect_slow_light(response.lobe(near), photographs.samples, light))
+    passed = response.passed(near)
+    completed = np.asarray(response.slow_specular(passed, near) @ light)
+    dual = np.asarray(response.slow_columns(passed) @ light)
+    assert np.abs(completed - exact).max() < 0.02 * np.abs(dual - exact).max()
 
 
 def test_too_few_samples_are_refused(photographs):

@@ -54,7 +54,9 @@ def free(photographs):
     return fitted(photographs)
 
 
-@pytest.mark.parametrize("name", ["ks", "sigma", pytest.param("mu", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["sigma", *(pytest.param(n, marks=pytest.mark.slow) for n in ("ks", "mu"))]
+)
 def test_two_normal_distributions_make_one(name, photographs, free):
     """By how much each is sure: all other numbers follow, as their covariance asks."""
     value, error = (np.max(part) for part in found_of(free, name))

@@ -18,7 +18,7 @@ from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import Float
 
 # So many samples are looked at.
-_SAMPLES = 350
+_SAMPLES = 250
 # Widths of the lobe tried besides the one found, under light in cells this wide (radians).
 _WIDTHS, _CELL = (0.06, 0.12, 0.25, 0.5), 0.09
 # Wide lobes under wide cells say first which permutations are worth it, and so many of them are.

@@ -15,12 +15,16 @@ from jaxrender.programs import stored
 from jaxrender.reflection import integral_columns, slow_light_columns
 from jaxrender.shapes import AnyArray, Array, Float, as_jax
 
+# A step of log sigma and of log(mu - 1), to differentiate by.
+_STEP = 1e-3
+
 
 def corrected(task: Task, state: State) -> State:
     """Give the response what the exact integral has and the dual model lacks, at the guess.
 
     The sources are exact already.  Of slow light the dual model has the azimuthal mean alone.  An
-    ``IntegralResponse`` is exact and stays as it is.
+    ``IntegralResponse`` is exact and stays as it is.  Derivatives by the lobe are those of a convex
+    object.
     """
     response, guess = task.response, state.guess
     at = (float(guess.sigma), float(guess.mu))
@@ -28,13 +32,17 @@ def corrected(task: Task, state: State) -> State:
         return state
     if state.lacking is not None and state.lacking.lobe == at:
         return state
-    lobe = response.lobe(guess)
-    assert isinstance(lobe, Glossy)
-    exact = slow_light_columns(lobe, response.samples, band_limit_of(response.slow_count))
+    here = _lacking(response, guess)
+    by_sigma = (_lacking(response, guess._replace(sigma=at[0] + _STEP)) - here) / _STEP
+    by_mu = np.zeros_like(here)
+    if response.variant.mu is not None:
+        by_mu = (_lacking(response, guess._replace(mu=at[1] + _STEP)) - here) / _STEP
     if task.sight is not None:
-        units = np.eye(response.slow_count)
-        exact = exact - hidden_slow_light(response.samples, task.sight, lobe, units)
-    columns = as_jax(np.asarray(exact) - np.asarray(_by_degree(response, guess)))
+        units, lobe = np.eye(response.slow_count), response.lobe(guess)
+        assert isinstance(lobe, Glossy)
+        here = here - np.asarray(hidden_slow_light(response.samples, task.sight, lobe, units))
+    constant = here - at[0] * by_sigma - at[1] * by_mu
+    columns = as_jax(np.stack([constant, by_sigma, by_mu], axis=1))
     return state._replace(lacking=Lacking(columns, at))
 
 
@@ -43,12 +51,22 @@ def change(before: State, after: State) -> float:
     if after.lacking is None or after.lacking is before.lacking:
         return 0.0
     assert after.joint is not None
-    slow = np.asarray(after.joint.solved.light)[: after.lacking.columns.shape[1]]
+    guess = after.guess
     columns = np.asarray(after.lacking.columns)
     if before.lacking is not None:
         columns = columns - np.asarray(before.lacking.columns)
-    changed = np.asarray(specular_share(after.guess)) * (columns @ slow)
+    columns = np.tensordot(columns, [1, float(guess.sigma), float(guess.mu)], axes=(1, 0))
+    slow = np.asarray(after.joint.solved.light)[: columns.shape[1]]
+    changed = np.asarray(specular_share(guess)) * (columns @ slow)
     return float(np.sqrt(np.mean((after.weights * changed) ** 2)))
+
+
+def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sample coefficient"]:
+    """Compute what the dual model leaves out at a guess; nothing hides anything."""
+    lobe = response.lobe(guess)
+    assert isinstance(lobe, Glossy)
+    exact = slow_light_columns(lobe, response.samples, band_limit_of(response.slow_count))
+    return np.asarray(exact) - np.asarray(_by_degree(response, guess))
 
 
 @stored(jax.jit)

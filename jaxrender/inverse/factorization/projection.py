@@ -271,8 +271,10 @@ def prediction_slopes(
     by_share = share * (1 - share) * ((columns.specular - columns.diffuse) @ light).T[..., None]
     by_logit = by_share * jnp.eye(len(share), dtype=share.dtype)[:, None, :]
     by_lobe = [
-        response.slow_columns(passed) @ slow + towards @ energies
-        for passed, towards in zip((lobe.by_sigma, lobe.by_mu), sources.by_lobe)
+        columns @ slow + towards @ energies
+        for columns, towards in zip(
+            response.slow_slopes(lobe.by_sigma, lobe.by_mu), sources.by_lobe
+        )
     ]
     both = share * jnp.stack(by_lobe, axis=-1).swapaxes(0, 1)
     aside = (

@@ -106,10 +106,16 @@ class Response(eqx.Module):
         return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
 
     def slow_specular(
-        self, passed: Float[Array, "sample term"]
+        self, passed: Float[Array, "sample term"], guess: Guess
     ) -> Float[Array, "sample coefficient"]:
         """Evaluate the samples' whole response to slow light by the lobe."""
         return self.slow_columns(passed)
+
+    def slow_slopes(
+        self, by_sigma: Float[Array, "sample term"], by_mu: Float[Array, "sample term"]
+    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
+        """Turn derivatives of what is passed, by log sigma and log(mu - 1), into those of that."""
+        return self.slow_columns(by_sigma), self.slow_columns(by_mu)
 
     def columns(self, guess: Guess) -> Columns:
         """Evaluate both lobes' responses to every part of the light."""
@@ -117,7 +123,7 @@ class Response(eqx.Module):
 
     def columns_of(self, passed: Float[Array, "sample term"], guess: Guess) -> Columns:
         """Evaluate the same where what the lobe passes on is known."""
-        slow = self.slow_specular(passed)
+        slow = self.slow_specular(passed, guess)
         specular = jnp.concatenate([slow, self.source_specular(guess)], axis=1)
         diffuse = self.source_diffuse(jnp.asarray(guess.directions))
         return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
@@ -142,14 +148,15 @@ class MirrorResponse(Response):
 
     ``diffuse_basis`` holds A_l Y_lm(n), or transfer vectors (T 6.10) where the object shadows
     itself; ``mirror_basis`` holds V(R) Y_lm(R).  ``lacking`` is what this view leaves out of the
-    response to slow light, near where the search stands (``correction``).
+    response to slow light, linear where the search stands (``correction``): a constant, and
+    derivatives by log sigma and log(mu - 1).
     """
 
     variant: Glossy
     samples: SurfaceSamples
     diffuse_basis: Float[AnyArray, "sample coefficient"]
     mirror_basis: Float[AnyArray, "sample coefficient"]
-    lacking: Float[AnyArray, "sample coefficient"]
+    lacking: Float[AnyArray, "sample 3 coefficient"]
     lit: Float[AnyArray, "sample source"]
 
     @classmethod
@@ -163,7 +170,8 @@ class MirrorResponse(Response):
         diffuse = np.asarray(real_basis(samples.normals, band_limit)) * each.astype(dtype)
         mirror = real_basis(samples.reflected, band_limit)
         lit = as_jax(np.ones((len(diffuse), sources), dtype))
-        return cls(variant, samples, as_jax(diffuse), mirror, jnp.zeros_like(mirror), lit)
+        lacking = jnp.zeros((len(diffuse), 3, diffuse.shape[1]), mirror.dtype)
+        return cls(variant, samples, as_jax(diffuse), mirror, lacking, lit)
 
     def shadowed(
         self,
@@ -188,10 +196,19 @@ class MirrorResponse(Response):
         return passed[:, degrees(band_limit_of(self.slow_count))] * jnp.asarray(self.mirror_basis)
 
     def slow_specular(
-        self, passed: Float[Array, "sample degree"]
+        self, passed: Float[Array, "sample degree"], guess: Guess
     ) -> Float[Array, "sample coefficient"]:
         """Evaluate the same, and what it leaves out."""
-        return self.slow_columns(passed) + jnp.asarray(self.lacking)
+        constant, by_sigma, by_mu = jnp.moveaxis(jnp.asarray(self.lacking), 1, 0)
+        return self.slow_columns(passed) + constant + guess.sigma * by_sigma + guess.mu * by_mu
+
+    def slow_slopes(
+        self, by_sigma: Float[Array, "sample degree"], by_mu: Float[Array, "sample degree"]
+    ) -> tuple[Float[Array, "sample coefficient"], Float[Array, "sample coefficient"]]:
+        """Add those of what it leaves out."""
+        lacking = jnp.asarray(self.lacking)
+        own = super().slow_slopes(by_sigma, by_mu)
+        return own[0] + lacking[:, 1], own[1] + lacking[:, 2]
 
     def base_towards(
         self, directions: Float[Array, "direction 3"]

@@ -117,9 +117,12 @@ class Task(NamedTuple):
 
 
 class Lacking(NamedTuple):
-    """What the dual model leaves out of every sample's response to slow light, at a lobe."""
+    """What the dual model leaves out of every sample's response to slow light, near a lobe.
 
-    columns: Float[Array, "sample coefficient"]
+    ``columns`` are a constant, and derivatives by log sigma and log(mu - 1), which are ``lobe``.
+    """
+
+    columns: Float[Array, "sample 3 coefficient"]
     lobe: tuple[float, float]
 
 
