@@ -19,18 +19,19 @@ from jaxrender.shapes import AnyArray, Array, Float, as_jax
 _STEP = 1e-3
 
 
-def corrected(task: Task, state: State) -> State:
+def corrected(task: Task, state: State, near: float = 0.0) -> State:
     """Give the response what the exact integral has and the dual model lacks, at the guess.
 
     The sources are exact already.  Of slow light the dual model has the azimuthal mean alone.  An
-    ``IntegralResponse`` is exact and stays as it is.  Derivatives by the lobe are those of a convex
-    object.
+    ``IntegralResponse`` is exact and stays as it is, and so does a response that was completed no
+    farther away than ``near``, in log sigma and log(mu - 1).  Derivatives by the lobe are those of
+    a convex object.
     """
     response, guess = task.response, state.guess
     at = (float(guess.sigma), float(guess.mu))
     if not isinstance(response, MirrorResponse):
         return state
-    if state.lacking is not None and state.lacking.lobe == at:
+    if state.lacking is not None and np.abs(np.subtract(state.lacking.lobe, at)).max() <= near:
         return state
     here = _lacking(response, guess)
     by_sigma = (_lacking(response, guess._replace(sigma=at[0] + _STEP)) - here) / _STEP

@@ -26,8 +26,9 @@ from jaxrender.inverse.observations import as_pixels
 _WIDTHS = (0.08, START_SIGMA)
 # So many of them are given sources.
 _FOLLOWED = 2
-# The fit is repeated where the last correction made the residual less than this part of before.
-_GAIN = 0.98
+# Logarithms of the lobe that differ by less are the same: what the dual model lacks is not found
+# anew, and one of two starts is followed.
+_NEAR = 0.1
 # Standard deviation over the median of magnitudes, of Gaussian noise.
 _NORMAL_DEVIATION = 1.4826
 
@@ -38,9 +39,15 @@ def best_start(task: Task, count: int) -> State:
     if len(slow) == 1:
         return _lit(task, slow[0], count)
     loose = [settled(task, state, 2) for state in slow]
-    best = [loose[at] for at in np.argsort(_criteria(task, loose))[:_FOLLOWED]]
+    first, *others = [loose[at] for at in np.argsort(_criteria(task, loose))]
+    best = [first, *(one for one in others if _apart(one, first))][:_FOLLOWED]
     ends = [*best, *(_lit(task, one, count) for one in best)]
     return ends[int(np.argmin(_criteria(task, ends)))]
+
+
+def _apart(one: State, other: State) -> bool:
+    """Whether two states are at different widths."""
+    return abs(float(one.guess.sigma) - float(other.guess.sigma)) > _NEAR
 
 
 def widths(task: Task) -> list[float]:
@@ -55,18 +62,14 @@ def widths(task: Task) -> list[float]:
 def settled(task: Task, state: State, most: int = 4) -> State:
     """Fit everything with the sources there are, and note where the round ended.
 
-    What the dual model lacks is found before each fit, and the fit is repeated while that gains:
-    else what it lacks would be explained by sources that are not there.
+    What the dual model lacks is found before each fit, and the fit is repeated where the lobe moved
+    far: else what it lacks would be explained by sources that are not there.
     """
-    before = np.inf
-    for _ in range(most):
-        if task.settings.refine:
-            state = corrected(task, state)
-        state = weigh_evenly(task, descend(task, state, STEPS_PER_ROUND))
-        now = round_of(task, state).relative_rms
-        if not task.settings.refine or now > _GAIN * before:
+    for turn in range(most):
+        at = corrected(task, state, _NEAR) if task.settings.refine else state
+        if turn and at is state:
             break
-        before = now
+        state = weigh_evenly(task, descend(task, at, STEPS_PER_ROUND))
     return state._replace(rounds=(*state.rounds, round_of(task, state)))
 
 
