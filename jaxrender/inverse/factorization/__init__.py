@@ -7,8 +7,9 @@
     samples in blocks; the light eliminated from each step; Gauss-Newton over material and sources
 ``pursuit``
     which sources would explain most of what is left
-``state`` ``sources`` ``correction`` ``rounds``
-    where a fit stands; sources added and dropped; the exact integral's corrections; their order
+``state`` ``sources`` ``correction`` ``starts`` ``rounds``
+    where a fit stands; sources added and dropped; what the dual model lacks of the exact integral;
+    the best of several widths to begin with; the order of all that
 ``account``
     gauges and error bars
 ``recover`` ``prediction`` ``given``

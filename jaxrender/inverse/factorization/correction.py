@@ -34,10 +34,10 @@ def corrected(task: Task, state: State, near: float = 0.0) -> State:
     if state.lacking is not None and np.abs(np.subtract(state.lacking.lobe, at)).max() <= near:
         return state
     here = _lacking(response, guess)
-    by_sigma = (_lacking(response, guess._replace(sigma=at[0] + _STEP)) - here) / _STEP
+    by_sigma = (_lacking(response, guess._replace(sigma=guess.sigma + _STEP)) - here) / _STEP
     by_mu = np.zeros_like(here)
     if response.variant.mu is not None:
-        by_mu = (_lacking(response, guess._replace(mu=at[1] + _STEP)) - here) / _STEP
+        by_mu = (_lacking(response, guess._replace(mu=guess.mu + _STEP)) - here) / _STEP
     if task.sight is not None:
         units, lobe = np.eye(response.slow_count), response.lobe(guess)
         assert isinstance(lobe, Glossy)
