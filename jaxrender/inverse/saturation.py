@@ -5,7 +5,7 @@ import numpy as np
 from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import Bool, Float
 
-# So many values at the top, and so many times as many as at each of the next ones.
+# So many values at the top, and so many times as many as in each of the next steps.
 _FEWEST, _TIMES, _NEXT = 8, 5, 6
 # Values this close, relative to the top, are the same.
 _SAME = 1e-5
@@ -46,9 +46,10 @@ def _clipped_at(values: Float[np.ndarray, "pixel"]) -> float | None:
     if not len(values) or not values.max() > 0:
         return None
     top = float(values.max())
-    at_top = int(np.sum(values >= top * (1 - _SAME)))
-    below = np.sort(values[values < top * (1 - _SAME)])[::-1]
-    # Quantised values repeat as well, but at their top no more often than next to it.
-    levels = np.unique(below[: at_top * _NEXT])[::-1][:_NEXT]
-    usual = np.mean([np.sum(values == level) for level in levels]) if len(levels) else 0
-    return top if at_top >= _FEWEST and at_top > _TIMES * usual else None
+    # Values in steps of what counts as the same.  Of quantised ones, and about a smooth maximum
+    # without noise, as many stand in the next steps as in the first.
+    steps, counts = np.unique((top - values) // (top * _SAME), return_counts=True)
+    if len(steps) == 1:  # one value everywhere: there is no top to be seen
+        return None
+    piled = counts[0] >= _FEWEST and counts[0] > _TIMES * np.mean(counts[1 : 1 + _NEXT])
+    return top if piled else None

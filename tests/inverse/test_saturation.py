@@ -1,7 +1,7 @@
 """Clipped values that nobody declared.
 
-- Those that pile up at the top are found, each photograph and channel by itself; quantised ones and
-  clean ones are not.
+- Those that pile up at the top are found, each photograph and channel by itself.  Quantised and
+  clean ones are not, nor are a smooth maximum without noise and a photograph of one value.
 - It is said in words, with the share of the pixels and the key to set.
 """
 
@@ -26,6 +26,17 @@ def test_clipped_values_are_found_and_quantised_ones_are_not(plain):
     np.testing.assert_array_equal(clipped_values(clipped, clipped), plain.radiance >= 0.8)
     quantised = plain._replace(radiance=np.round(plain.radiance * 100) / 100)
     assert not clipped_values(quantised, quantised).any()
+
+
+def test_a_smooth_maximum_without_noise_is_not_clipped(plain):
+    """Many pixels about it are within any tolerance of the highest value; so are the next ones."""
+    samples, _ = ball_samples(60_000, 0.15, seed=3)
+    level = 1 + 0.01 * np.asarray(samples.normals) @ np.array([0.48, 0.6, 0.64])
+    smooth = Observations(samples, np.tile(level[:, None], 3), np.zeros(len(level), int))
+    assert np.sum(level >= level.max() * (1 - 1e-5)) > 8
+    assert not clipped_values(smooth, smooth).any()
+    even = smooth._replace(radiance=np.full((len(level), 3), 0.7))
+    assert not clipped_values(even, even).any()
 
 
 def test_each_photograph_is_clipped_at_a_value_of_its_own(plain):
