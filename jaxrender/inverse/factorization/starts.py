@@ -1,9 +1,10 @@
 """Where the rounds begin: several widths of the lobe are tried, and what explains most is kept.
 
 Slow light under a wide lobe and light with sources under a narrow one look alike.  A search that
-begins too wide makes sources of what is slow light, and stays there.  So the first round is made
-from several widths, and once from slow light alone with the width free.  That with the least
-chi-squared is kept, where each source counts as its unknowns do (Schwarz).
+begins too wide makes sources of what is slow light, and one that begins too narrow takes sources
+for slow light; both stay there.  So the first round is made from several widths, and once from slow
+light alone with the width free.  That with the least chi-squared is kept, where each source counts
+as its unknowns do (Schwarz).
 """
 
 import numpy as np
@@ -24,10 +25,7 @@ from jaxrender.inverse.observations import as_pixels
 
 # Widths that are tried, beside the one stated.
 _WIDTHS = (0.08, START_SIGMA)
-# So many of them are given sources.
-_FOLLOWED = 2
-# Logarithms of the lobe that differ by less are the same: what the dual model lacks is not found
-# anew, and one of two starts is followed.
+# What the dual model lacks is found anew where a logarithm of the lobe moved by more than this.
 _NEAR = 0.1
 # Standard deviation over the median of magnitudes, of Gaussian noise.
 _NORMAL_DEVIATION = 1.4826
@@ -39,15 +37,10 @@ def best_start(task: Task, count: int) -> State:
     if len(slow) == 1:
         return _lit(task, slow[0], count)
     loose = [settled(task, state, 2) for state in slow]
-    first, *others = [loose[at] for at in np.argsort(_criteria(task, loose))]
-    best = [first, *(one for one in others if _apart(one, first))][:_FOLLOWED]
-    ends = [*best, *(_lit(task, one, count) for one in best)]
+    best = loose[int(np.argmin(_criteria(task, loose)))]
+    # Slow light that lacks its sources sharpens a lobe without end: so they are added before, too.
+    ends = [best, *(_lit(task, one, count) for one in (best, *slow))]
     return ends[int(np.argmin(_criteria(task, ends)))]
-
-
-def _apart(one: State, other: State) -> bool:
-    """Whether two states are at different widths."""
-    return abs(float(one.guess.sigma) - float(other.guess.sigma)) > _NEAR
 
 
 def widths(task: Task) -> list[float]:
