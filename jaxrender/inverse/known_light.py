@@ -176,6 +176,14 @@ class KnownLight(eqx.Module):
         turned = self.environment.turned(np.asarray(self.turn))
         return KnownLight(turned, self.directional, self.per_frame, near=self.near)
 
+    @property
+    def shared(self) -> Light:
+        """What lights all photographs, as one light: the environment as it stands, and sources."""
+        upright = self.upright
+        if upright.environment is None:
+            return self.directional
+        return upright.environment + self.directional
+
     @checked
     def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
         """Stack the sources of all photographs, with dark ones where a photograph has fewer."""

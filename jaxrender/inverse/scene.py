@@ -40,6 +40,8 @@ from jaxrender.shapes import Float
 # So many samples of the pixels are fitted.
 _SAMPLES = 12_000
 _CHANNELS = 3
+# Where one of these was freed, the light found is not that of the scene.
+_OF_THE_LIGHT = {"environment", "lamps"}
 
 
 class UnknownMaterial(NamedTuple):
@@ -228,11 +230,8 @@ def _under_known_light(
         pool=pool,
     )
     light = scene.light or known.directional
-    if found.calibrated is not None:
-        mended = found.calibrated.light.upright
-        light = mended.directional
-        if mended.environment is not None:
-            light = mended.environment + light
+    if found.calibrated is not None and _OF_THE_LIGHT & set(found.calibrated.free):
+        light = found.calibrated.light.shared
     return _estimate(material, found, light, found.noise, found.final.relative_rms)
 
 

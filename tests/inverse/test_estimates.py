@@ -200,6 +200,37 @@ def test_any_light_is_sorted_into_image_and_sources():
         KnownLight.of(Odd())
 
 
+def test_what_all_photographs_share_is_one_light():
+    """An environment stands as it was turned; sources of single photographs are left out."""
+    up = np.zeros((16, 32, 3))
+    up[:4] = 1
+    over = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    known = KnownLight(Environment(up), SOURCES, (SOURCES,) * 2, over)
+    parts = known.shared.parts
+    assert parts[1] is SOURCES
+    direction, irradiance = parts[0].nodes()
+    mean = np.asarray(irradiance)[:, 0] @ np.asarray(direction)
+    np.testing.assert_allclose(mean / np.linalg.norm(mean), over[:, 2], atol=1e-3)
+    assert KnownLight(None, SOURCES).shared is SOURCES
+
+
+@pytest.mark.parametrize("free", ["lamps", pytest.param("black", marks=pytest.mark.slow)])
+def test_the_light_of_an_estimate_is_mended_where_it_was_freed(free, tmp_path):
+    """A lamp told 2 degrees beside is found; where nothing of the light is freed, it stays."""
+    told = np.array(SOURCES.directions)
+    told[0] += 0.035 * np.array([1.0, 0, 0])
+    told /= np.linalg.norm(told, axis=1, keepdims=True)
+    light = DirectionalSources(told, SOURCES.irradiance)
+    scene = Scene(unknown("phong"), BALL, light)
+    estimate = fit(scene, ball_files(tmp_path, [SOURCES] * 3), QUICK._replace(free=(free,)))
+    if free == "black":
+        assert estimate.light is light
+        return
+    true = SOURCES.directions / np.linalg.norm(SOURCES.directions, axis=1, keepdims=True)
+    off = np.arccos(np.clip(np.sum(estimate.light.directions * true, axis=1), -1, 1))
+    assert np.all(np.degrees(off) < 0.2)
+
+
 def ball_files(folder, lights, looks_away=None):
     """Write the photographs of a ball, one light each; one camera may look away from it."""
     frames, rng = [], np.random.default_rng(0)
