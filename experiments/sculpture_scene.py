@@ -27,7 +27,7 @@ from jaxrender.inverse import Observations
 from jaxrender.inverse.observations import random_subset
 from jaxrender.lighting import DirectionalSources, LightNodes, SmoothLobes
 from jaxrender.pipelines.config import RecipeConfig
-from jaxrender.pipelines.scene import directional_of, true_material
+from jaxrender.pipelines.scene import lights_of, true_material
 from jaxrender.pipelines.synth import cameras_of
 from jaxrender.reflection import ShadowedForward, render_samples, render_view
 from jaxrender.shapes import Float
@@ -66,14 +66,10 @@ def stage_of(recipe: RecipeConfig, size: int) -> Stage:
     views = recipe.views.model_copy(update={"width": size, "height": size})
     turned = views.start_degrees + 0.5 * views.step_degrees
     aside = {"count": 1, "start_degrees": turned, "elevation_degrees": 35.0}
-    lobes = recipe.lighting.area
-    area = SmoothLobes(
-        np.array([lobe.direction for lobe in lobes], float),
-        np.radians([lobe.width_degrees for lobe in lobes]),
-        np.array([lobe.radiance for lobe in lobes], float),
-    )
     cameras = cameras_of(views, centre) + cameras_of(views.model_copy(update=aside), centre)
-    sources = directional_of(recipe.lighting.directional)
+    sources, area = lights_of(recipe.lighting)
+    assert isinstance(area, SmoothLobes)
+    assert isinstance(sources, DirectionalSources)
     return Stage(mesh, true_material(recipe.brdf), area, sources, cameras)
 
 
