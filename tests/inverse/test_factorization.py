@@ -30,14 +30,7 @@ from jaxrender.inverse.factorization.account import GAUGES, _inverse, _moves, ac
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import change, corrected
 from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
-from jaxrender.inverse.factorization.projection import (
-    Drawn,
-    lobe_slopes,
-    mixed,
-    prediction_slopes,
-    reduced_system,
-    scatter,
-)
+from jaxrender.inverse.factorization.projection import Drawn, mixed, reduced_system, scatter
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse
 from jaxrender.inverse.factorization.rounds import (
@@ -45,6 +38,7 @@ from jaxrender.inverse.factorization.rounds import (
     with_neighbours_merged,
     without_idle_sources,
 )
+from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
 from jaxrender.inverse.factorization.sources import add_sources
 from jaxrender.inverse.factorization.state import (
     State,

@@ -3,8 +3,9 @@
 ``response`` ``integral_response``
     how samples respond to each part of an unknown light, as functions of the material: the
     frequency view for a glossy material, the integral for any other
-``blocks`` ``projection`` ``joint``
-    samples in blocks; the light eliminated from each step; Gauss-Newton over material and sources
+``blocks`` ``slopes`` ``projection`` ``joint``
+    samples in blocks; derivatives of a prediction; the light eliminated from each step;
+    Gauss-Newton over material and sources
 ``pursuit``
     which sources would explain most of what is left
 ``state`` ``sources`` ``correction`` ``starts`` ``rounds``

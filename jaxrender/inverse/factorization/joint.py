@@ -16,9 +16,9 @@ from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.projection import (
     Solved,
     reduced_system,
-    tangent_frames,
 )
 from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.slopes import tangent_frames
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 

@@ -20,13 +20,14 @@ import jax
 import jax.numpy as jnp
 
 from jaxrender.inverse.factorization.blocks import Measured
-from jaxrender.inverse.factorization.projection import Solved, lobe_slopes, mixed, reduced_system
+from jaxrender.inverse.factorization.projection import Solved, mixed, reduced_system
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
     Response,
     specular_share,
 )
+from jaxrender.inverse.factorization.slopes import lobe_slopes
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
