@@ -7,6 +7,7 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.catalogue import MODELS
 from jaxrender.inverse.parameters import Parameters
+from jaxrender.inverse.uncertainty import Uncertain
 
 
 class OwnWords(NamedTuple):
@@ -43,6 +44,28 @@ class OwnWords(NamedTuple):
     def intervals(self, lower: Parameters, upper: Parameters) -> dict[str, Any]:
         """Lay out each interval as [low, high], or one for each channel."""
         return {name: _pairs(self._of(name, lower), self._of(name, upper)) for name in self.names}
+
+    def correlations(self, uncertain: Uncertain) -> dict[str, Any] | None:
+        """Name what was free, and lay out its correlations; None where they are not known.
+
+        Gains stay out; a shared ks is one number.
+        """
+        if uncertain.covariance is None:
+            return None
+        shared = [name for name in self.names if np.ndim(self._of(name, uncertain.value)) == 0]
+
+        def own(label: str) -> str | None:
+            name, _, place = label.partition("[")
+            if name == "gains" or (name in shared and place not in ("", "0]")):
+                return None
+            return name if name in shared else label
+
+        covariance = np.asarray(uncertain.covariance)
+        error = np.sqrt(np.maximum(np.diag(covariance), 0))
+        names = dict(enumerate(map(own, uncertain.value.labels)))
+        free = [k for k, name in names.items() if name is not None and error[k] > 0]
+        matrix = covariance[np.ix_(free, free)] / np.outer(error[free], error[free])
+        return {"numbers": [names[k] for k in free], "matrix": plain(matrix)}
 
     def biases(self, relative: dict[str, np.ndarray]) -> dict[str, Any]:
         """Name the relative biases of a fit's unknowns."""

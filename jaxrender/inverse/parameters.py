@@ -6,6 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.inverse.elimination import Data, Linear, Problem
 from jaxrender.inverse.models import LinearisedModel
@@ -37,6 +38,16 @@ class Parameters(NamedTuple):
     def ks(self) -> Float[AnyArray, "channel"]:
         """The amplitude of the lobe over it; ``KeyError`` where the model has none."""
         return self.amplitudes["ks"]
+
+    @property
+    def labels(self) -> list[str]:
+        """Name every number, in the order of a covariance: ``kd[0]``, ``sigma``, ``scale``."""
+
+        def named(name: str, value: Float[AnyArray, "..."]) -> list[str]:
+            return [f"{name}[{k}]" for k in range(np.size(value))]
+
+        amplitudes = [row for own in sorted(self.amplitudes.items()) for row in named(*own)]
+        return [*amplitudes, *sorted(self.numbers), *named("gains", self.gains), "scale"]
 
     def in_order(self, names: Iterable[str]) -> list[Float[AnyArray, "channel"]]:
         """List the amplitudes in the order of a model's lobes."""

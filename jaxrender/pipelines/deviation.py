@@ -15,7 +15,7 @@ from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.result import ARRAYS_FORMAT
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import Float
 
 _GROUP, _MATRIX = "covariance", ("number", "other_number")
 
@@ -69,7 +69,7 @@ def covariance_groups(parameters: Uncertain) -> dict[str, Group]:
     if parameters.covariance is None:
         return {}
     matrix = Variable(_MATRIX, parameters.covariance, "", "covariance of `numbers`")
-    names = " ".join(_names(parameters.value))
+    names = " ".join(parameters.value.labels)
     attributes = {"channels": _channels(parameters.value), "numbers": names}
     return {_GROUP: Group({"matrix": matrix}, attributes)}
 
@@ -85,16 +85,6 @@ def read_covariance(path: Path) -> MaterialCovariance | None:
         group = file.group(_GROUP)
         matrix, channels = group.array("matrix", _MATRIX), group.attribute("channels", int)
         return MaterialCovariance(matrix, channels, tuple(group.attribute("numbers", str).split()))
-
-
-def _names(parameters: Parameters) -> list[str]:
-    """Name every number of the parameters, in the order of the covariance."""
-
-    def named(name: str, value: Float[AnyArray, "..."]) -> list[str]:
-        return [f"{name}[{k}]" for k in range(np.size(value))]
-
-    amplitudes = [row for own in sorted(parameters.amplitudes.items()) for row in named(*own)]
-    return [*amplitudes, *sorted(parameters.numbers), *named("gains", parameters.gains), "scale"]
 
 
 def _channels(parameters: Parameters) -> int:

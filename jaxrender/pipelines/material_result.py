@@ -70,6 +70,7 @@ def result_of(finding: Finding) -> Result:
         photographs=finding.photographs,
         own=_own(finding),
         misfit=fit.misfit,
+        correlations=words.correlations(parameters),
     )
 
 

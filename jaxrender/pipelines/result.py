@@ -39,7 +39,8 @@ class Result(NamedTuple):
 
     ``brdf`` holds the model's name and its parameters; intervals, errors and whether they are
     identifiable go by the parameters' names.  The residual is of ``samples``, relative to their
-    radiance; ``misfit`` the part of it that is no noise, where that is known.
+    radiance; ``misfit`` the part of it that is no noise, where that is known.  ``correlations`` are
+    those of the ``numbers`` that were free, as a ``matrix``.
     """
 
     task: str
@@ -56,6 +57,7 @@ class Result(NamedTuple):
     photographs: list[Photograph]
     own: dict[str, Any]
     misfit: Misfit | None = None
+    correlations: dict[str, Any] | None = None
 
     def document(self, provenance: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
         """Lay out what ``result.json`` holds; None for what JSON has no number for."""
@@ -68,6 +70,7 @@ class Result(NamedTuple):
                 "brdf": self.brdf,
                 "interval90": self.interval90,
                 "standard_error": self.standard_error,
+                **({} if self.correlations is None else {"correlations": self.correlations}),
                 "identifiable": self.identifiable,
                 "residual": {
                     "relative_rms": self.relative_rms,

@@ -73,6 +73,7 @@ def result_of(recovered: Recovered) -> Result:
         photographs=recovered.photographs,
         own=own,
         misfit=found.misfit,
+        correlations=words.correlations(parameters),
     )
 
 

@@ -18,6 +18,7 @@ from jaxrender.pipelines.report.contents import (
     SpectrumContents,
     TextureContents,
 )
+from jaxrender.pipelines.report.correlations import correlations
 from jaxrender.pipelines.report.forecast import forecast
 from jaxrender.pipelines.report.freed import freed, photograph_rows
 from jaxrender.pipelines.report.light import direction_discs, environment_map
@@ -74,6 +75,7 @@ def _common_sections(contents: Contents) -> dict[str, Any]:
         "ending": account.ending(contents),
         "figures": account.figures(contents),
         "parameters": parameters.parameters(contents),
+        "correlations": correlations(contents),
         "in_degrees": parameters.in_degrees(contents),
         "explanations": account.explanations(contents),
         "freed": freed(contents),

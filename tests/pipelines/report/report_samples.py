@@ -116,6 +116,17 @@ RESULT = {
         "mu": [1.2, 1.9],
     },
     "standard_error": {"kd": [0.006, 0.006, 0.006], "ks": 0.012, "sigma": 0.012, "mu": 0.21},
+    "correlations": {
+        "numbers": ["kd[0]", "kd[1]", "kd[2]", "ks", "sigma", "mu"],
+        "matrix": [
+            [1, 0.5, 0.5, -0.1, 0.2, -0.1],
+            [0.5, 1, 0.5, -0.3, 0.2, -0.1],
+            [0.5, 0.5, 1, -0.2, 0.2, -0.1],
+            [-0.1, -0.3, -0.2, 1, 0.2, -0.97],
+            [0.2, 0.2, 0.2, 0.2, 1, 0.1],
+            [-0.1, -0.1, -0.1, -0.97, 0.1, 1],
+        ],
+    },
     "identifiable": {"kd": True, "ks": True, "sigma": True, "mu": False},
     "model_sensitive": {"kd": False, "ks": False, "sigma": True, "mu": False},
     "variants": [

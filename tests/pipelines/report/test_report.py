@@ -130,6 +130,19 @@ def test_a_reason_stands_beside_its_parameter(page):
     assert verdicts == ["yes", "yes", "yes", "no"]
 
 
+def test_what_is_told_only_together_is_named(contents, page, tmp_path):
+    text = Reader(page).text
+    assert "much better together than each alone: Ks and μ." in text
+    # Of three channels the strongest stands in the table, with its sign.
+    table = page.split('id="correlations"')[1].split("</details>")[0]
+    assert "−0.30" in table
+    assert "−0.10</td>" in table
+    assert "−0.20" not in table
+    alone = {"numbers": ["kd[0]", "kd[1]"], "matrix": [[1, 0.9], [0.9, 1]]}
+    other = contents._replace(result=RESULT | {"correlations": alone})
+    assert "correlations" not in write_report(tmp_path, other).read_text(encoding="utf-8")
+
+
 HOSTILE = "</script></style><img src=x onerror=alert(1)>\"'&{{ 7 * 7 }}<script>"
 
 
