@@ -270,7 +270,11 @@ def test_a_clean_capture_has_no_diagnosis():
 @pytest.mark.parametrize(
     ("name", "planted"),
     [
-        ("exposure", PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None]),
+        pytest.param(
+            "exposure",
+            PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None],
+            marks=pytest.mark.slow,
+        ),
         pytest.param("black", PHOTOGRAPHS + 0.03, marks=pytest.mark.slow),
         pytest.param(
             "object",

@@ -66,7 +66,9 @@ def test_two_normal_distributions_make_one(name, photographs, free):
     assert spread == pytest.approx(error / np.sqrt(2), rel=0.05)
 
 
-@pytest.mark.parametrize(("off", "contradicts"), [(2, False), (12, True)])
+@pytest.mark.parametrize(
+    ("off", "contradicts"), [pytest.param(2, False, marks=pytest.mark.slow), (12, True)]
+)
 def test_a_prior_that_contradicts_the_photographs_is_said_to(off, contradicts, photographs, free):
     value, error = (float(part) for part in found_of(free, "sigma"))
     fit = fitted(photographs, sigma=(value + off * error, error))

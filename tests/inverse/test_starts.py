@@ -72,6 +72,7 @@ def test_widths_to_begin_with(sigma, expected):
     assert widths(task) == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_clipped_photographs_are_a_misfit():
     photographs = photographed(False)
     whole = np.asarray(photographs.radiance)

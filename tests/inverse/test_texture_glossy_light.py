@@ -99,6 +99,7 @@ def test_diffuse_constants_have_no_part_in_the_light(shot, glossy):
     np.testing.assert_allclose(lights[0], lights[1], rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_roughness_and_index_are_found_on_model_made_data(shot, truth):
     samples = SurfaceSamples(*(jnp.asarray(a) for a in shot.samples))
     light = truth[:36]

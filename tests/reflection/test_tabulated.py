@@ -65,7 +65,9 @@ def test_the_table_is_the_dual_model(variant):
             np.testing.assert_allclose(table.diffuse, columns[:, 0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("variant", [("exit", "none"), ("half", "smith")])
+@pytest.mark.parametrize(
+    "variant", [("exit", "none"), pytest.param(("half", "smith"), marks=pytest.mark.slow)]
+)
 def test_derivatives_are_those_of_the_dual_model(variant):
     table = table_of(*variant, 1.5)
     sigma, mu = jnp.asarray(0.17), jnp.asarray(1.6)

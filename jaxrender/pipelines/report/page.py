@@ -116,7 +116,7 @@ def _sections(contents: ReportContents) -> dict[str, Any]:
         "split": account.split_of(contents),
         "spheres": spheres(contents),
         "moving": contents.light.per_frame is not None,
-        "residuals": residual_plots(contents.fit.final),
+        "residuals": residual_plots(contents),
         "spectra": spectrum_plots(contents),
         "lambertian": contents.is_lambertian,
         "diffuse": contents.is_diffuse,

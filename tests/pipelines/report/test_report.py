@@ -66,7 +66,7 @@ def test_every_picture_has_words_in_its_place(page):
     assert len(pictures) == 2 * 3 + 4 + 2
     assert all(a["alt"].strip() for a in pictures)
     drawings = [a for tag, a in reader.elements if tag == "svg"]
-    assert len(drawings) == 5
+    assert len(drawings) == 7
     assert all(a["role"] == "img" and a["aria-label"].strip() for a in drawings)
 
 

@@ -19,15 +19,16 @@ from report_samples import (
     source,
 )
 
+from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import SRGB
-from jaxrender.inverse import KnownLight
+from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.report import FramePictures
 from jaxrender.pipelines.report.light import direction_discs, environment_map
 from jaxrender.pipelines.report.material import spheres
 from jaxrender.pipelines.report.photographs import gallery
-from jaxrender.pipelines.report.residuals import binned
+from jaxrender.pipelines.report.residuals import binned, half_angles, normal_cells
 from jaxrender.pipelines.report.spectra import energy_by_degree
 from jaxrender.pipelines.report.wording import numbers, percent, seconds, shown
 from jaxrender.spectra import light_coefficients
@@ -136,6 +137,41 @@ def test_percentiles_by_exit_angle():
 def test_bins_with_few_samples_are_left_out():
     angles = np.concatenate([np.zeros(100), [80.0]])
     assert len(binned(angles, np.zeros((101, 1))).angles) == 1
+
+
+def test_half_angles_are_to_the_nearest_source_that_a_sample_faces():
+    # Seen along z.  The source at 60 degrees has its half vector at 30 degrees.
+    towards = np.array([[np.sin(np.pi / 3), 0, np.cos(np.pi / 3)]])
+    tilts = np.radians([30.0, 20.0, -45.0])
+    normals = np.stack([np.sin(tilts), 0 * tilts, np.cos(tilts)], axis=1)
+    outgoing = np.tile([0.0, 0.0, 1.0], (3, 1))
+    samples = SurfaceSamples(normals, outgoing)
+    seen = Observations(samples, np.ones((3, 3)), np.array([0, 0, 1]))
+    one = KnownLight(None, DirectionalSources(towards, np.ones((1, 3))))
+    # The third sample faces away from the source: 105 degrees.
+    np.testing.assert_allclose(half_angles(seen, one), [0, 10, np.nan], atol=1e-6)
+    beside = DirectionalSources(np.array([[0.0, 0.0, 1.0]]), np.ones((1, 3)))
+    np.testing.assert_allclose(half_angles(seen, one, beside), [0, 10, 45], atol=1e-6)
+    # Each photograph has its own.
+    own = KnownLight(None, DirectionalSources.none(), (one.directional, beside))
+    np.testing.assert_allclose(half_angles(seen, own), [0, 10, 45], atol=1e-6)
+    sky = KnownLight(Environment(np.ones((4, 8, 3))), DirectionalSources.none())
+    assert half_angles(seen, sky) is None
+
+
+def test_cells_of_the_sphere_of_normals_lie_where_their_normals_point():
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(60_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    counts = [normal_cells(normals[:count], np.ones((count, 3))) for count in (60_000, 3)]
+    # All cells have one area: each has about 200 of them.
+    assert np.all(counts[0] == 1)
+    assert np.all(np.isnan(counts[1]))
+    heights = normal_cells(normals, normals[:, 2:])[:, 0]
+    np.testing.assert_allclose(heights, 1 - (np.arange(12) + 0.5) / 6, atol=0.02)
+    east = normal_cells(normals, (normals[:, 1:2] > 0).astype(float))
+    assert np.all(east[:, :12] == 1)
+    assert np.all(east[:, 12:] == 0)
 
 
 @pytest.mark.parametrize(
