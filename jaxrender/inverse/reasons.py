@@ -9,7 +9,8 @@ from jaxrender.inverse.uncertainty import Uncertain
 def not_identifiable(name: str, parameters: Uncertain) -> str:
     """Say that a parameter is not identifiable, with its intervals."""
     low, high = (np.ravel(bound.of(name)) for bound in (parameters.lower, parameters.upper))
-    intervals = ", ".join(dict.fromkeys(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high)))
+    each = (f"{a:.3g} to {b:.3g}" if b < np.inf else f"{a:.3g} or more" for a, b in zip(low, high))
+    intervals = ", ".join(dict.fromkeys(each))
     return f"{name} is not identifiable: its 90 % interval is {intervals}"
 
 

@@ -32,6 +32,8 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Half the width of a 90 % interval of the normal distribution, in standard errors.
 _NORMAL_90 = 1.6448536269514722
+# An interval that reaches beyond this factor above its origin has no end there.
+_ENDLESS = 1e4
 # Two halves of the samples agree when their difference is among this part of what noise makes.
 _HALVES_AGREE = 0.999
 # A parameter is not identifiable when its interval reaches further than this to either side.
@@ -279,12 +281,18 @@ def _held(problem: Problem, fit: Fit) -> np.ndarray:
 def _bound(
     value: Parameters, error: Parameters, origins: Mapping[str, float], sign: int
 ) -> Parameters:
-    """Move each value by the 90 % half width, the lobe's numbers by a factor above their origin."""
+    """Move each value by the 90 % half width, the lobe's numbers by a factor above their origin.
+
+    What the photographs do not bound is infinite, or at the origin.
+    """
     moved = {}
     for name, centre in value.numbers.items():
         above = centre - origins[name]
         spread = _NORMAL_90 * error.numbers[name] / above
-        moved[name] = np.asarray(origins[name] + above * np.exp(sign * spread))
+        endless = np.inf if sign > 0 else 0.0
+        factor = np.exp(sign * np.minimum(spread, np.log(_ENDLESS)))
+        factor = np.where(spread < np.log(_ENDLESS), factor, endless)
+        moved[name] = np.asarray(origins[name] + above * factor)
     amplitudes = {
         name: centre + sign * _NORMAL_90 * error.amplitudes[name]
         for name, centre in value.amplitudes.items()

@@ -14,7 +14,7 @@ def summary_of(result: dict[str, Any]) -> str:
     for name, interval in result["interval90"].items():
         value = _shown(result["brdf"][name])
         pairs = interval if isinstance(interval[0], list) else [interval]
-        span = "  ".join("-".join(_shown(bound) for bound in pair) for pair in pairs)
+        span = "  ".join(map(_span, pairs))
         known = result["identifiable"].get(name)
         remark = "" if known is None else ("" if known else "not identifiable")
         remark = "fixed" if known is None else remark
@@ -90,6 +90,12 @@ def _summary_of_texture(result: dict[str, Any]) -> list[str]:
     if "ambiguity" in result:
         lines.append(f"not identifiable: {result['ambiguity']}")
     return lines
+
+
+def _span(pair: list) -> str:
+    low, high = pair
+    # An interval without an end has none in JSON.
+    return f"at least {_shown(low)}" if high is None else f"{_shown(low)}-{_shown(high)}"
 
 
 def _shown(value: Any) -> str:

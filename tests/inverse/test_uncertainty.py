@@ -25,8 +25,14 @@ from jaxrender.inverse import Unknown
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import Parameters
+from jaxrender.inverse.reasons import not_identifiable
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters, within_reach
+from jaxrender.inverse.uncertainty import (
+    Uncertain,
+    intervals,
+    uncertain_parameters,
+    within_reach,
+)
 
 MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
@@ -118,6 +124,21 @@ def test_what_is_fixed_has_no_error():
     assert float(found.upper.numbers["sigma"]) == pytest.approx(SIGMA)
     assert np.all(found.standard_error.kd > 0)
     assert float(found.standard_error.numbers["mu"]) > 0
+
+
+def test_an_interval_that_nothing_bounds_has_no_end():
+    value = Parameters(
+        {}, {"sigma": np.array(0.2), "mu": np.array(1.02)}, np.ones(1), np.array(1.0)
+    )
+    error = Parameters(
+        {}, {"sigma": np.array(0.02), "mu": np.array(5.0)}, np.zeros(1), np.array(0.0)
+    )
+    found = intervals(value, error, {"sigma": 0.0, "mu": 1.0})
+    assert (float(found.lower.of("mu")), float(found.upper.of("mu"))) == (1.0, np.inf)
+    assert float(found.upper.of("sigma")) == pytest.approx(0.2 * np.exp(0.1 * 1.6449), rel=1e-4)
+    assert not within_reach(found, "mu")
+    assert within_reach(found, "sigma")
+    assert not_identifiable("mu", found).endswith("its 90 % interval is 1 or more")
 
 
 def test_what_is_at_a_bound_is_held():

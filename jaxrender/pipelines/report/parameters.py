@@ -119,7 +119,7 @@ def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
         Line(
             _channel(k, len(values)),
             shown(value),
-            f"{shown(_at(intervals[:, 0], k))} to {shown(_at(intervals[:, 1], k))}",
+            _span(_at(intervals[:, 0], k), _at(intervals[:, 1], k)),
             shown(_at(errors, k), 2),
             shown(_at(before, k)),
             percent(_at(bias, k), sign=True),
@@ -127,6 +127,12 @@ def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
         )
         for k, value in enumerate(values)
     )
+
+
+def _span(low: float | None, high: float | None) -> str:
+    if is_number(low) and not is_number(high):
+        return f"at least {shown(low)}"
+    return f"{shown(low)} to {shown(high)}"
 
 
 def _values(contents: Contents, what: str, name: str) -> list[float]:
