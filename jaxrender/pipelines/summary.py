@@ -95,7 +95,8 @@ def _summary_of_texture(result: dict[str, Any]) -> list[str]:
 def _span(pair: list) -> str:
     low, high = pair
     # An interval without an end has none in JSON.
-    return f"at least {_shown(low)}" if high is None else f"{_shown(low)}-{_shown(high)}"
+    endless = high is None and low is not None
+    return f"at least {_shown(low)}" if endless else f"{_shown(low)}-{_shown(high)}"
 
 
 def _shown(value: Any) -> str:
