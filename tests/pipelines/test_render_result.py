@@ -128,6 +128,13 @@ def test_null_stands_for_what_json_has_no_number_for(result):
     assert "mu n/a" in text
 
 
+def test_an_interval_that_nothing_bounds_is_said_so(result):
+    ends = {"mu": [1.0, None], "sigma": [None, None]}
+    lines = summary_of(result | {"interval90": result["interval90"] | ends}).splitlines()
+    assert "at least 1" in next(line for line in lines if line.startswith("mu "))
+    assert "n/a-n/a" in next(line for line in lines if line.startswith("sigma "))
+
+
 # ---------------------------------------------------------------- the files beside it
 
 
