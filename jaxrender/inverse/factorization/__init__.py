@@ -11,6 +11,8 @@
 ``state`` ``sources`` ``correction`` ``starts`` ``rounds``
     where a fit stands; sources added and dropped; what the dual model lacks of the exact integral;
     the best of several widths to begin with; the order of all that
+``band_limits``
+    to which degree slow light is followed
 ``account``
     gauges and error bars
 ``recover`` ``prediction`` ``given``
@@ -22,12 +24,14 @@
 """
 
 from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
+from jaxrender.inverse.factorization.band_limits import FIRST_DEGREE
 from jaxrender.inverse.factorization.given import in_units_of, known_of, reflectances_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
 from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
 
 __all__ = [
+    "FIRST_DEGREE",
     "GAUGES",
     "FactorSettings",
     "Factorization",

@@ -37,6 +37,8 @@ from jaxrender.inverse.factorization.projection import (
     scatter,
 )
 from jaxrender.inverse.factorization.response import specular_share
+from jaxrender.inverse.factorization.slopes import tangent_frames
+from jaxrender.inverse.factorization.source_clusters import SourceCluster, centred, grouped
 from jaxrender.inverse.factorization.state import (
     State,
     Task,
@@ -50,7 +52,7 @@ from jaxrender.inverse.uncertainty import Uncertain, intervals
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
 from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, Int
 
 GAUGES = ("per-channel", "dielectric", "metal")
 # The prior variance of an unknown's logarithm: it matters only where the data are silent.
@@ -62,7 +64,8 @@ class RecoveredScene(NamedTuple):
 
     ``total`` are the coefficients of both together, of the slow part's degrees.  ``determined`` is
     the share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth
-    light is expected to have.
+    light is expected to have.  ``clusters`` are sources that the lobe does not tell apart; where
+    each of them lies is not known better than to the width of its cluster.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -72,6 +75,7 @@ class RecoveredScene(NamedTuple):
     direction_error: Float[np.ndarray, "source"]
     total: Float[np.ndarray, "coefficient channel"]
     determined: Float[np.ndarray, "degree"]
+    clusters: tuple[SourceCluster, ...] = ()
 
 
 class Account(NamedTuple):
@@ -98,8 +102,8 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     variance *= variance_factor(in_deviations(task, state, solved).left, task.settings.loss)
-    clusters, inverse = Clusters.of(task.observations), _inverse(system, free)
-    together, group = clusters.both
+    inverse = _inverse(system, free)
+    together, group = Clusters.of(task.observations).both
     drawn = Drawn(task.observations.shares, group)
     spread = scatter(response, state.guess, data, drawn, system)
     exact = _joint_covariance(system, spread, inverse, variance)
@@ -110,13 +114,19 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
     variant = task.response.variant
-    parameters, errors = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
+    parameters, lit = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
     if_exact, _ = _in_gauge(unknown, exact[np.ix_(kept, kept)], variant, gauge, light.shape)
     parameters = parameters._replace(if_exact=if_exact)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     determined = _determined(np.asarray(data.penalty)[: response.slow_count], alone, variance)
     factor = gauge_factors(np.asarray(specular_share(state.guess)), light[0], gauge)
-    return Account(parameters, _scene(state, light, covariance, errors, determined, factor))
+    errors = np.sqrt(np.einsum("cpcp->pc", lit))
+    scene = _scene(state, light / factor, covariance, errors, determined)
+    clusters = _clusters(state, light / factor, whole, lit, factor)
+    aside = scene.direction_error.copy()
+    for one in clusters:
+        aside[one.members] = np.maximum(aside[one.members], one.width)
+    return Account(parameters, scene._replace(clusters=clusters, direction_error=aside))
 
 
 def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unknown"]:
@@ -186,22 +196,24 @@ def _in_gauge(
     variant: Parametric,
     gauge: str,
     shape: tuple[int, int],
-) -> tuple[Uncertain, Float[np.ndarray, "part channel"]]:
+) -> tuple[Uncertain, Float[np.ndarray, "channel part channel part"]]:
     """Carry log(ks / kd), log sigma, log(mu - 1) and light over to a gauge, with their covariance.
 
-    The lobe is put in the numbers of ``variant``; ``shape`` is the light's.
+    The lobe is put in the numbers of ``variant``; ``shape`` is the light's.  What is returned is
+    the material, and the covariance of the light.
     """
     parts, channels = shape
     at, slopes = _carried(unknown, variant, gauge, shape)
     spread = np.asarray(slopes) @ covariance @ np.asarray(slopes).T
     error = np.sqrt(np.maximum(np.diag(spread), 0))
-    (value, _), (errors, of_light) = (
+    (value, _), (errors, _) = (
         jax.tree.map(lambda leaf: np.asarray(leaf, float), one)
         for one in (at, jax.flatten_util.ravel_pytree(at)[1](jnp.asarray(error)))
     )
     size = len(spread) - channels * parts
     origins = {one.name: one.origin for one in variant.searched}
-    return intervals(value, errors, origins, spread[:size, :size]), of_light.T
+    of_light = spread[size:, size:].reshape(channels, parts, channels, parts)
+    return intervals(value, errors, origins, spread[:size, :size]), of_light
 
 
 @stored(older_emitters=True)
@@ -252,26 +264,66 @@ def _scene(
     covariance: Float[np.ndarray, "unknown unknown"],
     errors: Float[np.ndarray, "part channel"],
     determined: Float[np.ndarray, "degree"],
-    gauge: Float[AnyArray, "channel"],
 ) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
-    active = np.flatnonzero(state.active)
-    order = active[np.argsort(-light[slow:][active].sum(axis=1))]
-    directions = np.asarray(state.guess.directions)[order]
-    energies = light[slow:][order] / gauge
-    first = covariance.shape[0] - 2 * len(state.active) + order
-    steps = np.diag(covariance)[first] + np.diag(covariance)[first + len(state.active)]
-    coefficients = light[:slow] / gauge
+    order = _brightest_first(state, light)
+    directions, energies = np.asarray(state.guess.directions)[order], light[slow:][order]
+    variance = np.diag(covariance)[len(covariance) - 2 * len(state.active) :]
+    first, second = np.split(variance, 2)
     basis = np.asarray(real_basis(directions, int(np.sqrt(slow)) - 1))
     return RecoveredScene(
-        coefficients,
+        light[:slow],
         errors[:slow],
         DirectionalSources(directions, energies),
         errors[slow:][order],
-        np.sqrt(steps),
-        coefficients + basis.T @ energies,
+        np.sqrt(first + second)[order],
+        light[:slow] + basis.T @ energies,
         determined,
     )
+
+
+def _brightest_first(
+    state: State, light: Float[np.ndarray, "part channel"]
+) -> Int[np.ndarray, "source"]:
+    active = np.flatnonzero(state.active)
+    energies = light[len(light) - len(state.active) :][active].sum(axis=1)
+    return active[np.argsort(-energies)]
+
+
+def _clusters(
+    state: State,
+    light: Float[np.ndarray, "part channel"],
+    whole: Float[np.ndarray, "number number"],
+    lit: Float[np.ndarray, "channel part channel part"],
+    factor: Float[np.ndarray, "channel"],
+) -> tuple[SourceCluster, ...]:
+    """Sum up the sources that the lobe does not tell apart, with the errors of their sums.
+
+    ``light`` and its covariance ``lit`` are in the gauge of ``factor``; ``whole`` is the covariance
+    of nonlinear unknowns and of the light before that.
+    """
+    parts, channels = light.shape
+    sources, order = len(state.active), _brightest_first(state, light)
+    directions = np.asarray(state.guess.directions)
+    frames = np.asarray(tangent_frames(jnp.asarray(directions)))
+    unknowns = len(whole) - channels * parts
+    found = []
+    for members in grouped(directions[order], float(np.exp(state.guess.sigma))):
+        among, count = order[members], len(members)
+        at = parts - sources + among
+        # Energies of all channels together, and steps to both sides, from the unknowns.
+        taken = np.zeros((3 * count, len(whole)))
+        for channel in range(channels):
+            taken[range(count), unknowns + channel * parts + at] = 1 / factor[channel]
+        taken[range(count, 2 * count), unknowns - 2 * sources + among] = 1
+        taken[range(2 * count, 3 * count), unknowns - sources + among] = 1
+        energies = light[at]
+        variance = np.einsum("cpcq->c", lit[:, at][:, :, :, at])
+        where = taken @ whole @ taken.T
+        centre = centred(directions[among], energies.sum(axis=1), frames[among], where)
+        total = SourceCluster(members, *centre, energies.sum(axis=0), np.sqrt(variance))
+        found.append(total)
+    return tuple(found)
 
 
 def _determined(

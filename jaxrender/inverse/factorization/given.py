@@ -77,6 +77,12 @@ def in_units_of(
         sources=sources,
         energy_error=scene.energy_error / total,
         total=scene.total / total,
+        clusters=tuple(
+            one._replace(
+                irradiance=one.irradiance / total, irradiance_error=one.irradiance_error / total
+            )
+            for one in scene.clusters
+        ),
     )
     known = amplitudes_of(found.brdf, kd, ks)
     value, low, high, error = (p._replace(amplitudes=known) for p in found.parameters[:4])

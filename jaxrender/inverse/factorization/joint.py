@@ -23,7 +23,12 @@ from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
-_DAMPING, _RELIEF, _TIGHTENING, _GIVE_UP = 1e-3, 0.2, 8.0, 1e6
+_DAMPING, _RELIEF, _TIGHTENING = 1e-3, 0.2, 8.0
+# Bad steps that end a descent.  A lobe without masking does not fade at the horizon, so
+# that the cost has a jump wherever a source rises for a sample that is seen at a grazing angle.
+_MOST_IN_VAIN = 10
+# A step that promises less than this part of the gain that ends the descent is not tried.
+_NOTHING = 0.1
 # Where ks / kd is beyond e^8 or below e^-8, one of both is as good as 0.
 _MOST_LOGIT = 8.0
 # No step changes a logarithm by more than this, nor a direction by more (radians).
@@ -65,21 +70,24 @@ def descend_jointly(
     descent: Descent,
 ) -> Joint:
     """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for."""
-    damping, step, converged = _DAMPING, 0, False
+    damping, step, in_vain, converged = _DAMPING, 0, 0, False
     system = reduced_system(response, guess, measured)
-    while step < descent.steps and damping < _GIVE_UP and not converged:
-        move = _damped(system.curvature, system.slope, free, damping)
+    while step < descent.steps and in_vain < _MOST_IN_VAIN and not converged:
+        move, expected = _damped(system.curvature, system.slope, free, damping)
+        if float(expected) < _NOTHING * descent.tolerance * float(system.solved.cost):
+            converged = True
+            break
         trial = _moved(guess, move, descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
         there = reduced_system(response, trial, measured)
         gain = float(system.solved.cost - there.solved.cost)
         if not gain > 0:
-            damping *= _TIGHTENING
+            damping, in_vain = damping * _TIGHTENING, in_vain + 1
             continue
         step += 1
         converged = gain < descent.tolerance * float(there.solved.cost)
         guess, system, damping = trial, there, max(damping * _RELIEF, 1e-9)
-    return Joint(guess, system.solved, step, converged or damping >= _GIVE_UP)
+    return Joint(guess, system.solved, step, converged or in_vain == _MOST_IN_VAIN)
 
 
 def unknown_count(guess: Guess) -> int:
@@ -93,7 +101,8 @@ def _damped(
     slope: Float[Array, "unknown"],
     free: Bool[AnyArray, "unknown"],
     damping: float | Float[Array, ""],
-) -> Float[Array, "unknown"]:
+) -> tuple[Float[Array, "unknown"], Float[Array, ""]]:
+    """Find a damped step, and by how much it would lower a cost that is a parabola."""
     size = jnp.diag(curvature)
     usable = jnp.asarray(free) & (size > 0)
     scale = jnp.where(usable, jax.lax.rsqrt(jnp.where(usable, size, 1)), 0)
@@ -103,7 +112,7 @@ def _damped(
     step = scale * jax.scipy.linalg.cho_solve(factor, scale * slope)
     # A matrix that rounding has made indefinite gives no step; the damping then grows.
     step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0)
-    return jnp.clip(step, -_LONGEST, _LONGEST)
+    return jnp.clip(step, -_LONGEST, _LONGEST), step @ (slope - curvature @ step / 2)
 
 
 @stored(partial(jax.jit, static_argnames="bounds"))

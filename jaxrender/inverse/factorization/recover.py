@@ -6,15 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, Parametric
-from jaxrender.geometry import Shape, visible_along
-from jaxrender.harmonics import coefficient_count
+from jaxrender.brdf import Parametric
+from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.blas import one_blas_thread
 from jaxrender.inverse.factorization.account import RecoveredScene, account_of
-from jaxrender.inverse.factorization.integral_response import IntegralResponse, response_of_convex
+from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.prediction import predict
-from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.factorization.state import (
@@ -33,7 +31,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
 from jaxrender.inverse.saturation import saturation_sentence
-from jaxrender.inverse.shadowing import concave, places_of, with_transfer
+from jaxrender.inverse.shadowing import concave, places_of
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
 
@@ -98,10 +96,8 @@ def factorize(
     """
     _check_numbers(variant)
     hiding = concave(shape)
-    if hiding is not None and isinstance(variant, Glossy):
-        observations = with_transfer(observations, hiding, settings.band_limit)
-    task = _task(observations, variant, settings, known, hiding)
-    _check_enough(task)
+    task = task_of(observations, variant, settings, known, hiding)
+    observations = task.observations
     step = max(1, observations.count // _ROUND_SAMPLES)
     few = task
     if step > 1:
@@ -114,19 +110,41 @@ def factorize(
             state = taken_up(task, state)
     with stage("refine"), one_blas_thread():
         state = settle(task, state, watch)
+    found = _told(task, state, gauge, pool, shape, stage)
+    if found.misfit is None or not found.misfit.found:
+        return found
+    with stage("refine"), one_blas_thread():
+        farther = followed_farther(task, state, hiding)
+        if farther is None:
+            return found
+        finer, state = farther[0], settle(*farther, watch)
+    return _told(finer, state, gauge, pool, shape, stage)
+
+
+def _told(
+    task: Task,
+    state: State,
+    gauge: str,
+    pool: Observations | None,
+    shape: Shape | None,
+    stage: Callable[[str], AbstractContextManager],
+) -> Factorization:
+    """Give account of where a search ended."""
     with stage("account"):
         parameters, scene = account_of(task, state, gauge)
     assert state.joint is not None
     noise = in_deviations(task, state, state.joint.solved).noise
     value = parameters.value
-    lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
+    lobe = task.response.variant.with_numbers(
+        {name: float(number) for name, number in value.numbers.items()}
+    )
     brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
     predicted = np.asarray(state.joint.solved.predicted)
-    misfit = None
+    misfit = clipped = None
     if pool is not None:
         with stage("misfit"):
-            misfit = _misfit(_Pair(brdf, scene), Left(observations, predicted), pool, shape)
-    clipped = None if pool is None else saturation_sentence(pool)
+            misfit = _misfit(_Pair(brdf, scene), Left(task.observations, predicted), pool, shape)
+        clipped = saturation_sentence(pool)
     outcome, identifiable, reasons = _judge(task, state, parameters, misfit, clipped)
     return Factorization(
         brdf,
@@ -172,38 +190,6 @@ def _check_numbers(variant: Parametric) -> None:
         raise ValueError(
             f"{type(variant).__name__} has {', '.join(others)} beside a width and an index, which "
             "is found under known light alone: give the light, or a model without it"
-        )
-
-
-def _task(
-    observations: Observations,
-    variant: Parametric,
-    settings: FactorSettings,
-    known: Known,
-    shape: Shape | None,
-) -> Task:
-    samples, sources = observations.samples, settings.most_sources
-    response = response_of_convex(variant, samples, settings.band_limit, sources)
-    if shape is None:
-        return Task(observations, response, None, known, settings)
-    places = places_of(observations)
-    sight = Sight(shape, places)
-    if isinstance(response, MirrorResponse):
-        transfer = np.asarray(observations.transfer)[:, : coefficient_count(settings.band_limit)]
-        reflected = visible_along(shape, places, np.asarray(samples.reflected, np.float64))
-        response = response.shadowed(transfer, reflected)
-    else:
-        assert isinstance(response, IntegralResponse)
-        response = response.shadowed(sight.hidden())
-    return Task(observations, response, sight, known, settings)
-
-
-def _check_enough(task: Task) -> None:
-    unknowns = task.response.slow_count
-    if len(task.radiance) < 4 * unknowns:
-        raise ValueError(
-            f"{len(task.radiance)} samples for light of {unknowns} coefficients: use more "
-            "photographs or samples, or a lower band_limit"
         )
 
 

@@ -73,10 +73,21 @@ def taken_up(task: Task, state: State) -> State:
         joint=state.joint,
         rounds=state.rounds,
     )
+    return relit(task, fresh)
+
+
+def relit(task: Task, state: State) -> State:
+    """Solve for the light of a guess by the response of another task."""
+    state = state._replace(lacking=None)
     if task.settings.refine:
-        fresh = corrected(task, fresh)
-    system = reduced_system(response_of(task, fresh), fresh.guess, measured(task, fresh))
-    return fresh._replace(joint=Joint(fresh.guess, system.solved, 0, False))
+        state = corrected(task, state)
+    return at_standstill(task, state)
+
+
+def at_standstill(task: Task, state: State) -> State:
+    """Solve for the light alone, of a guess and a response as they are."""
+    system = reduced_system(response_of(task, state), state.guess, measured(task, state))
+    return state._replace(joint=Joint(state.guess, system.solved, 0, False))
 
 
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.pursuit import pursue
+from jaxrender.inverse.factorization.source_clusters import NEIGHBOURS_PER_SIGMA
 from jaxrender.inverse.factorization.state import State, Task, descend, measured, response_of
 from jaxrender.shapes import Bool, Float
 
@@ -16,8 +17,6 @@ _UNKNOWNS_PER_SOURCE = 5
 # Directions tried, and samples that they are tried on.
 _CANDIDATES, _PURSUIT_SAMPLES = 2048, 2000
 _FEW = 8
-# Sources this near to each other, as part of the lobe's width, may be one.
-_NEIGHBOURS_PER_SIGMA = 1.0
 
 
 def add_sources(task: Task, state: State, count: int) -> State:
@@ -90,7 +89,7 @@ def with_neighbours_merged(task: Task, state: State) -> State:
     assert state.joint is not None
     directions = np.asarray(state.guess.directions)
     energies = np.asarray(state.joint.solved.light)[task.response.slow_count :].sum(axis=1)
-    reach = np.cos(_NEIGHBOURS_PER_SIGMA * float(jnp.exp(state.guess.sigma)))
+    reach = np.cos(NEIGHBOURS_PER_SIGMA * float(jnp.exp(state.guess.sigma)))
     merged, active = np.array(directions), state.active.copy()
     for source in np.argsort(-energies):
         if not active[source]:

@@ -43,9 +43,13 @@ _LEAST_LIGHT = 0.2
 
 
 class FactorSettings(NamedTuple):
-    """How a factorization is done; the defaults are those of the command line."""
+    """How a factorization is done; the defaults are those of the command line.
 
-    band_limit: int = 10
+    ``band_limit`` is the degree to which slow light is followed.  None: 10, and farther where the
+    photographs hold more than the model and it pays.
+    """
+
+    band_limit: int | None = None
     most_sources: int = 48
     smoothness: float = 1.0
     refine: bool = True
@@ -73,6 +77,7 @@ NOTHING_KNOWN = Known()
 class Round(NamedTuple):
     """Where one round ended."""
 
+    band_limit: int
     sources: int
     share: Float[np.ndarray, "channel"]
     sigma: float
@@ -96,6 +101,11 @@ class Task(NamedTuple):
     def radiance(self) -> Float[np.ndarray, "sample channel"]:
         """What was measured."""
         return np.asarray(self.observations.radiance, float)
+
+    @property
+    def band_limit(self) -> int:
+        """The degree to which slow light is followed."""
+        return band_limit_of(self.response.slow_count)
 
     @property
     def sigma(self) -> Unknown:
@@ -186,7 +196,7 @@ def _between(unknown: Unknown) -> tuple[float, float]:
 
 def measured(task: Task, state: State) -> Measured:
     """Put target, weights and the light's penalty together; pixels count alike."""
-    degree = degrees(band_limit_of(task.response.slow_count))
+    degree = degrees(task.band_limit)
     expected = task.settings.smoothness * np.sqrt(4 * np.pi) * state.level
     slow = (degree * (degree + 1))[:, None] / expected**2
     sources = np.zeros((len(state.active), slow.shape[1]))
@@ -278,6 +288,7 @@ def round_of(task: Task, state: State) -> Round:
     guess = state.guess
     metal = task.response.variant.mu is None
     return Round(
+        task.band_limit,
         int(np.count_nonzero(state.active)),
         np.asarray(specular_share(guess)),
         float(jnp.exp(guess.sigma)),

@@ -6,14 +6,11 @@ from jaxrender.inverse.comparison import Asked
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.scene import lobe_of, settings_of, unknowns_of
 
-# Slow light to this degree separates the sources; the sources carry finer detail.
-_BAND_LIMIT = 10
-
 
 def factor_settings(config: RunConfig) -> FactorSettings:
     """Translate how the light is to be found."""
     return FactorSettings(
-        band_limit(config),
+        _stated(config),
         config.solve.most_sources,
         refine=config.solve.refine == "exact",
         noise=settings_of(config).noise,
@@ -22,8 +19,13 @@ def factor_settings(config: RunConfig) -> FactorSettings:
 
 
 def band_limit(config: RunConfig) -> int:
-    """Choose the degree of the slow light."""
-    return _BAND_LIMIT if config.solve.band_limit == "auto" else config.solve.band_limit
+    """Choose the degree of the slow light, where the rounds begin."""
+    stated = _stated(config)
+    return factorization.FIRST_DEGREE if stated is None else stated
+
+
+def _stated(config: RunConfig) -> int | None:
+    return None if config.solve.band_limit == "auto" else config.solve.band_limit
 
 
 def asked_models(config: RunConfig) -> tuple[Asked, ...]:

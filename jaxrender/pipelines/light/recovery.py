@@ -189,7 +189,8 @@ def recover_light(
 def _sentence(round_: Round, width_is_known: bool) -> str:
     width = "" if width_is_known else f", sigma {round_.sigma:.4f}"
     noun = "source" if round_.sources == 1 else "sources"
-    return f"{round_.sources} {noun}: {100 * round_.relative_rms:.2f} % unexplained{width}"
+    degrees = f"degrees to {round_.band_limit}, {round_.sources} {noun}"
+    return f"{degrees}: {100 * round_.relative_rms:.2f} % unexplained{width}"
 
 
 TASK = Task(draw_samples, check_samples, would_fit, recover_light)

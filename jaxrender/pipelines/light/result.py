@@ -7,6 +7,7 @@ import numpy as np
 from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse import Factorization
 from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.pipelines.ranking import ranking_of
@@ -43,6 +44,7 @@ def result_of(recovered: Recovered) -> Result:
     own: dict[str, Any] = {
         "path": [
             {
+                "band_limit": one.band_limit,
                 "sources": one.sources,
                 "ks_share": one.share.tolist(),
                 "sigma": one.sigma,
@@ -104,18 +106,38 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
         "told": scene.determined.tolist(),
         "sentence": _sentence_on(scene.determined),
         "environment": "lighting.exr",
-        "directional": [
+        "directional": _directional(scene),
+        "clusters": [
             {
-                "direction": np.asarray(direction).tolist(),
-                "irradiance": np.asarray(energy).tolist(),
-                "irradiance_error": error.tolist(),
-                "direction_error_degrees": float(np.degrees(step)),
+                "members": one.members.tolist(),
+                "direction": one.direction.tolist(),
+                "direction_error_degrees": float(np.degrees(one.direction_error)),
+                "width_degrees": float(np.degrees(one.width)),
+                "width_error_degrees": float(np.degrees(one.width_error)),
+                "irradiance": one.irradiance.tolist(),
+                "irradiance_error": one.irradiance_error.tolist(),
             }
-            for direction, energy, error, step in zip(
-                scene.sources.directions,
-                scene.sources.irradiance,
-                scene.energy_error,
-                scene.direction_error,
-            )
+            for one in scene.clusters
         ],
     }
+
+
+def _directional(scene: RecoveredScene) -> list[dict[str, Any]]:
+    """List the sources, each with the cluster that it is in."""
+    cluster = {int(at): k for k, one in enumerate(scene.clusters) for at in one.members}
+    rows = zip(
+        scene.sources.directions,
+        scene.sources.irradiance,
+        scene.energy_error,
+        scene.direction_error,
+    )
+    return [
+        {
+            "direction": np.asarray(direction).tolist(),
+            "irradiance": np.asarray(energy).tolist(),
+            "irradiance_error": error.tolist(),
+            "direction_error_degrees": float(np.degrees(step)),
+            "cluster": cluster.get(at),
+        }
+        for at, (direction, energy, error, step) in enumerate(rows)
+    ]

@@ -97,6 +97,8 @@ def _light_sections(contents: LightContents) -> dict[str, Any]:
         "pictures": light_pictures(contents),
         "comparison": comparison(contents),
         "band_limit": contents.result["lighting"]["band_limit"],
+        "finer": contents.fit.rounds[-1].band_limit > contents.fit.rounds[0].band_limit,
+        "clusters": len(contents.fit.scene.clusters),
         "diffuse": contents.is_diffuse,
         "identifiable": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),

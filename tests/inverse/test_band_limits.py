@@ -1,0 +1,94 @@
+"""To which degree slow light is followed.
+
+- Light with bright spots, of more degrees than the rounds follow: it is followed as far as the lobe
+  shows it, and then the photographs are explained to their noise.
+- Light of few degrees is not followed farther; nor is a degree that was stated, light seen by few
+  samples, a lobe that shows no more, or a material without a frequency view.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from inverse_problems import ball_samples, photograph, unit
+
+from jaxrender.brdf import Microfacet, Parametric, brdf_named
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse import Observations
+from jaxrender.inverse.factorization import FIRST_DEGREE, FactorSettings, Known
+from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
+from jaxrender.inverse.factorization.rounds import relit
+from jaxrender.inverse.factorization.state import State, Task, begin, round_of
+from jaxrender.inverse.unknowns import Unknown
+from jaxrender.lighting import SmoothLobes
+
+PAINT = Microfacet(np.array([0.24, 0.28, 0.2]), np.full(3, 0.12), 0.15, 1.45)
+NOISE = NoiseModel(0.01, 0.0005)
+SETTINGS = FactorSettings(most_sources=1, noise=NOISE)
+SPOTS = unit(np.array([[0.4, 0.5, 0.8], [-0.9, 0.3, 0.3], [0.2, -0.8, 0.6]]))
+SLOW = SmoothLobes(
+    np.array([[0.9, 0.5, 0.4], [0.0, 0.0, 1.0]]),
+    np.radians([85.0, 89.0]),
+    np.array([[1.0, 0.97, 0.92], [0.5, 0.5, 0.6]]),
+)
+
+
+def spotted(directions):
+    """Three spots of 12 degrees' width in dim light."""
+    cosines = directions @ jnp.asarray(SPOTS).T
+    return 0.1 + 4 * jnp.sum(jnp.exp(40 * (cosines - 1)), axis=-1)[..., None].repeat(3, -1)
+
+
+def photographed(light, count: int = 4000) -> Observations:
+    samples, frame = ball_samples(count, 0.4, seed=1)
+    exact = photograph(PAINT, samples, frame, light, None)
+    return exact._replace(
+        radiance=NOISE.add(np.asarray(exact.radiance), np.random.default_rng(0)),
+    )
+
+
+def known_material(
+    seen: Observations, variant: Parametric = PAINT, settings: FactorSettings = SETTINGS
+) -> tuple[Task, State]:
+    """The light of a known material, as the rounds end without sources."""
+    share = tuple(PAINT.ks / (PAINT.kd + PAINT.ks))
+    known = Known(share, Unknown(fixed=(0.15,)), Unknown(fixed=(1.45,)))
+    task = task_of(seen, variant, settings, known, None)
+    weights = 1 / np.asarray(NOISE.standard_deviation(task.radiance))
+    return task, relit(task, begin(task)._replace(weights=weights))
+
+
+def test_light_of_many_degrees_is_followed_as_far_as_the_lobe_shows_it():
+    task, state = known_material(photographed(spotted))
+    farther = followed_farther(task, state, None)
+    assert farther is not None
+    finer, there = farther
+    # 4 / sigma.
+    assert (task.band_limit, finer.band_limit) == (FIRST_DEGREE, 27)
+    before, after = round_of(task, state), round_of(finer, there)
+    assert before.relative_rms > 1.7 * NOISE.relative
+    assert after.relative_rms < 1.1 * NOISE.relative
+    assert after.band_limit == 27
+
+
+def test_light_of_few_degrees_is_not_followed_farther():
+    assert followed_farther(*known_material(photographed(SLOW.radiance)), None) is None
+
+
+@pytest.mark.parametrize(
+    ("count", "settings", "sigma"),
+    [
+        (4000, SETTINGS._replace(band_limit=8), 0.15),
+        (484, SETTINGS, 0.15),
+        (1000, SETTINGS, 0.45),
+    ],
+)
+def test_nor_is_what_was_stated_or_would_not_show(count, settings, sigma):
+    task, state = known_material(photographed(spotted, count), settings=settings)
+    guess = state.guess._replace(sigma=jnp.log(sigma))
+    assert followed_farther(task, state._replace(guess=guess), None) is None
+
+
+def test_nor_that_of_a_material_without_a_frequency_view():
+    brushed = brdf_named("anisotropic-ward", kd=PAINT.kd, ks=PAINT.ks, roughness=0.15)
+    task, state = known_material(photographed(spotted, 500), variant=brushed)
+    assert followed_farther(task, state, None) is None
