@@ -129,7 +129,7 @@ def draw(found: list[Pair]):
     first = found[0]
     material = first.scene.material
     total = np.asarray(material.kd) + np.asarray(material.ks)
-    whole, slow = (image / total for image in light_images(first.found.scene))
+    whole, slow, _ = (image / total for image in light_images(first.found.scene))
     truth = np.asarray(first.scene.fine.radiance)
     white = np.quantile(truth, 0.98)
     pictures = (truth, whole, slow)

@@ -62,20 +62,26 @@ _PRIOR_VARIANCE = 4.0
 class RecoveredScene(NamedTuple):
     """The light of a factorization, in the gauge of its material: the slow part and the sources.
 
-    ``total`` are the coefficients of both together, of the slow part's degrees.  ``determined`` is
-    the share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth
-    light is expected to have.  ``clusters`` are sources that the lobe does not tell apart; where
-    each of them lies is not known better than to the width of its cluster.
+    ``slow_covariance`` is that of each channel's slow coefficients.  ``total`` are the coefficients
+    of both together, of the slow part's degrees.  ``determined`` is the share of each degree that
+    the photographs determine, from 0 to 1.  The rest is what smooth light is expected to have.
+    ``clusters`` are sources that the lobe does not tell apart; where each of them lies is not known
+    better than to the width of its cluster.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
-    slow_error: Float[np.ndarray, "coefficient channel"]
+    slow_covariance: Float[np.ndarray, "channel coefficient coefficient"]
     sources: DirectionalSources
     energy_error: Float[np.ndarray, "source channel"]
     direction_error: Float[np.ndarray, "source"]
     total: Float[np.ndarray, "coefficient channel"]
     determined: Float[np.ndarray, "degree"]
     clusters: tuple[SourceCluster, ...] = ()
+
+    @property
+    def slow_error(self) -> Float[np.ndarray, "coefficient channel"]:
+        """Standard errors of the slow coefficients."""
+        return np.sqrt(np.einsum("ckk->kc", self.slow_covariance))
 
 
 class Account(NamedTuple):
@@ -120,8 +126,7 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     determined = _determined(np.asarray(data.penalty)[: response.slow_count], alone, variance)
     factor = gauge_factors(np.asarray(specular_share(state.guess)), light[0], gauge)
-    errors = np.sqrt(np.einsum("cpcp->pc", lit))
-    scene = _scene(state, light / factor, covariance, errors, determined)
+    scene = _scene(state, light / factor, covariance, lit, determined)
     clusters = _clusters(state, light / factor, whole, lit, factor)
     aside = scene.direction_error.copy()
     for one in clusters:
@@ -262,7 +267,7 @@ def _scene(
     state: State,
     light: Float[np.ndarray, "part channel"],
     covariance: Float[np.ndarray, "unknown unknown"],
-    errors: Float[np.ndarray, "part channel"],
+    lit: Float[np.ndarray, "channel part channel part"],
     determined: Float[np.ndarray, "degree"],
 ) -> RecoveredScene:
     slow = light.shape[0] - len(state.active)
@@ -271,11 +276,13 @@ def _scene(
     variance = np.diag(covariance)[len(covariance) - 2 * len(state.active) :]
     first, second = np.split(variance, 2)
     basis = np.asarray(real_basis(directions, int(np.sqrt(slow)) - 1))
+    own = np.einsum("cpcq->cpq", lit)
+    energy_error = np.sqrt(np.einsum("cpp->pc", own))[slow:][order]
     return RecoveredScene(
         light[:slow],
-        errors[:slow],
+        own[:, :slow, :slow],
         DirectionalSources(directions, energies),
-        errors[slow:][order],
+        energy_error,
         np.sqrt(first + second)[order],
         light[:slow] + basis.T @ energies,
         determined,
@@ -295,7 +302,7 @@ def _clusters(
     light: Float[np.ndarray, "part channel"],
     whole: Float[np.ndarray, "number number"],
     lit: Float[np.ndarray, "channel part channel part"],
-    factor: Float[np.ndarray, "channel"],
+    factor: Float[AnyArray, "channel"],
 ) -> tuple[SourceCluster, ...]:
     """Sum up the sources that the lobe does not tell apart, with the errors of their sums.
 

@@ -73,7 +73,7 @@ def in_units_of(
     sources = DirectionalSources(scene.sources.directions, energies)
     scene = scene._replace(
         slow=scene.slow / total,
-        slow_error=scene.slow_error / total,
+        slow_covariance=scene.slow_covariance / total[:, None, None] ** 2,
         sources=sources,
         energy_error=scene.energy_error / total,
         total=scene.total / total,

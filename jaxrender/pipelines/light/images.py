@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.harmonics import LatLongGrid
+from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis
 from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.lighting import DirectionalSources, positive_environment
 from jaxrender.shapes import Float
@@ -14,10 +14,15 @@ _ROWS = 128
 
 
 class LightImages(NamedTuple):
-    """A light as latitude-longitude images of radiance: the whole of it, and its slow part."""
+    """A light as latitude-longitude images of radiance: the whole of it, and its slow part.
+
+    ``deviation`` is the standard deviation of the slow part.  Where the photographs tell nothing it
+    is that of the light that was expected.
+    """
 
     whole: Float[np.ndarray, "row column channel"]
     slow: Float[np.ndarray, "row column channel"]
+    deviation: Float[np.ndarray, "row column channel"]
 
 
 def light_images(scene: RecoveredScene) -> LightImages:
@@ -33,7 +38,15 @@ def light_images(scene: RecoveredScene) -> LightImages:
     rows, columns = texels_of(scene.sources, grid)
     energy = np.maximum(np.asarray(scene.sources.irradiance), 0)
     np.add.at(whole, (rows, columns), energy / grid.weights()[rows, columns, None])
-    return LightImages(whole, slow)
+    return LightImages(whole, slow, _deviation(scene, grid))
+
+
+def _deviation(scene: RecoveredScene, grid: LatLongGrid) -> Float[np.ndarray, "row column channel"]:
+    """Carry the covariance of the slow coefficients to every texel."""
+    towards = grid.directions().reshape(-1, 3)
+    basis = np.asarray(real_basis(towards, band_limit_of(len(scene.slow))))
+    variance = [np.einsum("tk,tk->t", basis @ own, basis) for own in scene.slow_covariance]
+    return np.sqrt(np.maximum(np.stack(variance, axis=-1), 0)).reshape(*grid.shape, -1)
 
 
 def texels_of(sources: DirectionalSources, grid: LatLongGrid) -> tuple[np.ndarray, np.ndarray]:

@@ -102,9 +102,10 @@ class LightRecovery(Recovery):
         return {"light": light, "samples": samples, **covariance}
 
     def write_images(self, folder: Path) -> None:
-        """Write the whole light, and its slow part without the sources."""
+        """Write the whole light, its slow part without the sources, and how well that is known."""
         write_environment(folder / "lighting.exr", Environment(self._images.whole))
         write_environment(folder / "lighting_slow.exr", Environment(self._images.slow))
+        write_environment(folder / "lighting_deviation.exr", Environment(self._images.deviation))
 
     def contents(
         self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]

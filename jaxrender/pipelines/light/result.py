@@ -106,6 +106,7 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
         "told": scene.determined.tolist(),
         "sentence": _sentence_on(scene.determined),
         "environment": "lighting.exr",
+        "deviation": "lighting_deviation.exr",
         "directional": _directional(scene),
         "clusters": [
             {

@@ -24,10 +24,11 @@ _STILL = 1e-9
 
 
 class LightPictures(NamedTuple):
-    """Both images as data URIs, tone-mapped alike, and the sources as circles."""
+    """The images as data URIs, tone-mapped alike, and the sources as circles."""
 
     whole: str
     slow: str
+    deviation: str
     sources: tuple[Circle, ...]
 
 
@@ -40,13 +41,11 @@ class Path(NamedTuple):
 
 def light_pictures(contents: LightContents) -> LightPictures:
     """Draw the light; the tone curve is that of its slow part, since sources are much brighter."""
-    whole, slow = contents.images
-    key = tone_key(slow, _DARKEST)
-    return LightPictures(
-        data_uri(tone_mapped(shrunk(whole, _LONGEST_SIDE), key)),
-        data_uri(tone_mapped(shrunk(slow, _LONGEST_SIDE), key)),
-        circles_on_map(contents.fit.scene.sources),
+    key = tone_key(contents.images.slow, _DARKEST)
+    whole, slow, deviation = (
+        data_uri(tone_mapped(shrunk(image, _LONGEST_SIDE), key)) for image in contents.images
     )
+    return LightPictures(whole, slow, deviation, circles_on_map(contents.fit.scene.sources))
 
 
 def path_plots(contents: LightContents) -> Path:
