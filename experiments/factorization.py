@@ -129,7 +129,8 @@ def draw(found: list[Pair]):
     first = found[0]
     material = first.scene.material
     total = np.asarray(material.kd) + np.asarray(material.ks)
-    whole, slow, _ = (image / total for image in light_images(first.found.scene))
+    drawn = light_images(first.found.scene, first.found.rounds[-1].sigma)
+    whole, slow = drawn.whole / total, drawn.slow / total
     truth = np.asarray(first.scene.fine.radiance)
     white = np.quantile(truth, 0.98)
     pictures = (truth, whole, slow)

@@ -141,7 +141,7 @@ def trial(name: str, environment: Environment, seed: int) -> Trial:
     begun = time.perf_counter()
     found = factorize(some, material, gauge="dielectric", pool=pool)
     seconds = time.perf_counter() - begun
-    light = Environment(light_images(found.scene).whole)
+    light = Environment(light_images(found.scene, found.rounds[-1].sigma).whole)
     own = float(material.sigma)
     spheres = {kind: compared(kind, environment, light, own) for kind in SPHERES}
     return Trial(name, material, found, spheres, seconds)

@@ -42,7 +42,11 @@ from jaxrender.lighting.positional import (
     PointLight,
     SpotIntensity,
 )
-from jaxrender.lighting.positive_part import positive_environment, positive_part_of
+from jaxrender.lighting.positive_part import (
+    positive_environment,
+    positive_light,
+    positive_part_of,
+)
 from jaxrender.lighting.registry import light_of
 from jaxrender.lighting.sky import CLEAR_SKIES, ClearSky, OvercastSky, Sky, preetham
 from jaxrender.lighting.split import Candidates, LightSplit, candidates, split_to_energy, take
@@ -78,6 +82,7 @@ __all__ = [
     "panorama_named",
     "partition",
     "positive_environment",
+    "positive_light",
     "positive_part_of",
     "preetham",
     "split_to_energy",

@@ -8,12 +8,19 @@ tenth or a fifth of the mean, and every diffuse body lit by it comes out too bri
 where x_0 is the sum and e_lm are the standard errors of its coefficients c_lm.  The minimum is the
 positive part of another sum of the same degrees: its coefficients are those of the dual problem,
 which is smooth, convex, and small enough for Newton's method.
+
+Where sources were found beside slow light, the coefficients of both together are known best: slow
+light that is negative where a source stands makes up for too much of it.  So a source is one more
+texel of x, as large as the patch in which nobody could tell it from slow light.
 """
+
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis, synthesise
+from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.shapes import Float, checked
 
@@ -40,21 +47,35 @@ def positive_part_of(
     """
     if errors is None:
         errors = np.tile(_ALIKE * np.abs(coefficients[0]), (len(coefficients), 1))
-    limit = band_limit_of(len(coefficients))
-    rows = max(_FEWEST_ROWS, _ROWS_PER_DEGREE * limit)
-    grid = LatLongGrid(rows, 2 * rows)
-    basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), limit))
-    weights = grid.weights().reshape(-1)
-    found = np.zeros_like(coefficients)
-    # Channels are alike: what one needed is where the next one begins.
-    added = np.zeros(len(coefficients))
-    for channel, (wanted, error) in enumerate(zip(coefficients.T, errors.T)):
-        level = abs(float(wanted[0]))
-        if level > 0:
-            relative = wanted / level, (error / level) ** 2
-            added = _of_one_channel(basis, weights, *relative, added)
-            found[:, channel] = wanted + level * added
-    return found
+    return coefficients + _added(coefficients, coefficients, errors, _texels(coefficients))
+
+
+@checked
+def positive_light(
+    coefficients: Float[np.ndarray, "coefficient channel"],
+    sources: DirectionalSources,
+    errors: Float[np.ndarray, "coefficient channel"],
+    rows: int,
+    solid_angle: float,
+) -> tuple[Environment, DirectionalSources]:
+    """Make slow light, and sources beside it, nowhere negative: an image, and the same sources.
+
+    ``errors`` are those of the coefficients of both together, and ``solid_angle`` is that of the
+    patch in which a source is not told from slow light (sr).
+    """
+    directions = np.asarray(sources.directions, float)
+    energies = np.asarray(sources.irradiance, float)
+    towards = np.asarray(real_basis(directions, band_limit_of(len(coefficients))))
+    texels, count = _texels(coefficients), len(directions)
+    nodes = _Nodes(
+        np.concatenate([texels.basis, towards]),
+        np.concatenate([texels.weights, np.full(count, solid_angle)]),
+        np.concatenate([texels.basis @ coefficients, energies / solid_angle]),
+    )
+    added = _added(coefficients, coefficients + towards.T @ energies, errors, nodes)
+    image = synthesise(LatLongGrid(rows, 2 * rows), jnp.asarray(coefficients + added))
+    kept = np.maximum(energies + solid_angle * towards @ added, 0)
+    return Environment(np.maximum(np.asarray(image), 0)), DirectionalSources(directions, kept)
 
 
 @checked
@@ -69,19 +90,58 @@ def positive_environment(
     return Environment(np.maximum(np.asarray(synthesise(grid, jnp.asarray(series))), 0))
 
 
+class _Nodes(NamedTuple):
+    """Where radiance is kept positive: harmonics, solid angles, and the radiance to begin with."""
+
+    basis: Float[np.ndarray, "node coefficient"]
+    weights: Float[np.ndarray, "node"]
+    radiance: Float[np.ndarray, "node channel"]
+
+
+def _texels(coefficients: Float[np.ndarray, "coefficient channel"]) -> _Nodes:
+    limit = band_limit_of(len(coefficients))
+    rows = max(_FEWEST_ROWS, _ROWS_PER_DEGREE * limit)
+    grid = LatLongGrid(rows, 2 * rows)
+    basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), limit))
+    return _Nodes(basis, grid.weights().reshape(-1), basis @ coefficients)
+
+
+def _added(
+    coefficients: Float[np.ndarray, "coefficient channel"],
+    wanted: Float[np.ndarray, "coefficient channel"],
+    errors: Float[np.ndarray, "coefficient channel"],
+    nodes: _Nodes,
+) -> Float[np.ndarray, "coefficient channel"]:
+    """Find what to add to the coefficients so that the positive part has those wanted."""
+    found = np.zeros_like(coefficients)
+    # Channels are alike: what one needed is where the next one begins.
+    relative = found[:, 0]
+    for channel in range(coefficients.shape[1]):
+        level = abs(float(wanted[0, channel]))
+        if level > 0:
+            relative = _of_one_channel(
+                nodes._replace(radiance=nodes.radiance[:, channel] / level),
+                wanted[:, channel] / level,
+                (errors[:, channel] / level) ** 2,
+                relative,
+            )
+            found[:, channel] = level * relative
+    return found
+
+
 def _of_one_channel(
-    basis: Float[np.ndarray, "texel coefficient"],
-    weights: Float[np.ndarray, "texel"],
+    nodes: _Nodes,
     wanted: Float[np.ndarray, "coefficient"],
     variance: Float[np.ndarray, "coefficient"],
     added: Float[np.ndarray, "coefficient"],
 ) -> Float[np.ndarray, "coefficient"]:
     """Maximise the dual from a start: its variables are what is added to the coefficients."""
+    basis, weights, start = nodes
     # Of a curvature half the digits are enough, and take half the time.
     rough = basis.astype(np.float32)
 
     def dual(added: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        light = np.maximum(basis @ (wanted + added), 0)
+        light = np.maximum(start + basis @ added, 0)
         slope = basis.T @ (weights * light) - wanted + variance * added
         value = weights @ light**2 / 2 - added @ wanted + variance @ added**2 / 2
         return float(value), slope, light > 0

@@ -99,7 +99,9 @@ def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
         found = run.summary["lighting"]["directional"]
         sources = DirectionalSources.none()
         if found:
-            energies = np.array([source["irradiance"] for source in found]).clip(0)
+            # What stands beside the picture of the slow light; older results do not say it.
+            shown = [source.get("irradiance_shown", source["irradiance"]) for source in found]
+            energies = np.array(shown).clip(0)
             directions = np.array([source["direction"] for source in found])
             sources = DirectionalSources(directions, energies)
         return KnownLight(read_environment(run.folder / "lighting_slow.exr"), sources)

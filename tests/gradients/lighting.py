@@ -204,6 +204,7 @@ EXCEPTIONS = {
     "panorama_named": "of a name",
     **dict.fromkeys(("to_latlong", "to_own_latlong"), "reads an image on the host, by look-up"),
     "positive_environment": "drawn from positive_part_of",
+    "positive_light": "as positive_part_of, with sources",
     "positive_part_of": "Newton's method on the host, for the image of a light that was found",
     "preetham": "of one number on the host; the distribution is static",
 }

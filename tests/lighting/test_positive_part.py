@@ -4,6 +4,7 @@
 - Of sources seen through few degrees, whose sum rings below zero, the positive part has the
   coefficients within their errors, where cutting off is out by many.
 - What is least known gives way: a coefficient with a large error takes up the change.
+- A source gives way where slow light makes up for it; else it keeps its energy.
 - Coefficients that no light can have are met as well as their errors ask for.
 """
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from jaxrender.harmonics import LatLongGrid, analyse, degrees, real_basis, synthesise
-from jaxrender.lighting import positive_part_of
+from jaxrender.lighting import DirectionalSources, positive_light, positive_part_of
 
 LIMIT = 8
 GRID = LatLongGrid(96, 192)
@@ -99,3 +100,32 @@ def test_without_errors_all_count_alike():
     np.testing.assert_array_equal(
         positive_part_of(coefficients), positive_part_of(coefficients, alike)
     )
+
+
+def test_a_source_gives_way_where_slow_light_makes_up_for_it():
+    """Slow light is negative about a source of too much energy: both together are what is known."""
+    towards = np.asarray(real_basis(jnp.asarray(SOURCES[:1]), LIMIT))
+    dip = np.exp(-BREADTH * DEGREE * (DEGREE + 1))[:, None] * towards.T
+    slow = np.array([[0.4, 0.3]]) * np.sqrt(4 * np.pi) * (DEGREE == 0)[:, None] - 0.3 * dip
+    energies = np.array([[1.0, 0.8]])
+    total = slow + towards.T @ energies
+    assert picture(slow).min() < -0.1
+    errors = np.full_like(slow, 1e-3)
+    sources = DirectionalSources(SOURCES[:1], energies)
+    image, beside = positive_light(slow, sources, errors, 96, 0.05)
+    kept = np.asarray(beside.irradiance)
+    assert np.all((kept < 0.95 * energies) & (kept > 0))
+    np.testing.assert_allclose(beside.directions, SOURCES[:1], atol=1e-6)
+    found = coefficients_of(np.asarray(image.radiance)) + towards.T @ kept
+    assert rms((found - total) / errors) < 1
+    # Made positive alone, slow light keeps to its own coefficients, and is out by many errors.
+    alone = coefficients_of(picture(positive_part_of(slow, 30 * errors))) + towards.T @ energies
+    assert rms((alone - total) / errors) > 5
+
+
+def test_light_that_is_positive_keeps_its_sources():
+    slow = np.sqrt(4 * np.pi) * (DEGREE == 0)[:, None] * np.array([[0.4, 0.3]])
+    sources = DirectionalSources(SOURCES, np.array([[1.0, 0.8], [0.2, 0.3]]))
+    image, beside = positive_light(slow, sources, np.full_like(slow, 1e-3), 96, 0.05)
+    np.testing.assert_allclose(beside.irradiance, sources.irradiance, rtol=1e-4)
+    np.testing.assert_allclose(image.radiance, picture(slow), rtol=1e-4)

@@ -63,10 +63,10 @@ class RecoveredScene(NamedTuple):
     """The light of a factorization, in the gauge of its material: the slow part and the sources.
 
     ``slow_covariance`` is that of each channel's slow coefficients.  ``total`` are the coefficients
-    of both together, of the slow part's degrees.  ``determined`` is the share of each degree that
-    the photographs determine, from 0 to 1.  The rest is what smooth light is expected to have.
-    ``clusters`` are sources that the lobe does not tell apart; where each of them lies is not known
-    better than to the width of its cluster.
+    of both together, of the slow part's degrees, known better than either.  ``determined`` is the
+    share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth light
+    is expected to have.  ``clusters`` are sources that the lobe does not tell apart; where each of
+    them lies is not known better than to the width of its cluster.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -75,6 +75,7 @@ class RecoveredScene(NamedTuple):
     energy_error: Float[np.ndarray, "source channel"]
     direction_error: Float[np.ndarray, "source"]
     total: Float[np.ndarray, "coefficient channel"]
+    total_error: Float[np.ndarray, "coefficient channel"]
     determined: Float[np.ndarray, "degree"]
     clusters: tuple[SourceCluster, ...] = ()
 
@@ -275,7 +276,9 @@ def _scene(
     directions, energies = np.asarray(state.guess.directions)[order], light[slow:][order]
     variance = np.diag(covariance)[len(covariance) - 2 * len(state.active) :]
     first, second = np.split(variance, 2)
-    basis = np.asarray(real_basis(directions, int(np.sqrt(slow)) - 1))
+    basis = np.asarray(real_basis(directions, band_limit_of(slow)))
+    both = np.eye(slow, len(light))
+    both[:, slow + order] = basis.T
     own = np.einsum("cpcq->cpq", lit)
     energy_error = np.sqrt(np.einsum("cpp->pc", own))[slow:][order]
     return RecoveredScene(
@@ -285,6 +288,7 @@ def _scene(
         energy_error,
         np.sqrt(first + second)[order],
         light[:slow] + basis.T @ energies,
+        np.sqrt(np.einsum("kp,cpq,kq->kc", both, own, both, optimize=True)),
         determined,
     )
 

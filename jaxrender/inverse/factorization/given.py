@@ -77,6 +77,7 @@ def in_units_of(
         sources=sources,
         energy_error=scene.energy_error / total,
         total=scene.total / total,
+        total_error=scene.total_error / total,
         clusters=tuple(
             one._replace(
                 irradiance=one.irradiance / total, irradiance_error=one.irradiance_error / total

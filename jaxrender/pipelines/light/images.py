@@ -6,16 +6,17 @@ import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis
 from jaxrender.inverse.factorization import RecoveredScene
-from jaxrender.lighting import DirectionalSources, positive_environment
-from jaxrender.shapes import Float
+from jaxrender.lighting import DirectionalSources, positive_light
+from jaxrender.shapes import Float, Int
 
 # Rows of the recovered light's image: its texels are smaller than any lobe that showed it.
 _ROWS = 128
 
 
 class LightImages(NamedTuple):
-    """A light as latitude-longitude images of radiance: the whole of it, and its slow part.
+    """A light that is nowhere negative, as latitude-longitude images of radiance.
 
+    ``whole`` is all of it and ``slow`` its slow part; ``sources`` are those that stand beside that.
     ``deviation`` is the standard deviation of the slow part.  Where the photographs tell nothing it
     is that of the light that was expected.
     """
@@ -23,22 +24,26 @@ class LightImages(NamedTuple):
     whole: Float[np.ndarray, "row column channel"]
     slow: Float[np.ndarray, "row column channel"]
     deviation: Float[np.ndarray, "row column channel"]
+    sources: DirectionalSources
 
 
-def light_images(scene: RecoveredScene) -> LightImages:
-    """Draw the light; in the whole of it each source is one texel of the same energy.
+def light_images(scene: RecoveredScene, sigma: float) -> LightImages:
+    """Draw the light; in the whole of it each source is a few texels of the same energy.
 
-    The light is black where the sum of few degrees falls below zero.  The added energy is removed
-    elsewhere, so that the image keeps the recovered coefficients.
+    A sum of few degrees falls below zero where the light is dark, and where a source of too much
+    energy makes up for it.  The light shown does not, and has the coefficients that were recovered.
+    ``sigma`` is the width of the lobe that showed the light.
     """
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
-    light = positive_environment(np.asarray(scene.slow), np.asarray(scene.slow_error), _ROWS)
+    light, sources = positive_light(
+        scene.slow, scene.sources, scene.total_error, _ROWS, np.pi * sigma**2
+    )
     slow = np.asarray(light.radiance)
     whole = slow.copy()
-    rows, columns = texels_of(scene.sources, grid)
-    energy = np.maximum(np.asarray(scene.sources.irradiance), 0)
+    rows, columns, shares = texels_of(sources, grid)
+    energy = shares[..., None] * np.asarray(sources.irradiance)
     np.add.at(whole, (rows, columns), energy / grid.weights()[rows, columns, None])
-    return LightImages(whole, slow, _deviation(scene, grid))
+    return LightImages(whole, slow, _deviation(scene, grid), sources)
 
 
 def _deviation(scene: RecoveredScene, grid: LatLongGrid) -> Float[np.ndarray, "row column channel"]:
@@ -49,10 +54,23 @@ def _deviation(scene: RecoveredScene, grid: LatLongGrid) -> Float[np.ndarray, "r
     return np.sqrt(np.maximum(np.stack(variance, axis=-1), 0)).reshape(*grid.shape, -1)
 
 
-def texels_of(sources: DirectionalSources, grid: LatLongGrid) -> tuple[np.ndarray, np.ndarray]:
-    """Find the texel that holds each source."""
+class Texels(NamedTuple):
+    """The four texels about each source, and the share of its energy that each of them gets."""
+
+    rows: Int[np.ndarray, "4 source"]
+    columns: Int[np.ndarray, "4 source"]
+    shares: Float[np.ndarray, "4 source"]
+
+
+def texels_of(sources: DirectionalSources, grid: LatLongGrid) -> Texels:
+    """Share out each source so that the middle of its texels is where it stands."""
     x, y, z = np.asarray(sources.directions, float).T
     height, width = grid.shape
-    rows = np.clip(np.arccos(np.clip(z, -1, 1)) / np.pi * height, 0, height - 1).astype(int)
-    columns = ((np.arctan2(y, x) / (2 * np.pi)) % 1 * width).astype(int) % width
-    return rows, columns
+    row = np.clip(np.arccos(np.clip(z, -1, 1)) / np.pi * height - 0.5, 0, height - 1)
+    column = np.arctan2(y, x) / (2 * np.pi) % 1 * width - 0.5
+    top, left = np.floor(row), np.floor(column)
+    down, right = row - top, column - left
+    rows = np.stack([top, top, top + 1, top + 1]).clip(0, height - 1).astype(int)
+    columns = np.stack([left, left + 1] * 2).astype(int) % width
+    up, over = np.array([1 - down, down]), np.array([1 - right, right])
+    return Texels(rows, columns, (up[:, None] * over).reshape(4, -1))

@@ -73,7 +73,7 @@ class LightRecovery(Recovery):
 
     def result(self) -> Result:
         """Sum up light and material."""
-        return result_of(self.recovered)
+        return result_of(self.recovered, self._images.sources)
 
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph with the recovered light and material."""
@@ -117,7 +117,7 @@ class LightRecovery(Recovery):
 
     @cached_property
     def _images(self) -> LightImages:
-        return light_images(self.found.scene)
+        return light_images(self.found.scene, self.found.rounds[-1].sigma)
 
     def _integrated(self, view: SurfaceView) -> Float[np.ndarray, "row column channel"]:
         places = SurfacePlaces.of_views([view])

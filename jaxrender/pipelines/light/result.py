@@ -10,6 +10,7 @@ from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
+from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
@@ -36,8 +37,11 @@ class Recovered(NamedTuple):
     comparison: Comparison | None = None
 
 
-def result_of(recovered: Recovered) -> Result:
-    """Sum up light and material, and the steps of the fit."""
+def result_of(recovered: Recovered, shown: DirectionalSources) -> Result:
+    """Sum up light and material, and the steps of the fit.
+
+    ``shown`` are the sources beside the slow light's picture, which is nowhere negative.
+    """
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
     parameters = found.parameters
@@ -71,7 +75,7 @@ def result_of(recovered: Recovered) -> Result:
         relative_rms=found.relative_rms,
         samples=recovered.samples,
         noise=found.noise,
-        lighting=_lighting(recovered),
+        lighting=_lighting(recovered, shown),
         photographs=recovered.photographs,
         own=own,
         misfit=found.misfit,
@@ -95,7 +99,7 @@ def _sentence_on(determined: Float[np.ndarray, "degree"]) -> str:
     return f"of the slow light {subject} identifiable; smoothness fills in the rest"
 
 
-def _lighting(recovered: Recovered) -> dict[str, Any]:
+def _lighting(recovered: Recovered, shown: DirectionalSources) -> dict[str, Any]:
     scene = recovered.found.scene
     return {
         "gauge": _GAUGES[recovered.gauge],
@@ -107,7 +111,7 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
         "sentence": _sentence_on(scene.determined),
         "environment": "lighting.exr",
         "deviation": "lighting_deviation.exr",
-        "directional": _directional(scene),
+        "directional": _directional(scene, shown),
         "clusters": [
             {
                 "members": one.members.tolist(),
@@ -123,7 +127,7 @@ def _lighting(recovered: Recovered) -> dict[str, Any]:
     }
 
 
-def _directional(scene: RecoveredScene) -> list[dict[str, Any]]:
+def _directional(scene: RecoveredScene, shown: DirectionalSources) -> list[dict[str, Any]]:
     """List the sources, each with the cluster that it is in."""
     cluster = {int(at): k for k, one in enumerate(scene.clusters) for at in one.members}
     rows = zip(
@@ -131,6 +135,7 @@ def _directional(scene: RecoveredScene) -> list[dict[str, Any]]:
         scene.sources.irradiance,
         scene.energy_error,
         scene.direction_error,
+        shown.irradiance,
     )
     return [
         {
@@ -138,7 +143,8 @@ def _directional(scene: RecoveredScene) -> list[dict[str, Any]]:
             "irradiance": np.asarray(energy).tolist(),
             "irradiance_error": error.tolist(),
             "direction_error_degrees": float(np.degrees(step)),
+            "irradiance_shown": np.asarray(beside).tolist(),
             "cluster": cluster.get(at),
         }
-        for at, (direction, energy, error, step) in enumerate(rows)
+        for at, (direction, energy, error, step, beside) in enumerate(rows)
     ]

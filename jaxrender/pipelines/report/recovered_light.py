@@ -43,7 +43,7 @@ def light_pictures(contents: LightContents) -> LightPictures:
     """Draw the light; the tone curve is that of its slow part, since sources are much brighter."""
     key = tone_key(contents.images.slow, _DARKEST)
     whole, slow, deviation = (
-        data_uri(tone_mapped(shrunk(image, _LONGEST_SIDE), key)) for image in contents.images
+        data_uri(tone_mapped(shrunk(image, _LONGEST_SIDE), key)) for image in contents.images[:3]
     )
     return LightPictures(whole, slow, deviation, circles_on_map(contents.fit.scene.sources))
 
