@@ -24,8 +24,9 @@ from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.shapes import Float, checked
 
-# Rows of the grid on which radiance is kept positive, for each degree of the light.
-_ROWS_PER_DEGREE, _FEWEST_ROWS = 5, 16
+# Rows of the grid on which radiance is kept positive: for each degree of the light, so many of them
+# at least, and so many beyond which three for each degree are enough.
+_ROWS_PER_DEGREE, _FEWEST_ROWS, _MANY_ROWS = 5, 16, 60
 # The error of every coefficient in parts of the mean light where none is stated.
 _ALIKE = 0.01
 _MOST_STEPS, _SHORTEST = 40, 1e-6
@@ -100,7 +101,8 @@ class _Nodes(NamedTuple):
 
 def _texels(coefficients: Float[np.ndarray, "coefficient channel"]) -> _Nodes:
     limit = band_limit_of(len(coefficients))
-    rows = max(_FEWEST_ROWS, _ROWS_PER_DEGREE * limit)
+    many = max(_MANY_ROWS, 3 * limit)
+    rows = max(_FEWEST_ROWS, min(_ROWS_PER_DEGREE * limit, many))
     grid = LatLongGrid(rows, 2 * rows)
     basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), limit))
     return _Nodes(basis, grid.weights().reshape(-1), basis @ coefficients)

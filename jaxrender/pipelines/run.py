@@ -180,7 +180,8 @@ def _write(
     clock: Clock,
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
-    result, provenance = recovery.result(), provenance_of(inputs, config.samples.seed)
+    with clock.stage("result"):
+        result, provenance = recovery.result(), provenance_of(inputs, config.samples.seed)
     with clock.stage("predict"):
         predictions = recovery.predict()
     photographs = recovery.photographs

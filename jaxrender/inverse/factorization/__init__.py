@@ -13,8 +13,9 @@
     the best of several widths to begin with; the order of all that
 ``band_limits``
     to which degree slow light is followed
-``account``
-    gauges and error bars
+``account`` ``recovered_scene`` ``source_clusters`` ``chroma``
+    gauges and error bars; the light with its own; sources that the lobe does not tell apart;
+    colours tied together
 ``recover`` ``prediction`` ``given``
     the whole recovery; its prediction of other samples; what is known beforehand
 ``gram`` ``stream``
@@ -23,11 +24,13 @@
     the thesis's own method on these matrices; roughness from a directional source (T 6.25)
 """
 
-from jaxrender.inverse.factorization.account import GAUGES, RecoveredScene
+from jaxrender.inverse.factorization.account import GAUGES
 from jaxrender.inverse.factorization.band_limits import FIRST_DEGREE
+from jaxrender.inverse.factorization.chroma import tied
 from jaxrender.inverse.factorization.given import in_units_of, known_of, reflectances_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
+from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
 
 __all__ = [
@@ -43,4 +46,5 @@ __all__ = [
     "known_of",
     "predict",
     "reflectances_of",
+    "tied",
 ]

@@ -27,7 +27,7 @@ import numpy as np
 import scipy.linalg
 
 from jaxrender.brdf import Parametric
-from jaxrender.harmonics import band_limit_of, degrees, real_basis
+from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.factorization.projection import (
     Drawn,
@@ -36,6 +36,7 @@ from jaxrender.inverse.factorization.projection import (
     reduced_system,
     scatter,
 )
+from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.slopes import tangent_frames
 from jaxrender.inverse.factorization.source_clusters import SourceCluster, centred, grouped
@@ -57,32 +58,6 @@ from jaxrender.shapes import AnyArray, Array, Float, Int
 GAUGES = ("per-channel", "dielectric", "metal")
 # The prior variance of an unknown's logarithm: it matters only where the data are silent.
 _PRIOR_VARIANCE = 4.0
-
-
-class RecoveredScene(NamedTuple):
-    """The light of a factorization, in the gauge of its material: the slow part and the sources.
-
-    ``slow_covariance`` is that of each channel's slow coefficients.  ``total`` are the coefficients
-    of both together, of the slow part's degrees, known better than either.  ``determined`` is the
-    share of each degree that the photographs determine, from 0 to 1.  The rest is what smooth light
-    is expected to have.  ``clusters`` are sources that the lobe does not tell apart; where each of
-    them lies is not known better than to the width of its cluster.
-    """
-
-    slow: Float[np.ndarray, "coefficient channel"]
-    slow_covariance: Float[np.ndarray, "channel coefficient coefficient"]
-    sources: DirectionalSources
-    energy_error: Float[np.ndarray, "source channel"]
-    direction_error: Float[np.ndarray, "source"]
-    total: Float[np.ndarray, "coefficient channel"]
-    total_error: Float[np.ndarray, "coefficient channel"]
-    determined: Float[np.ndarray, "degree"]
-    clusters: tuple[SourceCluster, ...] = ()
-
-    @property
-    def slow_error(self) -> Float[np.ndarray, "coefficient channel"]:
-        """Standard errors of the slow coefficients."""
-        return np.sqrt(np.einsum("ckk->kc", self.slow_covariance))
 
 
 class Account(NamedTuple):
@@ -276,19 +251,12 @@ def _scene(
     directions, energies = np.asarray(state.guess.directions)[order], light[slow:][order]
     variance = np.diag(covariance)[len(covariance) - 2 * len(state.active) :]
     first, second = np.split(variance, 2)
-    basis = np.asarray(real_basis(directions, band_limit_of(slow)))
-    both = np.eye(slow, len(light))
-    both[:, slow + order] = basis.T
-    own = np.einsum("cpcq->cpq", lit)
-    energy_error = np.sqrt(np.einsum("cpp->pc", own))[slow:][order]
+    kept = np.r_[:slow, slow + order]
     return RecoveredScene(
         light[:slow],
-        own[:, :slow, :slow],
         DirectionalSources(directions, energies),
-        energy_error,
+        np.einsum("cpcq->cpq", lit)[:, kept[:, None], kept],
         np.sqrt(first + second)[order],
-        light[:slow] + basis.T @ energies,
-        np.sqrt(np.einsum("kp,cpq,kq->kc", both, own, both, optimize=True)),
         determined,
     )
 

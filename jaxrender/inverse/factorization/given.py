@@ -73,11 +73,8 @@ def in_units_of(
     sources = DirectionalSources(scene.sources.directions, energies)
     scene = scene._replace(
         slow=scene.slow / total,
-        slow_covariance=scene.slow_covariance / total[:, None, None] ** 2,
         sources=sources,
-        energy_error=scene.energy_error / total,
-        total=scene.total / total,
-        total_error=scene.total_error / total,
+        covariance=scene.covariance / total[:, None, None] ** 2,
         clusters=tuple(
             one._replace(
                 irradiance=one.irradiance / total, irradiance_error=one.irradiance_error / total

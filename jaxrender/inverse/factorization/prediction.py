@@ -8,9 +8,9 @@ import numpy as np
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.harmonics import band_limit_of, coefficient_count
-from jaxrender.inverse.factorization.account import RecoveredScene
 from jaxrender.inverse.factorization.correction import hidden_slow_light
 from jaxrender.inverse.factorization.integral_response import columns_under_slow_light
+from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, places_of, with_transfer

@@ -10,9 +10,10 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.blas import one_blas_thread
-from jaxrender.inverse.factorization.account import RecoveredScene, account_of
+from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.prediction import predict
+from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.factorization.state import (

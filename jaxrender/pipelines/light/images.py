@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis
-from jaxrender.inverse.factorization import RecoveredScene
+from jaxrender.inverse.blas import one_blas_thread
+from jaxrender.inverse.factorization import RecoveredScene, tied
 from jaxrender.lighting import DirectionalSources, positive_light
 from jaxrender.shapes import Float, Int
 
@@ -32,12 +33,15 @@ def light_images(scene: RecoveredScene, sigma: float) -> LightImages:
 
     A sum of few degrees falls below zero where the light is dark, and where a source of too much
     energy makes up for it.  The light shown does not, and has the coefficients that were recovered.
-    ``sigma`` is the width of the lobe that showed the light.
+    Its channels are tied together.  ``sigma`` is the width of the lobe that showed the light.
     """
+    scene = tied(scene)
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
-    light, sources = positive_light(
-        scene.slow, scene.sources, scene.total_error, _ROWS, np.pi * sigma**2
-    )
+    # Small products, one after the other: BLAS's threads would only wait for each other.
+    with one_blas_thread():
+        light, sources = positive_light(
+            scene.slow, scene.sources, scene.total_error, _ROWS, np.pi * sigma**2
+        )
     slow = np.asarray(light.radiance)
     whole = slow.copy()
     rows, columns, shares = texels_of(sources, grid)
@@ -50,7 +54,9 @@ def _deviation(scene: RecoveredScene, grid: LatLongGrid) -> Float[np.ndarray, "r
     """Carry the covariance of the slow coefficients to every texel."""
     towards = grid.directions().reshape(-1, 3)
     basis = np.asarray(real_basis(towards, band_limit_of(len(scene.slow))))
-    variance = [np.einsum("tk,tk->t", basis @ own, basis) for own in scene.slow_covariance]
+    count = len(scene.slow)
+    seen = scene.covariance[:, :count, :count]
+    variance = [np.einsum("tk,tk->t", basis @ own, basis) for own in seen]
     return np.sqrt(np.maximum(np.stack(variance, axis=-1), 0)).reshape(*grid.shape, -1)
 
 

@@ -35,6 +35,7 @@ _STAGES = {
     "interreflection": "light that bounces between parts of the object",
     "variants": "fits of other choices for the specular part",
     "forecast": "predicted error bars",
+    "result": "summing up",
     "predict": "rendering the predictions",
     "write": "writing files",
     "report": "this page",

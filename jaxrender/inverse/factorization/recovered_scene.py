@@ -1,0 +1,53 @@
+"""The light of a factorization and how well it is known."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.harmonics import band_limit_of, real_basis
+from jaxrender.inverse.factorization.source_clusters import SourceCluster
+from jaxrender.lighting import DirectionalSources
+from jaxrender.shapes import Float
+
+
+class RecoveredScene(NamedTuple):
+    """The light of a factorization, in the gauge of its material: the slow part and the sources.
+
+    ``covariance`` is that of each channel's slow coefficients and the energies of its sources.
+    ``determined`` is the share of each degree that the photographs determine, from 0 to 1.  The
+    rest is what smooth light is expected to have.  ``clusters`` are sources that the lobe does not
+    tell apart; where each of them lies is not known better than to the width of its cluster.
+    """
+
+    slow: Float[np.ndarray, "coefficient channel"]
+    sources: DirectionalSources
+    covariance: Float[np.ndarray, "channel part part"]
+    direction_error: Float[np.ndarray, "source"]
+    determined: Float[np.ndarray, "degree"]
+    clusters: tuple[SourceCluster, ...] = ()
+
+    @property
+    def slow_error(self) -> Float[np.ndarray, "coefficient channel"]:
+        """Standard errors of the slow coefficients."""
+        return np.sqrt(np.einsum("cpp->pc", self.covariance))[: len(self.slow)]
+
+    @property
+    def energy_error(self) -> Float[np.ndarray, "source channel"]:
+        """Standard errors of the sources' irradiance."""
+        return np.sqrt(np.einsum("cpp->pc", self.covariance))[len(self.slow) :]
+
+    @property
+    def total(self) -> Float[np.ndarray, "coefficient channel"]:
+        """Coefficients of slow light and sources together, known better than either."""
+        return self.slow + self._towards.T @ np.asarray(self.sources.irradiance)
+
+    @property
+    def total_error(self) -> Float[np.ndarray, "coefficient channel"]:
+        """Standard errors of the total."""
+        both = np.concatenate([np.eye(len(self.slow)), self._towards.T], axis=1)
+        return np.sqrt(np.stack([np.sum(both @ own * both, axis=1) for own in self.covariance], 1))
+
+    @property
+    def _towards(self) -> Float[np.ndarray, "source coefficient"]:
+        directions = np.asarray(self.sources.directions)
+        return np.asarray(real_basis(directions, band_limit_of(len(self.slow))))
