@@ -29,7 +29,7 @@ from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import GAUGES, _inverse, _moves, account_of
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import change, corrected
-from jaxrender.inverse.factorization.joint import Descent, _moved, descend_jointly
+from jaxrender.inverse.factorization.joint import Descent, _damped, _moved, descend_jointly
 from jaxrender.inverse.factorization.projection import Drawn, mixed, reduced_system, scatter
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse
@@ -506,3 +506,17 @@ def test_a_penalty_belongs_to_each_part(photographs):
     assert np.all(penalty[0] == 0)
     assert np.all(penalty[121:] == 0)
     np.testing.assert_allclose(penalty[4], 3 * penalty[1])
+
+
+def test_a_descent_without_promise_ends_where_it_is(photographs):
+    """At the minimum no step is tried; a matrix without a factorization makes no end."""
+    task = _task(photographs)
+    state = _with_sources(task, [SOURCE])
+    response, data = response_of(task, state), measured(task, state)
+    free = free_unknowns(task, state)
+    there = descend_jointly(response, state.guess, data, free, Descent(task.bounds, 20, 1e-9))
+    again = descend_jointly(response, there.guess, data, free, Descent(task.bounds, 20, 1e-4))
+    assert (again.steps, again.converged) == (0, True)
+    indefinite = np.ones((len(free), len(free)))
+    _, expected = _damped(indefinite, np.ones(len(free)), free, -0.5)
+    assert float(expected) == np.inf

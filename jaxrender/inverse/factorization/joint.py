@@ -24,8 +24,8 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
 _DAMPING, _RELIEF, _TIGHTENING = 1e-3, 0.2, 8.0
-# Bad steps that end a descent.  A lobe without masking does not fade at the horizon, so
-# that the cost has a jump wherever a source rises for a sample that is seen at a grazing angle.
+# Bad steps that end a descent.  A lobe without masking does not fade at the horizon, so that the
+# cost has a jump wherever a source rises for a sample that is seen at a grazing angle.
 _MOST_IN_VAIN = 10
 # A step that promises less than this part of the gain that ends the descent is not tried.
 _NOTHING = 0.1
@@ -111,8 +111,10 @@ def _damped(
     factor = jax.scipy.linalg.cho_factor(matrix, lower=True)
     step = scale * jax.scipy.linalg.cho_solve(factor, scale * slope)
     # A matrix that rounding has made indefinite gives no step; the damping then grows.
-    step = jnp.where(jnp.all(jnp.isfinite(step)), step, 0)
-    return jnp.clip(step, -_LONGEST, _LONGEST), step @ (slope - curvature @ step / 2)
+    sound = jnp.all(jnp.isfinite(step))
+    step = jnp.where(sound, step, 0)
+    expected = jnp.where(sound, step @ (slope - curvature @ step / 2), jnp.inf)
+    return jnp.clip(step, -_LONGEST, _LONGEST), expected
 
 
 @stored(partial(jax.jit, static_argnames="bounds"))
