@@ -3,7 +3,8 @@
 Photographs are the integral over directions of no image, with visibility and noise; the fit is the
 dual model of T 6.12.  Pinned down: with the object's shape the specular share and the roughness are
 found, the two sources too; without it all of them are worse, and the photographs stay unexplained;
-predictions know of the shadows; samples whose places nobody gave are refused.
+predictions know of the shadows; light of many degrees is followed past them; samples whose places
+nobody gave are refused.
 """
 
 import jax.numpy as jnp
@@ -15,7 +16,17 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, fibonacci_sphere, sculpture, visible
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations
-from jaxrender.inverse.factorization import Factorization, FactorSettings, factorize, predict
+from jaxrender.inverse.factorization import (
+    Factorization,
+    FactorSettings,
+    Known,
+    factorize,
+    predict,
+)
+from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
+from jaxrender.inverse.factorization.rounds import relit
+from jaxrender.inverse.factorization.state import begin, round_of
+from jaxrender.inverse.unknowns import Unknown
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection import integral_columns, radiance
 
@@ -31,18 +42,18 @@ SETTINGS = FactorSettings(band_limit=6, most_sources=2, refine=False)
 SHARE, ROUGHNESS, SOURCE_DEGREES = 0.05, 0.03, 1.0
 
 
-def drawn() -> tuple[SurfaceSamples, np.ndarray, SurfacePlaces]:
+def drawn(count: int = COUNT) -> tuple[SurfaceSamples, np.ndarray, SurfacePlaces]:
     """Places on the statue that face one of three views and do not graze it."""
     rng = np.random.default_rng(0)
     azimuth = 2 * np.pi * np.arange(VIEWS) / VIEWS
     views = unit(np.stack([np.cos(azimuth), np.sin(azimuth), np.full(VIEWS, 0.3)], axis=-1))
-    face = rng.integers(len(STATUE.faces), size=8 * COUNT)
+    face = rng.integers(len(STATUE.faces), size=8 * count)
     weights, frame = rng.dirichlet(np.ones(3), len(face)), np.arange(len(face)) % VIEWS
     normals = unit(np.einsum("pk,pki->pi", weights, STATUE.normals[STATUE.faces[face]]))
     places = SurfacePlaces.on_faces(STATUE, face, weights)
     cosines = np.einsum("pi,pi->p", normals, views[frame])
     flat = np.einsum("pi,pi->p", places.geometric_normals, views[frame])
-    kept = np.flatnonzero((cosines > 0.2) & (flat > 0.1))[:COUNT]
+    kept = np.flatnonzero((cosines > 0.2) & (flat > 0.1))[:count]
     samples = SurfaceSamples(normals[kept], views[frame[kept]])
     return samples, frame[kept], SurfacePlaces(*(a[kept] for a in places))
 
@@ -107,3 +118,26 @@ def test_without_shadows_it_is_worse(photographs, found):
 def test_places_are_asked_for(photographs):
     with pytest.raises(ValueError, match=r"give observations\.places"):
         factorize(photographs._replace(places=None), PAINT, SETTINGS, shape=STATUE)
+
+
+@pytest.mark.slow
+def test_light_of_many_degrees_is_followed_past_the_statue():
+    """Three bright spots, a known material: with more degrees the photographs are explained."""
+    samples, frame, places = drawn(2500)
+    spots = unit(np.array([[0.9, 0.5, 0.4], [-0.5, 0.6, 0.6], [0.0, -1.0, 0.5]]))
+    directions = fibonacci_sphere(6000)
+    light = 0.1 + 4 * np.exp(60 * (directions @ spots.T - 1)).sum(axis=1, keepdims=True)
+    nodes = LightNodes(directions, jnp.asarray(4 * np.pi / 6000 * light))
+    columns = integral_columns(PAINT, samples, nodes, visible(STATUE, places, directions))
+    exact = np.asarray(radiance(PAINT, columns))
+    noisy = NOISE.add(exact, np.random.default_rng(0))
+    seen = Observations(samples, noisy, frame, places)
+    known = Known((1 / 3,), Unknown(fixed=(0.16,)))
+    task = task_of(seen, PAINT, FactorSettings(most_sources=1, noise=NOISE), known, STATUE)
+    weights = 1 / np.asarray(NOISE.standard_deviation(task.radiance))
+    state = relit(task, begin(task)._replace(weights=weights))
+    farther = followed_farther(task, state, STATUE)
+    assert farther is not None
+    assert farther[0].band_limit == 24
+    assert round_of(task, state).relative_rms > 1.5 * NOISE.relative
+    assert round_of(*farther).relative_rms < 1.1 * NOISE.relative
