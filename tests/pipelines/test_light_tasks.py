@@ -7,6 +7,7 @@
 - A diffuse ball's sources are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
   slow part with the coefficients that were found.
+- A source's texels have their middle where it stands.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
 """
@@ -29,6 +30,7 @@ from jaxrender.io import read_environment, read_image, write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.light import light_images
+from jaxrender.pipelines.light.images import texels_of
 from jaxrender.pipelines.render import Scene, render_config
 from jaxrender.pipelines.summary import summary_of
 
@@ -200,6 +202,23 @@ def test_the_image_of_a_dark_sky_is_no_brighter_than_the_light_found():
     assert image.min() >= 0
     off = np.asarray(analyse(LatLongGrid(*image.shape[:2]), jnp.asarray(image), 3)) - slow
     assert np.max(np.abs(off) / error) < 1.5
+
+
+def test_the_middle_of_a_sources_texels_is_where_it_stands():
+    rng = np.random.default_rng(0)
+    drawn = rng.normal(size=(200, 3)) * [1, 1, 0.6]
+    poles = np.array([[0, 0, 1.0], [0, 0, -1], [1e-3, 0, 1], [1.0, -1e-6, 0]])
+    sources = DirectionalSources(np.concatenate([drawn, poles]), np.ones((204, 3)))
+    grid = LatLongGrid(64, 128)
+    rows, columns, shares = texels_of(sources, grid)
+    np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-12)
+    assert shares.min() >= 0
+    middle = np.einsum("ks,ksi->si", shares, grid.directions()[rows, columns])
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    away = np.linalg.norm(middle - np.asarray(sources.directions), axis=1)
+    # A texel is 2.8 degrees wide.
+    assert np.all(away[np.abs(middle[:, 2]) < 0.8] < np.radians(0.05))
+    assert np.all(away < np.radians(1.5))
 
 
 def test_predictions_look_like_the_photographs(factorized, capture):
