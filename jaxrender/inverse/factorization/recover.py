@@ -47,6 +47,8 @@ _SKETCHED = 0.05
 # So many rows of three neighbouring pixels tell the noise.  The light is a sum of few degrees and
 # sources: less of the radiance than this it may leave without being wrong.
 _ROWS, _LEAST_MISFIT = 1000, 0.01
+# Where more of chi-squared than this is no noise, slow light is tried to more degrees.
+_WORTH_FOLLOWING = 0.1
 
 
 class Factorization(NamedTuple):
@@ -112,7 +114,7 @@ def factorize(
     with stage("refine"), one_blas_thread():
         state = settle(task, state, watch)
     found = _told(task, state, gauge, pool, shape, stage)
-    if found.misfit is None or not found.misfit.found:
+    if found.misfit is None or found.misfit.share < _WORTH_FOLLOWING:
         return found
     with stage("refine"), one_blas_thread():
         farther = followed_farther(task, state, hiding)
