@@ -24,9 +24,8 @@ from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
 from jaxrender.shapes import Float, checked
 
-# Rows of the grid on which radiance is kept positive: for each degree of the light, so many of them
-# at least, and so many beyond which three for each degree are enough.
-_ROWS_PER_DEGREE, _FEWEST_ROWS, _MANY_ROWS = 5, 16, 60
+# Rows of the grid on which radiance is kept positive, for each degree of the light.
+_ROWS_PER_DEGREE, _FEWEST_ROWS = 5, 16
 # The error of every coefficient in parts of the mean light where none is stated.
 _ALIKE = 0.01
 _MOST_STEPS, _SHORTEST = 40, 1e-6
@@ -67,7 +66,8 @@ def positive_light(
     directions = np.asarray(sources.directions, float)
     energies = np.asarray(sources.irradiance, float)
     towards = np.asarray(real_basis(directions, band_limit_of(len(coefficients))))
-    texels, count = _texels(coefficients), len(directions)
+    # The coefficients are known so well that those of another grid would be out by many errors.
+    texels, count = _texels(coefficients, rows), len(directions)
     nodes = _Nodes(
         np.concatenate([texels.basis, towards]),
         np.concatenate([texels.weights, np.full(count, solid_angle)]),
@@ -99,10 +99,10 @@ class _Nodes(NamedTuple):
     radiance: Float[np.ndarray, "node channel"]
 
 
-def _texels(coefficients: Float[np.ndarray, "coefficient channel"]) -> _Nodes:
+def _texels(coefficients: Float[np.ndarray, "coefficient channel"], rows: int = 0) -> _Nodes:
+    """Lay out the texels of a grid, of as many rows as the light needs if nothing is said."""
     limit = band_limit_of(len(coefficients))
-    many = max(_MANY_ROWS, 3 * limit)
-    rows = max(_FEWEST_ROWS, min(_ROWS_PER_DEGREE * limit, many))
+    rows = rows or max(_FEWEST_ROWS, _ROWS_PER_DEGREE * limit)
     grid = LatLongGrid(rows, 2 * rows)
     basis = np.asarray(real_basis(grid.directions().reshape(-1, 3), limit))
     return _Nodes(basis, grid.weights().reshape(-1), basis @ coefficients)

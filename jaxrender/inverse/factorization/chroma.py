@@ -1,11 +1,11 @@
 """The colours of a recovered light tied together.
 
 Each channel of the light is found by itself.  Where the photographs tell little, its errors are its
-own, and the dark of a grey light is full of coloured specks.  Lights have much the same pattern in
-all channels.  So how far the pattern of one channel departs from another's is expected to be a
-small part tau of the pattern, which the coefficients themselves tell: it is their excess over the
-errors, in degrees 1 to 3.  Given that, what is most probable follows from the covariance of the
-light, by one linear system for all contrasts between channels.
+own, and the dark of a grey light is full of coloured specks.  Slow light has much the same pattern
+in all channels.  So how far the pattern of one channel departs from another's is expected to be a
+part tau of the pattern.  Degrees 1 to 3, which are known best, tell tau; their errors are left in
+it, so that it is too large rather than too small.  Given that, what is most probable follows from
+the covariance of the light, by one linear system for all contrasts between channels.
 """
 
 import numpy as np
@@ -25,9 +25,10 @@ _LEAST = 0.02
 def tied(scene: RecoveredScene) -> RecoveredScene:
     """Find the most probable light whose channels have much the same pattern.
 
-    A light of one channel, or with one that is dark, stays as it is.
+    A light of one channel, or with one that is dark, stays as it is.  So does one that would leave
+    what is known of slow light and sources together.
     """
-    slow, level = scene.slow, scene.total[0]
+    slow, level = scene.slow, scene.slow[0]
     count, channels = slow.shape
     if channels < 2 or count < 2 or np.any(level <= 0):
         return scene
@@ -37,7 +38,7 @@ def tied(scene: RecoveredScene) -> RecoveredScene:
     seen = scene.covariance[:, 1:count, 1:count]
     variance = np.einsum("jc,ic,ckm->jkim", contrasts, contrasts, seen)
     size = found.size
-    expected = _expected(slow / level, found, np.einsum("jkjk->jk", variance))
+    expected = _expected(slow / level, found)
     curvature = variance.reshape(size, size) + np.diag(np.tile(expected, channels - 1))
     factor = scipy.linalg.cho_factor(curvature, lower=True)
     across = np.einsum("jc,cpk->cpjk", contrasts, scene.covariance[:, :, 1:count])
@@ -51,13 +52,15 @@ def tied(scene: RecoveredScene) -> RecoveredScene:
         ]
     )
     sources = DirectionalSources(np.asarray(scene.sources.directions), light[count:])
-    return scene._replace(slow=light[:count], sources=sources, covariance=covariance)
+    trial = scene._replace(slow=light[:count], sources=sources, covariance=covariance)
+    moved = (trial.total - scene.total) / scene.total_error
+    kept = np.sqrt(np.mean(moved**2)) < 1 and np.all(light[count:] >= 0)
+    return trial if kept else scene
 
 
 def _expected(
     patterns: Float[np.ndarray, "coefficient channel"],
     contrasts: Float[np.ndarray, "contrast other"],
-    variance: Float[np.ndarray, "contrast other"],
 ) -> Float[np.ndarray, "other"]:
     """Compute the variance that is expected of every contrast: tau^2 times the pattern's power.
 
@@ -65,9 +68,8 @@ def _expected(
     """
     degree = degrees(band_limit_of(len(patterns)))
     power = np.bincount(degree, np.mean(patterns, axis=1) ** 2) / np.bincount(degree)
-    telling = (degree[1:] <= _TELLING)[None, :]
-    excess = np.mean((contrasts**2 - variance)[np.broadcast_to(telling, contrasts.shape)])
-    share = max(excess / np.mean(power[degree[1:]][telling[0]]), _LEAST**2)
+    telling = degree[1:] <= _TELLING
+    share = np.mean(contrasts[:, telling] ** 2) / np.mean(power[degree[1:]][telling])
     # A degree without any power leaves its contrasts free in the last digits alone.
     floor = np.finfo(float).eps * power.max()
-    return share * np.maximum(power, floor)[degree[1:]]
+    return max(share, _LEAST**2) * np.maximum(power, floor)[degree[1:]]
