@@ -2,6 +2,7 @@
 
 - Light with bright spots, of more degrees than the rounds follow: it is followed as far as the lobe
   shows it, and then the photographs are explained to their noise.
+- A recovery does so by itself where neighbouring pixels show that it leaves more than noise.
 - Light of few degrees is not followed farther; nor is a degree that was stated, light seen by few
   samples, a lobe that shows no more, or a material without a frequency view.
 """
@@ -13,8 +14,8 @@ from inverse_problems import ball_samples, photograph, unit
 
 from jaxrender.brdf import Microfacet, Parametric, brdf_named
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations
-from jaxrender.inverse.factorization import FIRST_DEGREE, FactorSettings, Known
+from jaxrender.inverse import Observations, Outcome
+from jaxrender.inverse.factorization import FIRST_DEGREE, FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.rounds import relit
 from jaxrender.inverse.factorization.state import State, Task, begin, round_of
@@ -68,6 +69,28 @@ def test_light_of_many_degrees_is_followed_as_far_as_the_lobe_shows_it():
     assert before.relative_rms > 1.7 * NOISE.relative
     assert after.relative_rms < 1.1 * NOISE.relative
     assert after.band_limit == 27
+
+
+def neighbours() -> Observations:
+    """Rows of three pixels that see the same, each with noise of its own."""
+    samples, frame = ball_samples(600, 0.4, seed=1)
+    exact = photograph(PAINT, samples, frame, spotted, None).take(np.repeat(np.arange(600), 3))
+    noisy = NOISE.add(np.asarray(exact.radiance), np.random.default_rng(0))
+    pixel = np.stack([np.repeat(np.arange(600), 3), np.tile(np.arange(3), 600)], axis=1)
+    return exact._replace(radiance=noisy, pixel=pixel)
+
+
+def test_a_misfit_makes_the_recovery_follow_it():
+    pool = neighbours()
+    share = tuple(PAINT.ks / (PAINT.kd + PAINT.ks))
+    known = Known(share, Unknown(fixed=(0.15,)), Unknown(fixed=(1.45,)))
+    settings = FactorSettings(most_sources=1)
+    found = factorize(pool, PAINT, settings, known, pool=pool)
+    assert [one.band_limit for one in found.rounds[-2:]] == [FIRST_DEGREE, 20]
+    assert found.outcome is Outcome.CONVERGED
+    kept = factorize(pool, PAINT, settings._replace(band_limit=FIRST_DEGREE), known, pool=pool)
+    assert kept.outcome is Outcome.MISFIT
+    assert found.misfit.share < 0.1 < kept.misfit.share
 
 
 def test_light_of_few_degrees_is_not_followed_farther():

@@ -7,12 +7,14 @@
 - A diffuse ball's sources are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
   slow part with the coefficients that were found.
-- A source's texels have their middle where it stands.
+- A source's texels have their middle where it stands; it is rendered as it stands beside the
+  picture.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
 """
 
 import json
+import shutil
 from unittest import mock
 
 import h5netcdf
@@ -165,6 +167,12 @@ def test_results_have_the_keys_of_the_contract(factorized):
     lighting = result["lighting"]
     assert len(lighting["coefficients"]) == len(lighting["coefficients_total"]) == 16
     assert lighting["band_limit"] == 3
+    assert lighting["clusters"] == []
+    assert {one["cluster"] for one in lighting["directional"]} == {None}
+    deviation = np.asarray(read_environment(folder / lighting["deviation"]).radiance)
+    # The mean square over the sphere is that of the coefficients, before channels are tied.
+    stated = np.sqrt(np.sum(np.square(lighting["coefficients_error"])) / (12 * np.pi))
+    assert 0.3 * stated < np.sqrt(np.mean(deviation**2)) < 1.1 * stated
     assert result["path"][0]["sources"] == 0
     assert result["path"][-1]["sources"] == len(lighting["directional"])
     with h5netcdf.File(folder / "result.nc") as file:
@@ -243,6 +251,23 @@ def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path
     photograph = read_image(capture / "images" / "0.exr").pixels[..., :3]
     inside = photograph.sum(axis=-1) > 0.2 * photograph.sum(axis=-1).max()
     assert np.median(np.abs(image.pixels[..., :3][inside] / photograph[inside] - 1)) < 0.02
+
+
+def test_sources_are_rendered_as_they_stand_beside_the_picture(factorized, tmp_path):
+    """Twice the irradiance beside the picture of slow light makes highlights twice as bright."""
+    folder, result = factorized
+    changed = tmp_path / "changed"
+    shutil.copytree(folder, changed)
+    for one in result["lighting"]["directional"]:
+        np.testing.assert_allclose(one["irradiance_shown"], one["irradiance"], rtol=0.02)
+    edited = json.loads((changed / "result.json").read_text())
+    for one in edited["lighting"]["directional"]:
+        one["irradiance_shown"] = [2 * value for value in one["irradiance_shown"]]
+    (changed / "result.json").write_text(json.dumps(edited))
+    usual = render_config(folder, tmp_path / "usual")
+    brighter = render_config(changed, tmp_path / "brighter")
+    before, after = (read_image(next(out.glob("**/0*.exr"))).pixels for out in (usual, brighter))
+    assert after.max() > 1.5 * before.max()
 
 
 def test_relighting_by_another_environment(factorized, tmp_path):
