@@ -9,9 +9,9 @@ where x_0 is the sum and e_lm are the standard errors of its coefficients c_lm. 
 positive part of another sum of the same degrees: its coefficients are those of the dual problem,
 which is smooth, convex, and small enough for Newton's method.
 
-Where sources were found beside slow light, the coefficients of both together are known best: slow
-light that is negative where a source stands makes up for too much of it.  So a source is one more
-texel of x, as large as the patch in which nobody could tell it from slow light.
+Where sources were found beside slow light, the coefficients of both together are known best.  If a
+source is too bright, slow light is negative around it.  So a source is one more texel of x, as
+large as the patch in which nobody could tell it from slow light.
 """
 
 from typing import NamedTuple

@@ -60,6 +60,12 @@ def _summary_of_light(light: dict[str, Any]) -> list[str]:
     ]
     if len(sources) > _SOURCES_SHOWN:
         lines.append(f"  and {len(sources) - _SOURCES_SHOWN} weaker ones")
+    lines += [
+        f"  {len(one['members'])} of them are a cluster, {one['width_degrees']:.2g} degrees wide: "
+        f"from {_shown(one['direction'])}, irradiance {_shown(one['irradiance'])} in all; "
+        "each of them is hardly known"
+        for one in light.get("clusters", [])
+    ]
     if "sentence" in light:
         lines.append(light["sentence"])
     return [*lines, f"gauge: {light['gauge']}"]

@@ -184,6 +184,20 @@ def test_results_have_the_keys_of_the_contract(factorized):
     assert ">albedo " not in page
 
 
+def test_the_summary_says_where_a_cluster_is(factorized):
+    _, result = factorized
+    assert "cluster" not in summary_of(result)
+    one = {
+        "members": [0, 2, 3],
+        "direction": [0, 0.6, 0.8],
+        "width_degrees": 2.81,
+        "irradiance": [1, 0.9, 0.8],
+    }
+    lighting = result["lighting"] | {"clusters": [one]}
+    said = "3 of them are a cluster, 2.8 degrees wide: from 0 0.6 0.8, irradiance 1 0.9 0.8 in all"
+    assert said in summary_of(result | {"lighting": lighting})
+
+
 def test_the_light_is_written_with_its_energy(factorized):
     folder, result = factorized
     nodes = read_environment(folder / "lighting.exr").nodes()

@@ -3,7 +3,8 @@
 The rounds follow slow light to a low degree, and sources carry what is finer.  A room of wide
 windows has no sources: their edges have all degrees, and a view that grazes passes more of them
 than the lobe does at normal exitance.  So where the photographs hold more than the model, slow
-light is followed farther, if it then predicts more than the noise of its coefficients spoils.
+light is followed farther.  Akaike's criterion says whether more degrees predict other photographs
+better, or only follow the noise.
 """
 
 import numpy as np

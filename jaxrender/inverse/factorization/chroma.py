@@ -2,10 +2,10 @@
 
 Each channel of the light is found by itself.  Where the photographs tell little, its errors are its
 own, and the dark of a grey light is full of coloured specks.  Slow light has much the same pattern
-in all channels.  So how far the pattern of one channel departs from another's is expected to be a
-part tau of the pattern.  Degrees 1 to 3, which are known best, tell tau; their errors are left in
-it, so that it is too large rather than too small.  Given that, what is most probable follows from
-the covariance of the light, by one linear system for all contrasts between channels.
+in all channels.  So the patterns of two channels are expected to differ by a part tau of them.
+Degrees 1 to 3, which are known best, tell tau.  Their errors are not taken off, so that tau is too
+large rather than too small.  The most probable light then follows from its covariance, by one
+linear system for all contrasts between channels.
 """
 
 import numpy as np

@@ -121,7 +121,8 @@ def factorize(
         if farther is None:
             return found
         finer, state = farther[0], settle(*farther, watch)
-    return _told(finer, state, gauge, pool, shape, stage)
+    again = _told(finer, state, gauge, pool, shape, stage)
+    return again if again.relative_rms < found.relative_rms else found
 
 
 def _told(
@@ -226,7 +227,7 @@ def _judge(
     if clipped is not None:
         reasons.append(clipped)
     if misfit is not None and misfit.found:
-        reasons.append(misfit.sentence())
+        reasons.append(f"{misfit.sentence()}; the intervals contain it only in part")
     if residual > _SKETCHED:
         reasons.append(
             f"the light found leaves {100 * residual:.1f} % of the photographs unexplained: allow "

@@ -1,8 +1,9 @@
 """Sources that lie closer together than the lobe is wide: a cluster, and what is known of it.
 
 A few lamps within the width of the lobe look like any other few of the same sum, centre and spread.
-How many there are, and where each of them is, the photographs hardly tell.  So the errors of single
-sources, which take their number for granted, are too small there.  Those of the cluster hold.
+The photographs hardly tell how many there are, and where each of them is.  The errors of single
+sources assume that their number is right, so that they are too small there.  Those of the cluster
+hold.
 """
 
 from typing import NamedTuple

@@ -52,7 +52,7 @@ class SolveConfig(Section):
     """Settings of the solver."""
 
     band_limit: Literal["auto"] | WholeNumber = "auto"
-    """Highest degree of the light that is kept.  auto goes by what the photographs show."""
+    """Highest degree of the light that is kept.  auto chooses it by the photographs."""
     model: Literal["dual", "azimuthal", "shrm"] = "dual"
     """The frequency model of slow light.  dual takes the lobe's mean about R.  azimuthal keeps the
     azimuth about R, for grazing pixels.  shrm does as a reflection map does."""

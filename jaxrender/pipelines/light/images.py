@@ -31,9 +31,9 @@ class LightImages(NamedTuple):
 def light_images(scene: RecoveredScene, sigma: float) -> LightImages:
     """Draw the light; in the whole of it each source is a few texels of the same energy.
 
-    A sum of few degrees falls below zero where the light is dark, and where a source of too much
-    energy makes up for it.  The light shown does not, and has the coefficients that were recovered.
-    Its channels are tied together.  ``sigma`` is the width of the lobe that showed the light.
+    A sum of few degrees falls below zero where the light is dark, and around a source that is too
+    bright.  The light shown does not, and has the coefficients that were recovered.  Its channels
+    are tied together.  ``sigma`` is the width of the lobe that showed the light.
     """
     scene = tied(scene)
     grid = LatLongGrid(_ROWS, 2 * _ROWS)
