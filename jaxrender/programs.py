@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -41,9 +41,15 @@ _LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "jaxopt", "num
 _NO_MATTER = ("cache", "log", "dump", "traceback")
 _PLAIN = (type(None), bool, int, float, complex, str, bytes)
 
-# XLA's older emitters of loops compile in half the time.  What they make is as fast or faster for
-# some functions, rows of three channels above all, and up to 1.4 times as slow for others.
-_OLDER_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
+Effort = Literal["full", "less", "least"]
+# XLA's older emitters of loops and LLVM's first level compile in half the time.  What they make is
+# as fast or faster for some functions, rows of three channels above all, and up to 1.4 times as
+# slow for others.  Level 0 halves the time once more; what it makes runs 2 to 6 times as long.
+_OPTIONS: dict[Effort, dict[str, bool | int]] = {
+    "full": {},
+    "less": {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1},
+    "least": {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 0},
+}
 
 _logger = logging.getLogger(__name__)
 # Asked for where no transformation can be under way: in a thread that does nothing else.
@@ -61,7 +67,7 @@ def keep_in(folder: Path | None) -> None:
     _folder = folder
 
 
-def stored(compile_with: Callable[..., Callable] = eqx.filter_jit, *, older_emitters: bool = False):
+def stored(compile_with: Callable[..., Callable] = eqx.filter_jit, *, effort: Effort = "full"):
     """Compile a function by ``jax.jit`` or ``equinox.filter_jit``, and keep its traced program.
 
     What it computes is the same to the last bit.  Inside another transformation, and where no
@@ -69,10 +75,10 @@ def stored(compile_with: Callable[..., Callable] = eqx.filter_jit, *, older_emit
     a module or class of this package, whose source is part of the name under which the program is
     kept.  It must see nothing but its arguments and what never changes.
 
-    ``older_emitters`` halves the time to compile; for functions that were measured to run no slower
-    by them.
+    ``effort`` is the compiler's: with ``"less"`` it takes half the time, for functions that were
+    measured to run as fast; with ``"least"`` a quarter, for those that run but a moment.
     """
-    options = {"compiler_options": _OLDER_EMITTERS} if older_emitters else {}
+    options = {"compiler_options": _OPTIONS[effort]} if effort != "full" else {}
 
     def decorate(function: _Function) -> _Function:
         # Inside another function it is compiled with that one, which has options of its own.

@@ -92,7 +92,7 @@ def test_without_a_folder_it_is_jit(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@stored(jax.jit, older_emitters=True)
+@stored(jax.jit, effort="less")
 def doubled(x):
     return 2 * x
 

@@ -29,7 +29,7 @@ from jaxrender.shapes import AnyArray, Array, Coefficients, Directions, Float, c
 _POINTS_PER_CHUNK = 256
 
 
-@stored(partial(jax.jit, static_argnums=1))
+@stored(partial(jax.jit, static_argnums=1), effort="less")
 @checked
 def real_basis(directions: Directions, band_limit: int) -> Float[Array, "*batch coefficient"]:
     """Return Y_lm of every direction, flat index l(l+1)+m, for degrees 0 to F.

@@ -125,7 +125,7 @@ def _synthesise_directly(grid: Grid, coefficients: Array) -> Array:
     return evaluate(coefficients, directions).reshape(*grid.shape, -1)
 
 
-@stored(partial(jax.jit, static_argnums=(0, 1)))
+@stored(partial(jax.jit, static_argnums=(0, 1)), effort="less")
 def _analyse(grid: SeparableGrid, band_limit: int, image: Array) -> Array:
     if band_limit <= _HIGHEST_DEGREE_IN_ONE_PASS:
         return _analyse_in_one_pass(grid, band_limit, image)
@@ -177,7 +177,7 @@ def _waves_of_functions(band_limit: int) -> Float[np.ndarray, "coefficient wave"
     return np.linalg.solve(_polar_waves(polar, band_limit).T, functions.T).T
 
 
-@stored(partial(jax.jit, static_argnums=(0, 1)))
+@stored(partial(jax.jit, static_argnums=(0, 1)), effort="less")
 def _synthesise(grid: SeparableGrid, band_limit: int, coefficients: Array) -> Array:
     channels = coefficients.shape[-1]
     packed = jnp.zeros((_packed_size(band_limit), channels), coefficients.dtype)

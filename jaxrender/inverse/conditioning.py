@@ -118,7 +118,7 @@ def _slopes_of_logarithm(
     return jax.grad(lambda x: jnp.log(problem.unknowns.unpack(x).numbers[name]))(point)
 
 
-@stored()
+@stored(effort="least")
 def _information(
     problem: Problem,
     model: LinearisedModel,

@@ -252,7 +252,7 @@ def condensed_residuals(
     return residuals(point, Objective(problem, *condense(near, data)))
 
 
-@stored(jax.jit, older_emitters=True)
+@stored(jax.jit, effort="least")
 def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]:
     """Let a few samples stand for all: their inner products are the sums over all.
 
@@ -277,7 +277,7 @@ def condense(model: LinearisedModel, data: Data) -> tuple[LinearisedModel, Data]
     return few, Data(radiance, weights, frame)
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def cost_at(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> Float[Array, ""]:

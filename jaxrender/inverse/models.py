@@ -260,7 +260,7 @@ def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array
     return lobe, variant.shape.width_of(width) if each else None
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> LinearisedModel:
     names = list(numbers)
     several = len(names) > 1 and not any(jnp.ndim(value) for value in numbers.values())

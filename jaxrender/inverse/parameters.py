@@ -75,7 +75,7 @@ def to_parameters(
     return Parameters(by_name, physical.numbers, physical.gains, scale)
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def slopes_of_parameters(
     problem: Problem, point: Float[Array, "unknown"], eliminated: Float[Array, "linear"]
 ) -> Float[Array, "parameter all"]:
@@ -89,7 +89,7 @@ def slopes_of_parameters(
     return jax.jacfwd(parameters)(jnp.concatenate([point, eliminated]))
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def weighted_jacobian(
     problem: Problem,
     model: LinearisedModel,

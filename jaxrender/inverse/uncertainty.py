@@ -193,7 +193,7 @@ class Propagated(NamedTuple):
     influence: Float[Array, "sample parameter"]
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def _propagate(
     problem: Problem,
     model: LinearisedModel,

@@ -158,7 +158,7 @@ def _envelope(
     return envelope
 
 
-@stored(partial(jax.jit, static_argnums=0), older_emitters=True)
+@stored(partial(jax.jit, static_argnums=0), effort="less")
 def _low_pass(
     grid: LatLongGrid, light: Float[AnyArray, "row column"], transfer: Float[AnyArray, " degree"]
 ) -> Float[Array, "row column"]:

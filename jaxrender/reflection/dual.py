@@ -271,7 +271,7 @@ def sources_needed(
     return SourcesNeeded(needed, float(errors[needed]), float(errors[0]))
 
 
-@stored()
+@stored(effort="less")
 def _errors_by_count(
     brdf: Glossy,
     samples: SurfaceSamples,

@@ -23,7 +23,7 @@ from jaxrender.shapes import AnyArray, Array, Float, checked
 from jaxrender.spectra import azimuthal_transfer_of_samples
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 @checked
 def reflect_slow_light(
     brdf: Glossy, samples: SurfaceSamples, slow: Float[AnyArray, "coefficient channel"]
@@ -35,7 +35,7 @@ def reflect_slow_light(
     return reflect_about_mirror(slow, terms, samples.world_from_mirror)
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 @checked
 def slow_light_columns(
     brdf: Glossy, samples: SurfaceSamples, band_limit: int

@@ -195,7 +195,7 @@ class _Columns(NamedTuple):
     specular: Float[Array, "mu_knot sigma_knot sample channel"]
 
 
-@stored(partial(jax.jit, static_argnames="transfer"), older_emitters=True)
+@stored(partial(jax.jit, static_argnames="transfer"), effort="less")
 def _tabulate_slow(
     variant: Glossy,
     samples: SurfaceSamples,
@@ -229,7 +229,7 @@ def _tabulate_slow(
     return _Columns(diffuse, jax.lax.map(row, knots.mus))
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def _tabulate_fast(
     variant: Glossy,
     samples: SurfaceSamples,

@@ -58,7 +58,7 @@ def _filled_up(nodes: LightNodes) -> LightNodes:
     return LightNodes(jnp.asarray(directions), jnp.asarray(irradiance))
 
 
-@stored(partial(jax.jit, static_argnames="band_limit"))
+@stored(partial(jax.jit, static_argnames="band_limit"), effort="less")
 def _sum_of_basis(
     directions: Float[AnyArray, "source 3"],
     irradiance: Float[AnyArray, "source channel"],

@@ -105,7 +105,7 @@ TRANSFERS = {
 }
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 @checked
 def transfer_of_samples(
     brdf: Glossy,

@@ -72,7 +72,7 @@ def turning_of(
     )
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def _turning(
     brdf: Parametric,
     samples: SurfaceSamples,
@@ -95,7 +95,7 @@ def _turning(
     return along(*steps)
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def lobes_under(
     brdf: Parametric,
     samples: SurfaceSamples,

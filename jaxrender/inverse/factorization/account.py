@@ -197,7 +197,7 @@ def _in_gauge(
     return intervals(value, errors, origins, spread[:size, :size]), of_light
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def _carried(
     unknown: Float[AnyArray, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]
 ) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:

@@ -70,7 +70,7 @@ def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sampl
     return np.asarray(exact) - np.asarray(_by_degree(response, guess))
 
 
-@stored(jax.jit)
+@stored(jax.jit, effort="less")
 def _by_degree(response: MirrorResponse, guess: Guess) -> Float[Array, "sample coefficient"]:
     """Evaluate the dual model."""
     return response.slow_columns(response.passed(guess))

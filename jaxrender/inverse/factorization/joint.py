@@ -95,7 +95,7 @@ def unknown_count(guess: Guess) -> int:
     return guess.specular_logit.shape[0] + 2 + 2 * guess.directions.shape[0]
 
 
-@stored(jax.jit)
+@stored(jax.jit, effort="least")
 def _damped(
     curvature: Float[Array, "unknown unknown"],
     slope: Float[Array, "unknown"],
@@ -117,7 +117,7 @@ def _damped(
     return jnp.clip(step, -_LONGEST, _LONGEST), expected
 
 
-@stored(partial(jax.jit, static_argnames="bounds"))
+@stored(partial(jax.jit, static_argnames="bounds"), effort="least")
 def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess:
     channels, sources = guess.specular_logit.shape[0], guess.directions.shape[0]
     logit, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])

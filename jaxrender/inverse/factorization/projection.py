@@ -97,7 +97,7 @@ def reduced_system(
     return _reduced(response, guess, measured, lobe, at_once)
 
 
-@stored(partial(jax.jit, static_argnames="at_once"))
+@stored(partial(jax.jit, static_argnames="at_once"), effort="less")
 def _reduced(
     response: Response, guess: Guess, measured: Measured, lobe: Lobe, at_once: int
 ) -> System:
@@ -149,7 +149,7 @@ def scatter(
     return _scatter(response, guess, measured, lobe_slopes(response, guess), drawn, system, groups)
 
 
-@stored(partial(jax.jit, static_argnames="groups"))
+@stored(partial(jax.jit, static_argnames="groups"), effort="less")
 def _scatter(
     response: Response,
     guess: Guess,

@@ -71,7 +71,7 @@ def pursue(
     return _pursue(response, guess, measured, lobe.passed, solved, towards, count, seen)
 
 
-@stored(partial(jax.jit, static_argnames="count"), older_emitters=True)
+@stored(partial(jax.jit, static_argnames="count"), effort="less")
 def _pursue(
     response: Response,
     guess: Guess,

@@ -32,7 +32,7 @@ def tangent_frames(directions: Float[Array, "source 3"]) -> Float[Array, "source
     return jax.vmap(world_from_local)(directions)[:, :, :2]
 
 
-@stored(jax.jit)
+@stored(jax.jit, effort="less")
 def lobe_slopes(response: Response, guess: Guess) -> Lobe:
     """Evaluate what the lobe passes on and differentiate it by log sigma and log(mu - 1).
 

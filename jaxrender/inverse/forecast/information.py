@@ -152,7 +152,7 @@ def _of_priors(problem: Problem, vector: Float[Array, "unknown"]) -> Float[np.nd
     return np.asarray(problem.priors.information(problem.unknowns, vector))
 
 
-@stored()
+@stored(effort="least")
 def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
     """Evaluate amplitudes and parameters at a point, each with its derivatives."""
     known = problem.unknowns

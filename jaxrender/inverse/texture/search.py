@@ -139,7 +139,7 @@ def first_phase(
     return fit
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def free_textures(
     unknowns: Unknowns | VaryingSigma,
     model: Model,
@@ -153,7 +153,7 @@ def free_textures(
     return FreeTextures(free.material, free.precision, predicted(free.material, columns, data))
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def lobe_information(
     problem: TextureProblem, model: Model, data: SiteData, point: Float[Array, "unknown"]
 ) -> Float[Array, "unknown unknown"]:
@@ -163,7 +163,7 @@ def lobe_information(
         return jacobian.T @ jacobian
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def _search(
     problem: TextureProblem,
     model: Model,

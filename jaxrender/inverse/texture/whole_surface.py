@@ -72,7 +72,7 @@ class Lobe(NamedTuple):
         return sigma, mu if "mu" in self.unknowns else float("nan")
 
 
-@stored()
+@stored(effort="less")
 def _values(
     unknowns: Unknowns, field: SigmaField | None, point: Float[AnyArray, "unknown"]
 ) -> tuple[Float[Array, "2"], Float[Array, "2 unknown"]]:
@@ -214,7 +214,7 @@ def _relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site
     return np.where(seen, relative, np.inf)
 
 
-@stored()
+@stored(effort="less")
 def _solve(
     near: LinearisedModel,
     data: SiteData,

@@ -88,7 +88,7 @@ def _columns(
     return np.asarray(_integrate(with_arrays(brdf), samples, nodes), float)
 
 
-@stored(older_emitters=True)
+@stored(effort="less")
 def _integrate(brdf: Parametric, samples: SurfaceSamples, nodes: LightNodes):
     return integral_columns(brdf, samples, nodes)
 

@@ -131,7 +131,7 @@ def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
     return _Transfer(dict(zip(names, np.asarray(curves, float))), np.asarray(twin, float)[0])
 
 
-@stored(older_emitters=True)
+@stored(effort="least")
 def _both_transfers(brdf: Glossy, cosines: Float[AnyArray, "bin"], band_limit: int):
     return tuple(
         transfer(brdf, cosines, band_limit)
