@@ -9,7 +9,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.calibration import Calibrated
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
-from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.diagnosis import Diagnosis, reaching
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
@@ -29,8 +29,6 @@ from jaxrender.inverse.weights import variance_factor
 
 # Photographs and a prior that differ by so many standard deviations contradict each other.
 _MOST_OFF = 4.0
-# Causes that explain this part of what the best does may be the right one as well.
-_AS_GOOD = 0.5
 
 
 class Account(NamedTuple):
@@ -43,16 +41,8 @@ class Account(NamedTuple):
     notes: tuple[str, ...] = ()
 
     def with_misfit(self, misfit: Misfit | None, diagnosis: tuple[Diagnosis, ...]) -> "Account":
-        """Let the error bars reach as far as the parameters would move by the best explanations.
-
-        What is wrong in the same way everywhere no clusters of samples show.
-        """
-        parameters = self.parameters
-        most = max((one.explains for one in diagnosis), default=0.0)
-        shifts = [one.shift for one in diagnosis if one.explains >= _AS_GOOD * most]
-        if shifts and parameters.covariance is not None:
-            moved = sum(np.outer(shift, shift) for shift in shifts)
-            parameters = parameters.with_covariance(parameters.covariance + moved)
+        """Let the error bars reach as far as the parameters would move by the best explanations."""
+        parameters = reaching(self.parameters, diagnosis)
         return self._replace(parameters=parameters, misfit=misfit, diagnosis=diagnosis)
 
     def with_calibration(self, calibrated: Calibrated) -> "Account":
@@ -77,10 +67,7 @@ class Account(NamedTuple):
         found = []
         if self.misfit is not None and self.misfit.found:
             found.append(self.misfit.sentence())
-        for best in self.diagnosis[:1]:
-            part = f"{100 * best.explains:.0f} % of what the model leaves above the noise"
-            found.append(f"{best.sentence}: that would explain {part} ({best.cause})")
-        return tuple(found)
+        return (*found, *(best.reason for best in self.diagnosis[:1]))
 
 
 def account_for(

@@ -139,7 +139,7 @@ def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Exam
     diagnosis: tuple[Diagnosis, ...] = ()
     if misfit is not None and task.settings.diagnose:
         with task.stage("diagnosis"):
-            suspect = Suspect(
+            suspect = Suspect.of(
                 stop,
                 task.material(stop),
                 light,

@@ -8,7 +8,6 @@ from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison
-from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.own_words import OwnWords
@@ -21,12 +20,12 @@ from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.calibration import by_photograph, calibration_of
 from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
-from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.result import Result, causes_of
 from jaxrender.pipelines.shadows import interreflection, sentence_on
 from jaxrender.spectra import light_coefficients
 
 # Keys of a config that make up for a cause.
-_FREE = {
+_KEYS = {name: f"solve.free: [{name}]" for name in NUISANCES} | {
     "saturation": "capture.saturation",
     "convention": "lighting.environment.convention",
     "lobe": "brdf.compare",
@@ -86,7 +85,7 @@ def _own(finding: Finding) -> dict[str, Any]:
     exact = fit.parameters.if_exact or fit.parameters
     own: dict[str, Any] = {
         "interval90_if_exact": words.intervals(exact.lower, exact.upper),
-        "diagnosis": [_named(diagnosis) for diagnosis in fit.diagnosis],
+        "diagnosis": causes_of(fit.diagnosis, _KEYS),
         "model_sensitive": model_sensitive(fit, finding.variants),
         "variants": [_variant(finding, variant) for variant in finding.variants],
     }
@@ -145,22 +144,6 @@ def _forecast(finding: Finding, forecast: MaterialForecast) -> dict[str, Any]:
         "weakest": forecast.weakest.tolist(),
         "sentences": list(forecast.sentences),
     }
-
-
-def _named(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Lay out one cause, with the key that makes up for it where there is one."""
-    return {
-        "cause": diagnosis.cause,
-        "sentence": diagnosis.sentence,
-        "explains": diagnosis.explains,
-        "bic": diagnosis.bic,
-        "free": _key_of(diagnosis.cause),
-    }
-
-
-def _key_of(cause: str) -> str | None:
-    """Find the key of a config that makes up for a cause."""
-    return f"solve.free: [{cause}]" if cause in NUISANCES else _FREE.get(cause)
 
 
 def _variant(finding: Finding, variant: Variant) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +24,7 @@ from jaxrender import __version__
 from jaxrender.errors import InputError
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Outcome
+from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io.netcdf import Format
@@ -88,6 +89,20 @@ class Result(NamedTuple):
                 "seconds": seconds,
             }
         )
+
+
+def causes_of(diagnosis: tuple[Diagnosis, ...], keys: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Lay out what would explain a misfit, each with the key that makes up for it, or None."""
+    return [
+        {
+            "cause": one.cause,
+            "sentence": one.sentence,
+            "explains": one.explains,
+            "bic": one.bic,
+            "free": keys.get(one.cause),
+        }
+        for one in diagnosis
+    ]
 
 
 def _misfit(misfit: Misfit | None) -> dict[str, Any]:

@@ -10,99 +10,40 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from ball_problems import (
+    BRDF,
+    CLEAN,
+    ENERGY,
+    ENVIRONMENT,
+    KNOWN,
+    LAMP,
+    LIGHT,
+    PHOTOGRAPHS,
+    STEP,
+    cameras,
+    photographed,
+    seen,
+)
 from scipy.spatial.transform import Rotation
 
-from jaxrender.brdf import Microfacet
-from jaxrender.geometry import (
-    Pinhole,
-    Sphere,
-    SurfacePlaces,
-    SurfaceSamples,
-    look_at,
-    observe,
-    world_from_local,
-)
+from jaxrender.geometry import Sphere, SurfaceSamples, world_from_local
 from jaxrender.harmonics import evaluate
-from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf, unknowns_of
+from jaxrender.inverse import FitSettings, KnownLight, Outcome, fit_brdf, unknowns_of
 from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES
+from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.grounds import Grounds
+from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.diagnosis.scores import Leftover
-from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight
-from jaxrender.reflection import integral_columns, radiance
-
-SIZE, VIEWS, DISTANCE = 24, 6, 5.0
-# Masked, so that nothing jumps where texels set behind the horizon: differences mean something.
-BRDF = Microfacet(np.array([0.12, 0.17, 0.21]), np.full(3, 0.1), 0.25, 1.5, masking="smith")
-LAMP = np.array([[0.48, 0.6, 0.64]])
-ENERGY = np.array([[2.0, 1.8, 1.6]])
-
-STEP = 1e-4
-
-
-def smooth_light():
-    """Make coefficients of smooth light, bright enough to be positive."""
-    rng = np.random.default_rng(5)
-    light = 0.25 * rng.normal(size=(16, 3))
-    light[0] = 4.0
-    return light
-
-
-LIGHT = smooth_light()
-ENVIRONMENT = HarmonicLight(LIGHT).to_environment(48)
-
-
-def cameras(turn=0.0, axis=None):
-    found = []
-    for number in range(VIEWS):
-        azimuth = 2 * np.pi * number / VIEWS
-        height = (0.2, 0.6)[number % 2]
-        towards = np.array([np.cos(azimuth), np.sin(azimuth), height])
-        pose = look_at(
-            DISTANCE * towards / np.linalg.norm(towards), np.zeros(3), np.array([0.0, 0, 1])
-        )
-        if axis is not None and number == 0:
-            pose[:3, :3] = Rotation.from_rotvec(turn * np.asarray(axis)).as_matrix() @ pose[:3, :3]
-        found.append(Pinhole(SIZE, SIZE, pose, fl_x=2.2 * SIZE))
-    return found
-
-
-def seen(every=None, shape=None):
-    """List what cameras see of a ball, at those pixels that the clean ones see well."""
-    clean = [observe(camera, Sphere()) for camera in cameras()]
-    views = clean
-    if every is not None or shape is not None:
-        views = [observe(camera, shape or Sphere()) for camera in every or cameras()]
-    usable = [view.exit_cosines > 0.4 for view in clean]
-
-    def gathered(name):
-        return np.concatenate([getattr(v, name)[u] for v, u in zip(views, usable)])
-
-    samples = SurfaceSamples(gathered("normals"), gathered("outgoing"))
-    places = SurfacePlaces(gathered("points"), gathered("geometric_normals"))
-    frame = np.repeat(np.arange(VIEWS), [np.count_nonzero(u) for u in usable])
-    pixel = np.concatenate([np.argwhere(u) for u in usable])
-    eyes = np.stack([camera.position for camera in cameras()])
-    blank = np.zeros((len(frame), 3))
-    return Observations(samples, blank, frame, places, pixel=pixel, eyes=eyes)
-
-
-def photographed(observations, light=None, lamp=LAMP, energy=ENERGY, brdf=BRDF):
-    """Integrate over an environment, and over one lamp."""
-    samples = SurfaceSamples(*(jnp.asarray(part) for part in observations.samples))
-    nodes = (light or ENVIRONMENT).nodes(), DirectionalSources(lamp, energy).nodes()
-    return sum(np.asarray(radiance(brdf, integral_columns(brdf, samples, part))) for part in nodes)
-
-
-CLEAN = seen()
-PHOTOGRAPHS = photographed(CLEAN)
-KNOWN = KnownLight(ENVIRONMENT, DirectionalSources(LAMP, ENERGY))
+from jaxrender.lighting import DirectionalSources, Environment
 
 
 @pytest.fixture(scope="module")
 def grounds():
     some = CLEAN._replace(radiance=PHOTOGRAPHS)
-    return Grounds(some, PHOTOGRAPHS, np.ones((CLEAN.count, 1)), BRDF, KNOWN, Sphere())
+    return Grounds(
+        some, PHOTOGRAPHS, np.ones((CLEAN.count, 1)), BRDF, LightParts.known(KNOWN), Sphere()
+    )
 
 
 def rotation(angle, axis):
@@ -181,9 +122,10 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     blind = dataclasses.replace(grounds, observations=unplaced)
     without = {name for name, cause in CAUSES.items() if cause.columns(blind) is None}
     assert without == {"camera", "object", "scale", "nearness", "sites"}
-    lamp = dataclasses.replace(grounds, light=KnownLight(None, KNOWN.directional))
+    lamp = dataclasses.replace(grounds, light=LightParts.known(KnownLight(None, KNOWN.directional)))
     assert CAUSES["environment"].columns(lamp) is None
-    smooth = dataclasses.replace(grounds, light=KnownLight(ENVIRONMENT, DirectionalSources.none()))
+    without_lamps = KnownLight(ENVIRONMENT, DirectionalSources.none())
+    smooth = dataclasses.replace(grounds, light=LightParts.known(without_lamps))
     assert CAUSES["lamps"].columns(smooth) is None
     assert CAUSES["nearness"].columns(smooth) is None
 
@@ -229,14 +171,58 @@ def test_columns_that_the_fit_makes_itself_explain_nothing():
 
 def test_values_left_out_are_not_in_the_fit():
     rng = np.random.default_rng(6)
-    own = rng.normal(size=(100, 2))
-    left = 0.01 * rng.normal(size=100)
-    left[:10] += 3
-    clipped = np.arange(100) < 10
-    score = Leftover(left, own).without(clipped, 1)
-    expected = np.linalg.lstsq(own[10:], left[10:], rcond=None)[0]
+    own = rng.normal(size=(50, 2, 2))
+    left = 0.01 * rng.normal(size=(50, 2))
+    left[:10, 1] += 3
+    clipped = (np.arange(50) < 10)[:, None] & np.array([False, True])
+    known = Derivatives(left, own, np.ones((50, 2)), np.eye(2))
+    whole, others = (Leftover(one.left, one.jacobian) for one in (known, known.without(clipped)))
+    score = whole.compared(others, 1)
+    kept = ~clipped.ravel()
+    flat, columns = left.ravel()[kept], own.reshape(-1, 2)[kept]
+    expected, squares, *_ = np.linalg.lstsq(columns, flat, rcond=None)
     np.testing.assert_allclose(score.shift, expected)
+    np.testing.assert_allclose(others.left @ others.left, squares[0])
     assert score.gain > 100
+
+
+def test_unknowns_under_a_prior_are_as_good_as_solved_for():
+    # Least squares with a row for each of them, which says that it is zero give or take one.
+    rng = np.random.default_rng(8)
+    weights, left = rng.uniform(1, 3, (60, 2)), rng.normal(size=(60, 2))
+    own, more = rng.normal(size=(60, 2, 3)), rng.normal(size=(60, 2, 2))
+    prior = tuple(rng.normal(size=(60, 25)) for _ in range(2))
+    known = Derivatives(left, own, weights, np.eye(3), prior)
+    score = Leftover(known.left, known.jacobian).score(known.weighted(more))
+    held = np.zeros((60, 2, 50))
+    held[:, 0, :25], held[:, 1, 25:] = prior
+
+    def least(columns):
+        dense = np.concatenate([columns, held], axis=2).reshape(120, -1)
+        rows = np.concatenate([np.zeros((50, columns.shape[2])), np.eye(50)], axis=1)
+        dense = np.concatenate([dense, rows])
+        values = np.concatenate([left.ravel(), np.zeros(50)])
+        found, squares, *_ = np.linalg.lstsq(dense, values, rcond=None)
+        return found, squares[0]
+
+    (without, before), (with_more, after) = (
+        least(own),
+        least(np.concatenate([own, weights[:, :, None] * more], axis=2)),
+    )
+    assert score.explained == pytest.approx(before - after)
+    np.testing.assert_allclose(score.shift, with_more[:3] - without[:3], atol=1e-9)
+
+
+def test_noise_leaves_what_is_expected_beside_unknowns_under_a_prior():
+    rng = np.random.default_rng(9)
+    weights, deviation = rng.uniform(1, 3, (80, 1)), rng.uniform(0.1, 0.5, (80, 1))
+    prior = (5 * rng.normal(size=(80, 10)),)
+    many = []
+    for _ in range(400):
+        noise = weights * deviation * rng.normal(size=(80, 1))
+        known = Derivatives(noise, np.zeros((80, 1, 0)), weights, np.zeros((0, 0)), prior)
+        many.append(np.sum(known.left**2))
+    assert known.expected(deviation) == pytest.approx(np.mean(many), rel=0.03)
 
 
 def fitted(photographs, **settings):

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse.diagnosis.causes import CAUSES
-from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
+from jaxrender.inverse.diagnosis.derivatives import Derivatives
+from jaxrender.inverse.diagnosis.grounds import Grounds, Suspect
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
@@ -81,8 +82,8 @@ def columns_of(
     """Differentiate by the material and by all that is free."""
     stop, light = state.stop, state.light
     every = told.observations
-    suspect = Suspect(stop, task.material(stop), light, told.shape, every, every)
-    grounds, known = Grounds.of(suspect, index), Derivatives.of(stop, index)
+    suspect = Suspect.of(stop, task.material(stop), light, told.shape, every, every)
+    grounds, known = Grounds.of(suspect, index), suspect.derivatives(index)
     found, names = [], []
     for name in free:
         columns = CAUSES[name].columns(grounds)

@@ -63,7 +63,7 @@ def permutations() -> list[Float[np.ndarray, "3 3"]]:
 
 def other_axes(grounds: Grounds) -> OtherAxes | None:
     """Try all permutations; None where the told one does as well, or there is no environment."""
-    if grounds.light.environment is None:
+    if grounds.light.surrounding is None:
         return None
     grounds = grounds.thinned(_SAMPLES)
     told, *others = permutations()
@@ -84,7 +84,8 @@ def _left_under(
     cell: float,
 ) -> Float[np.ndarray, "matrix"]:
     """Say what is left under each permutation, with the best of the widths (rms)."""
-    every_node = grounds.environment_nodes(cell)
+    assert grounds.light.surrounding is not None
+    every_node = grounds.light.surrounding(cell)
     least = np.full(len(matrices), np.inf)
     for material in _of_widths(grounds.material, widths):
         lit = sum(_columns_of(grounds, material, source.nodes) for source in grounds.sources)

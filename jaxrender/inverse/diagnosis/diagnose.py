@@ -6,11 +6,12 @@ import numpy as np
 
 from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES, typical_amounts
-from jaxrender.inverse.diagnosis.grounds import Derivatives, Grounds, Suspect
+from jaxrender.inverse.diagnosis.derivatives import Derivatives
+from jaxrender.inverse.diagnosis.grounds import Grounds, Suspect
 from jaxrender.inverse.diagnosis.scores import Leftover, Score
 from jaxrender.inverse.misfit import Misfit
-from jaxrender.inverse.parameters import slopes_of_parameters
 from jaxrender.inverse.saturation import clipped_values
+from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
 
@@ -22,6 +23,8 @@ _NAMED, _LEAST_EFFECT = 10.0, 1e-3
 CLIPPED = "saturation"
 # Where more than this part of the radiance is misfit, other axes of the environment are tried.
 _GROSS = 0.15
+# Causes that explain this part of what the best does may be the right one as well.
+_AS_GOOD = 0.5
 
 
 class Diagnosis(NamedTuple):
@@ -37,6 +40,25 @@ class Diagnosis(NamedTuple):
     bic: float
     shift: Float[np.ndarray, "parameter"]
 
+    @property
+    def reason(self) -> str:
+        """Say it in words, with how much it would explain."""
+        part = f"{100 * self.explains:.0f} % of what the model leaves above the noise"
+        return f"{self.sentence}: that would explain {part} ({self.cause})"
+
+
+def reaching(parameters: Uncertain, diagnosis: tuple[Diagnosis, ...]) -> Uncertain:
+    """Let error bars reach as far as the parameters would move by the best explanations.
+
+    What is wrong in the same way everywhere no clusters of samples show.
+    """
+    most = max((one.explains for one in diagnosis), default=0.0)
+    shifts = [one.shift for one in diagnosis if one.explains >= _AS_GOOD * most]
+    if not shifts or parameters.covariance is None:
+        return parameters
+    moved = sum(np.outer(shift, shift) for shift in shifts)
+    return parameters.with_covariance(parameters.covariance + moved)
+
 
 def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
     """Name what would explain the rest, the best first; nothing where nothing is wrong.
@@ -45,23 +67,24 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
     takes none: black levels, exposures, paints and the like show whatever is not the same
     everywhere.
     """
-    stop, index = suspect.stop, _some(suspect)
-    grounds, known = Grounds.of(suspect, index), Derivatives.of(stop, index)
-    weights, jacobian = known.weights, known.jacobian
+    index = _some(suspect)
+    grounds, known = Grounds.of(suspect, index), suspect.derivatives(index)
     freed = [CAUSES[name].columns(grounds) for name in suspect.freed]
-    jacobian = np.hstack([jacobian, *(known.weighted(c) for c in freed if c is not None)])
-    leftover = Leftover(known.left, jacobian)
-    signal = float(np.sum((weights * grounds.predicted) ** 2))
-    noise = float(np.sum((weights * standard_deviations(misfit.noise, grounds.predicted)) ** 2))
+
+    def leftover_of(known: Derivatives) -> Leftover:
+        made = (known.weighted(columns) for columns in freed if columns is not None)
+        return Leftover(known.left, np.hstack([known.jacobian, *made]))
+
+    leftover, slopes = leftover_of(known), known.parameters
+    signal = float(np.sum((known.weights * grounds.predicted) ** 2))
+    noise = known.expected(standard_deviations(misfit.noise, grounds.predicted))
     excess = max(float(leftover.left @ leftover.left) - noise, 1e-300)
-    end = stop.fit.solution.point, stop.fit.linear.eliminated
-    slopes = np.asarray(slopes_of_parameters(stop.problem, *end))
 
     def tested(of_light: bool) -> list[_Tested]:
         """Test the causes of one kind that the photographs leave room for."""
         found = []
         for cause in CAUSES.values():
-            if cause.of_light != of_light or cause.name in suspect.freed:
+            if cause.of_light != of_light or cause.name in (*suspect.freed, *suspect.unknown):
                 continue
             columns = cause.columns(grounds)
             if columns is not None:
@@ -83,11 +106,12 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
     found = named(tested(of_light=False))
     clipped = clipped_values(suspect.told.take(index), suspect.pool)
     if clipped.any():
-        score = leftover.without(clipped.ravel(), int(clipped.any(axis=0).sum()))
+        others = leftover_of(known.without(clipped))
+        score = leftover.compared(others, int(clipped.any(axis=0).sum()))
         found += named([_Tested(CLIPPED, "bright values are clipped", score)])
     if found or misfit.found:
         found += named(tested(of_light=True))
-    if misfit.rms > _GROSS and not suspect.freed:
+    if misfit.rms > _GROSS and not suspect.freed and "environment" not in suspect.unknown:
         axes = other_axes(grounds)
         if axes is not None:
             gain = known.left.size * 2 * np.log(axes.as_told / max(axes.left, 1e-300))
@@ -100,7 +124,7 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
 
 def _some(suspect: Suspect) -> Int[np.ndarray, "sample"]:
     """Choose the samples that are tested."""
-    count = suspect.stop.observations.count
+    count = suspect.observations.count
     if count <= _SAMPLES:
         return np.arange(count)
     rng = np.random.default_rng(suspect.seed)

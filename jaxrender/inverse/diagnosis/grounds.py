@@ -4,32 +4,29 @@ Few samples and a coarse light are enough: it is derivatives that are wanted, to
 """
 
 import dataclasses
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfaceSamples
+from jaxrender.inverse.diagnosis.derivatives import Derivatives
+from jaxrender.inverse.diagnosis.light_parts import LightParts, filled
 from jaxrender.inverse.diagnosis.turning import Turning, lobes_under, turning_of
-from jaxrender.inverse.elimination import Data
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.near_light import near_nodes, seen_from
-from jaxrender.inverse.nuisances import source_groups
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.parameters import weighted_jacobian
 from jaxrender.inverse.passes import Stop, values_of
 from jaxrender.inverse.rays import Rays, center_of, size_of
 from jaxrender.inverse.shadowing import concave, nodes_seen
-from jaxrender.lighting import DirectionalSources, LightNodes
+from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import Bool, Float, Int
 
 # Cells of the environment, in widths of the lobe.
 _CELL_PER_WIDTH = 0.7
-# Nodes are filled up with dark ones to a multiple of this, so that few programs are compiled.
-_NODES = 1024
 # Rays are moved by so much (radians, or sizes of the object) to say how what they see changes.
 STEP = 1e-4
 # Normals further apart than this cosine are those of different parts of the object.
@@ -99,47 +96,56 @@ class Movement(NamedTuple):
 
 
 class Suspect(NamedTuple):
-    """A fit under known light that may be wrong: where it ended, and what it was made from.
+    """A fit that may be wrong: what it is of, what it has found, and how that may change.
 
     ``told`` are its samples as they were told, and ``pool`` all pixels; ``seed`` is that of the
-    samples that are tested.  ``freed`` are nuisances that the fit has freed: the samples of
-    ``stop`` and the light are corrected by them.
+    samples that are tested.  ``gain`` is that of exposures and of an unknown scale, which
+    ``predicted`` contains and ``light`` does not.  ``derivatives`` are those of samples of given
+    indices.  ``freed`` are nuisances that the fit has freed: ``observations`` and the light are
+    corrected by them.  ``unknown`` are causes that the fit does not take for granted.
     """
 
-    stop: Stop
+    observations: Observations
+    predicted: Float[np.ndarray, "sample channel"]
+    gain: Float[np.ndarray, "sample"]
     material: Parametric
-    light: KnownLight
+    light: LightParts
     shape: Shape | None
     told: Observations
     pool: Observations
+    derivatives: Callable[[Int[np.ndarray, "sample"]], Derivatives]
     seed: int = 0
     freed: tuple[str, ...] = ()
-
-
-class Derivatives(NamedTuple):
-    """What some samples leave, weighted, and how the prediction changes with a fit's unknowns."""
-
-    left: Float[np.ndarray, "value"]
-    jacobian: Float[np.ndarray, "value unknown"]
-    weights: Float[np.ndarray, "sample channel"]
+    unknown: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, stop: Stop, index: Int[np.ndarray, "sample"]) -> "Derivatives":
-        """Differentiate the prediction of some samples where a fit has ended."""
-        physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
-        near = LinearisedModel.about(stop.model, physical.numbers).take(index)
-        data = Data(*(np.asarray(part)[index] for part in stop.data))
-        end = stop.fit.solution.point, stop.fit.linear.eliminated
-        predicted = np.asarray(stop.fit.predicted)[index]
-        weights = np.asarray(data.weights, float)
-        jacobian = np.asarray(weighted_jacobian(stop.problem, near, data, *end), float)
-        return cls((weights * (np.asarray(data.radiance) - predicted)).ravel(), jacobian, weights)
-
-    def weighted(
-        self, columns: Float[np.ndarray, "sample channel column"]
-    ) -> Float[np.ndarray, "value column"]:
-        """Weigh columns alike."""
-        return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
+    def of(
+        cls,
+        stop: Stop,
+        material: Parametric,
+        light: KnownLight,
+        shape: Shape | None,
+        told: Observations,
+        pool: Observations,
+        seed: int = 0,
+        freed: tuple[str, ...] = (),
+    ) -> "Suspect":
+        """Suspect a fit under known light of where it ended."""
+        gains = np.asarray(values_of(stop).gains)
+        gain = gains[stop.data.frame] if len(gains) > 1 else np.ones(stop.observations.count)
+        return cls(
+            stop.observations,
+            np.asarray(stop.fit.predicted),
+            float(values_of(stop).scale) * gain,
+            material,
+            LightParts.known(light),
+            shape,
+            told,
+            pool,
+            partial(Derivatives.of, stop),
+            seed,
+            freed,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,19 +160,16 @@ class Grounds:
     predicted: Float[np.ndarray, "sample channel"]
     gain: Float[np.ndarray, "sample 1"]
     material: Parametric
-    light: KnownLight
+    light: LightParts
     shape: Shape | None
 
     @classmethod
     def of(cls, suspect: "Suspect", index: Int[np.ndarray, "sample"]) -> "Grounds":
         """Take some samples of a fit."""
-        stop = suspect.stop
-        gains = np.asarray(values_of(stop).gains)
-        gain = gains[stop.data.frame[index]] if len(gains) > 1 else np.ones(len(index))
         return cls(
-            stop.observations.take(index),
-            np.asarray(stop.fit.predicted)[index],
-            (float(values_of(stop).scale) * gain)[:, None],
+            suspect.observations.take(index),
+            suspect.predicted[index],
+            suspect.gain[index, None],
             suspect.material,
             suspect.light,
             suspect.shape,
@@ -174,18 +177,11 @@ class Grounds:
 
     @cached_property
     def environment(self) -> Part | None:
-        """What the environment does, if there is one."""
-        if self.light.environment is None:
+        """What surrounds the object does, if there is anything."""
+        if self.light.surrounding is None:
             return None
-        return self._part(self.environment_nodes(_CELL_PER_WIDTH * float(self.material.width)))
-
-    def environment_nodes(self, cell: float) -> LightNodes:
-        """Condense the environment to cells of some width (radians)."""
-        dark = DirectionalSources.none(self.predicted.shape[1])
-        alone = KnownLight(self.light.environment, dark, turn=self.light.turn)
-        (nodes,) = exact_nodes(alone, self.frame, 1.0, cell)
-        assert isinstance(nodes, LightNodes)
-        return _filled(nodes)
+        cell = _CELL_PER_WIDTH * float(self.material.width)
+        return self._part(self.light.surrounding(cell))
 
     def thinned(self, count: int) -> "Grounds":
         """Keep so many of the samples, evenly."""
@@ -201,8 +197,7 @@ class Grounds:
     def sources(self) -> tuple[Part, ...]:
         """What each group of sources does: those that turn together (``source_groups``)."""
         found = []
-        for group in source_groups(self.light):
-            nodes, nearness = group.nodes(self.light, self.frame)
+        for nodes, nearness in self.light.sources(self.frame):
             count = nodes.directions.shape[-2]
             single = np.asarray(nodes.directions, float)[..., 0, :]
             if isinstance(nodes, FrameNodes):
@@ -293,7 +288,7 @@ class Grounds:
         found = [Lit(part.nodes, part.seen) for part in own]
         if shared:
             nodes = LightNodes(*(np.concatenate(a) for a in zip(*(part.nodes for part in shared))))
-            nodes = _filled(nodes)
+            nodes = filled(nodes)
             seen = [part.seen for part in shared if part.seen is not None]
             if not seen:
                 return [*found, Lit(nodes, None)]
@@ -314,14 +309,3 @@ class Grounds:
         same = hits.hit & before.hit & (facing > _SAME_PART)
         changes = (hits.normals - before.normals, -rays.directions - self.outgoing)
         return self.moved(Movement(*(np.where(same[:, None], c, 0) / STEP for c in changes)))
-
-
-def _filled(nodes: LightNodes) -> LightNodes:
-    """Add dark nodes up to a round number."""
-    directions, irradiance = (np.asarray(part) for part in nodes)
-    more = -len(directions) % _NODES
-    dark = np.tile([0.0, 0.0, 1.0], (more, 1))
-    return LightNodes(
-        np.concatenate([directions, dark]),
-        np.concatenate([irradiance, np.zeros((more, irradiance.shape[1]))]),
-    )

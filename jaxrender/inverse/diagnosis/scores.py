@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.shapes import Bool, Float
+from jaxrender.shapes import Float
 
 # Columns that others make up to this part of their length, in squares, are none of their own.
 _DEPENDENT = 1e-9
@@ -40,8 +40,13 @@ class Leftover:
         self._basis = vectors[:, real]
         # What unknowns answer to values along each vector of the basis.
         self._answers = (turned[real] / values[real, None]).T / size[:, None]
-        self._whole, self.jacobian = left, jacobian
-        self.left = left - self._basis @ (self._basis.T @ left)
+        self._along = self._basis.T @ left
+        self.left = left - self._basis @ self._along
+
+    @property
+    def answer(self) -> Float[np.ndarray, "unknown"]:
+        """How far the fit's unknowns would move to take up all they can."""
+        return self._answers @ self._along
 
     def score(
         self,
@@ -70,14 +75,13 @@ class Leftover:
         shift = -self._answers @ (made @ amounts)
         return self._scored(float(along @ along), int(real.sum()), shift)
 
-    def without(self, values: Bool[np.ndarray, "value"], unknowns: int) -> Score:
-        """Test whether some values are none, as clipped ones are: what would all others say?
+    def compared(self, others: "Leftover", unknowns: int) -> Score:
+        """Test whether some values are none, as clipped ones are: what do all others leave?
 
-        They count as ``unknowns`` columns.
+        Those that are none count as ``unknowns`` columns.
         """
-        kept = ~values
-        shift = np.linalg.lstsq(self.jacobian[kept], self._whole[kept], rcond=None)[0]
-        return self._scored(float(np.sum(self.left[values] ** 2)), unknowns, shift)
+        explained = float(self.left @ self.left - others.left @ others.left)
+        return self._scored(explained, unknowns, others.answer)
 
     def _scored(self, explained: float, columns: int, shift: Float[np.ndarray, "unknown"]) -> Score:
         before, count = float(self.left @ self.left), len(self.left)

@@ -197,6 +197,20 @@ def _in_gauge(
     return intervals(value, errors, origins, spread[:size, :size]), of_light
 
 
+def parameter_slopes(
+    task: Task, state: State, gauge: str
+) -> tuple[Float[np.ndarray, "parameter unknown"], Float[np.ndarray, "parameter channel part"]]:
+    """Differentiate the material's parameters by the nonlinear unknowns, and by the light."""
+    assert state.joint is not None
+    light = np.asarray(state.joint.solved.light)
+    unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
+    _, slopes = _carried(unknown, task.response.variant, gauge, light.shape)
+    of_material = np.asarray(slopes)[: -light.size]
+    aside = np.zeros((len(of_material), 2 * len(state.active)))
+    by_material, by_light = np.split(of_material, [len(unknown) - light.size], axis=1)
+    return np.hstack([by_material, aside]), by_light.reshape(-1, *light.T.shape)
+
+
 @stored(effort="least")
 def _carried(
     unknown: Float[AnyArray, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]

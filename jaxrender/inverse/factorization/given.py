@@ -11,7 +11,7 @@ from jaxrender.inverse.factorization.state import Known
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import Unknown, Unknowns
 from jaxrender.lighting import DirectionalSources
-from jaxrender.shapes import Float
+from jaxrender.shapes import AnyArray, Float
 
 
 def known_of(
@@ -83,10 +83,17 @@ def in_units_of(
         ),
     )
     known = amplitudes_of(found.brdf, kd, ks)
-    value, low, high, error = (p._replace(amplitudes=known) for p in found.parameters[:4])
-    exact = error._replace(amplitudes={name: 0 * amount for name, amount in known.items()})
+    exact = found.parameters.if_exact
+    parameters = _of_known(found.parameters, known)
+    if exact is not None:
+        parameters = parameters._replace(if_exact=_of_known(exact, known))
     return found._replace(
-        brdf=found.brdf.with_amplitudes(*known.values()),
-        scene=scene,
-        parameters=Uncertain(value, low, high, exact, origins=found.parameters.origins),
+        brdf=found.brdf.with_amplitudes(*known.values()), scene=scene, parameters=parameters
     )
+
+
+def _of_known(parameters: Uncertain, known: dict[str, Float[AnyArray, "channel"]]) -> Uncertain:
+    """Put amplitudes in that are known, without errors."""
+    value, low, high, error = (p._replace(amplitudes=known) for p in parameters[:4])
+    error = error._replace(amplitudes={name: 0 * amount for name, amount in known.items()})
+    return Uncertain(value, low, high, error, origins=parameters.origins)

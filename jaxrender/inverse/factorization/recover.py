@@ -10,7 +10,8 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.blas import one_blas_thread
-from jaxrender.inverse.factorization.account import account_of
+from jaxrender.inverse.diagnosis import Diagnosis, reaching
+from jaxrender.inverse.factorization.account import Account, account_of
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
@@ -27,6 +28,7 @@ from jaxrender.inverse.factorization.state import (
     free_unknowns,
     in_deviations,
 )
+from jaxrender.inverse.factorization.suspicion import Found, explanations
 from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -65,6 +67,7 @@ class Factorization(NamedTuple):
     noise: NoiseModel
     gauge: str
     misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
 
     @property
     def relative_rms(self) -> float:
@@ -113,56 +116,119 @@ def factorize(
             state = taken_up(task, state)
     with stage("refine"), one_blas_thread():
         state = settle(task, state, watch)
-    found = _told(task, state, gauge, pool, shape, stage)
-    if found.misfit is None or found.misfit.share < _WORTH_FOLLOWING:
-        return found
-    with stage("refine"), one_blas_thread():
-        farther = followed_farther(task, state, hiding)
-        if farther is None:
-            return found
-        finer, state = farther[0], settle(*farther, watch)
-    again = _told(finer, state, gauge, pool, shape, stage)
-    return again if again.relative_rms < found.relative_rms else found
+    told = _Told(gauge, pool, shape, stage)
+    end = _account(task, state, told)
+    if end.misfit is not None and end.misfit.share >= _WORTH_FOLLOWING:
+        with stage("refine"), one_blas_thread():
+            farther = followed_farther(task, state, hiding)
+            if farther is not None:
+                farther = farther[0], settle(*farther, watch)
+        if farther is not None:
+            again = _account(*farther, told)
+            end = again if again.relative_rms < end.relative_rms else end
+    return _judged(end, told)
 
 
-def _told(
-    task: Task,
-    state: State,
-    gauge: str,
-    pool: Observations | None,
-    shape: Shape | None,
-    stage: Callable[[str], AbstractContextManager],
-) -> Factorization:
-    """Give account of where a search ended."""
-    with stage("account"):
-        parameters, scene = account_of(task, state, gauge)
-    assert state.joint is not None
-    noise = in_deviations(task, state, state.joint.solved).noise
-    value = parameters.value
+class _Told(NamedTuple):
+    """What else is told: the gauge, all pixels, the shape, and how stages are announced."""
+
+    gauge: str
+    pool: Observations | None
+    shape: Shape | None
+    stage: Callable[[str], AbstractContextManager]
+
+
+class _End(NamedTuple):
+    """Where a search ended, material and light in a gauge, and what they leave beside noise."""
+
+    task: Task
+    state: State
+    account: Account
+    brdf: Parametric
+    misfit: Misfit | None
+
+    @property
+    def predicted(self) -> Float[np.ndarray, "sample channel"]:
+        """What the samples should be."""
+        assert self.state.joint is not None
+        return np.asarray(self.state.joint.solved.predicted)
+
+    @property
+    def relative_rms(self) -> float:
+        """What is left, relative to the photographs."""
+        return self.state.rounds[-1].relative_rms
+
+
+def _account(task: Task, state: State, told: _Told) -> _End:
+    """Put material and light into the gauge, and measure what they leave."""
+    with told.stage("account"):
+        account = account_of(task, state, told.gauge)
+    value = account.parameters.value
     lobe = task.response.variant.with_numbers(
         {name: float(number) for name, number in value.numbers.items()}
     )
     brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
-    predicted = np.asarray(state.joint.solved.predicted)
-    misfit = clipped = None
-    if pool is not None:
-        with stage("misfit"):
-            misfit = _misfit(_Pair(brdf, scene), Left(task.observations, predicted), pool, shape)
-        clipped = saturation_sentence(pool)
-    outcome, identifiable, reasons = _judge(task, state, parameters, misfit, clipped)
+    end = _End(task, state, account, brdf, None)
+    if told.pool is None:
+        return end
+    with told.stage("misfit"):
+        found = _Pair(brdf, account.scene)
+        misfit = _misfit(found, Left(task.observations, end.predicted), told.pool, told.shape)
+    return end._replace(misfit=misfit)
+
+
+def _judged(end: _End, told: _Told) -> Factorization:
+    """Say what would explain the rest, what is identifiable, and how it ended."""
+    task, state, misfit, scene = end.task, end.state, end.misfit, end.account.scene
+    diagnosis: tuple[Diagnosis, ...] = ()
+    clipped = None
+    if told.pool is not None:
+        clipped = saturation_sentence(told.pool)
+        if misfit is not None and task.settings.diagnose:
+            with told.stage("diagnosis"):
+                found = Found(end.brdf, scene, told.gauge, misfit)
+                diagnosis = explanations(task, state, found, told.pool, told.shape)
+    parameters = reaching(end.account.parameters, diagnosis)
+    wrong = _Wrong(misfit, clipped, diagnosis)
+    outcome, identifiable, reasons = _judge(task, state, parameters, wrong)
+    assert state.joint is not None
+    noise = in_deviations(task, state, state.joint.solved).noise if misfit is None else misfit.noise
     return Factorization(
-        brdf,
+        end.brdf,
         scene,
         parameters,
         outcome,
         identifiable,
         reasons,
         state.rounds,
-        predicted,
-        noise if misfit is None else misfit.noise,
-        gauge,
+        end.predicted,
+        noise,
+        told.gauge,
         misfit,
+        diagnosis,
     )
+
+
+class _Wrong(NamedTuple):
+    """What is wrong: more than noise, clipped values (in words), and what would explain it."""
+
+    misfit: Misfit | None
+    clipped: str | None
+    diagnosis: tuple[Diagnosis, ...]
+
+    @property
+    def found(self) -> bool:
+        """Whether anything is."""
+        return self.clipped is not None or (self.misfit is not None and self.misfit.found)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Say it in words."""
+        found = [] if self.clipped is None else [self.clipped]
+        if self.misfit is not None and self.misfit.found:
+            part = "" if self.diagnosis else "; the intervals contain it only in part"
+            found.append(self.misfit.sentence() + part)
+        return (*found, *(best.reason for best in self.diagnosis[:1]))
 
 
 class _Pair(NamedTuple):
@@ -198,7 +264,7 @@ def _check_numbers(variant: Parametric) -> None:
 
 
 def _judge(
-    task: Task, state: State, parameters: Uncertain, misfit: Misfit | None, clipped: str | None
+    task: Task, state: State, parameters: Uncertain, wrong: _Wrong
 ) -> tuple[Outcome, dict[str, bool], tuple[str, ...]]:
     """Decide what is identifiable and how it ended, in the model's own words."""
     assert state.joint is not None
@@ -223,11 +289,7 @@ def _judge(
             lost = not_identifiable(name, parameters)
             reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
     residual = state.rounds[-1].relative_rms
-    wrong = clipped is not None or (misfit is not None and misfit.found)
-    if clipped is not None:
-        reasons.append(clipped)
-    if misfit is not None and misfit.found:
-        reasons.append(f"{misfit.sentence()}; the intervals contain it only in part")
+    reasons += wrong.reasons
     if residual > _SKETCHED:
         reasons.append(
             f"the light found leaves {100 * residual:.1f} % of the photographs unexplained: allow "
@@ -240,7 +302,7 @@ def _judge(
     if not state.settled:
         reasons.append("light and material still moved when the search ended")
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
-    if wrong:
+    if wrong.found:
         return Outcome.MISFIT, identifiable, tuple(reasons)
     good = all(identifiable.values())
     return (Outcome.CONVERGED if good else Outcome.NOT_IDENTIFIABLE), identifiable, tuple(reasons)

@@ -46,7 +46,8 @@ class FactorSettings(NamedTuple):
     """How a factorization is done; the defaults are those of the command line.
 
     ``band_limit`` is the degree to which slow light is followed.  None: 10, and farther where the
-    photographs hold more than the model and it pays.
+    photographs hold more than the model and it pays.  ``diagnose`` asks what would explain what is
+    left beyond noise, where all pixels are given.
     """
 
     band_limit: int | None = None
@@ -55,6 +56,7 @@ class FactorSettings(NamedTuple):
     refine: bool = True
     noise: NoiseModel | None = None
     loss: str = "huber"
+    diagnose: bool = True
 
 
 class Known(NamedTuple):

@@ -121,6 +121,12 @@ _OF_SETTINGS = (
         instead="remove brdf.compare",
     ),
     Case(
+        "brdf.compare without a known light",
+        lambda config: bool(config.brdf.compare) and config.task == "factorize",
+        {"solve.diagnose": "names no causes of a misfit"},
+        instead="remove brdf.compare",
+    ),
+    Case(
         "solve.interreflection",
         lambda config: config.solve.interreflection,
         {"solve.free": "computes the bounced light of the capture as it is told"},

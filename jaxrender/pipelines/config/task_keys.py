@@ -29,7 +29,6 @@ _OF_KNOWN_LIGHT = {
     "solve.transfer": "always filters by exit cosine",
     "solve.free_exposure": "needs known exposures",
     "solve.variants": "compares no variants of a model",
-    "solve.diagnose": "names no causes of a misfit",
     "solve.free": "takes the capture as it is told",
     "solve.interreflection": "leaves out bounced light",
 }
@@ -57,6 +56,7 @@ _TEXTURE = {
     **_NO_PRIORS,
     "spectrum": _NO_SECTION["spectrum"],
     "solve.loss": "counts squared residuals",
+    "solve.diagnose": "names no causes of a misfit",
     "solve.most_sources": "looks for no sources",
     "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
     "brdf.compare": "fits one model",

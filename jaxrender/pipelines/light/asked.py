@@ -15,6 +15,7 @@ def factor_settings(config: RunConfig) -> FactorSettings:
         refine=config.solve.refine == "exact",
         noise=settings_of(config).noise,
         loss="huber" if config.solve.loss == "auto" else config.solve.loss,
+        diagnose=config.solve.diagnose,
     )
 
 

@@ -12,11 +12,13 @@ from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.ranking import ranking_of
-from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.result import Result, causes_of
 from jaxrender.shapes import Float
 
 # A degree is identifiable if the photographs determine more than this share of it.
 _MOSTLY = 0.5
+# Keys of a config that make up for a cause.
+_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.compare"}
 _GAUGES = {
     "per-channel": "kd + ks = 1 in each channel; light scaled to match",
     "dielectric": "one ks for all channels, mean of kd + ks = 1; light scaled to match",
@@ -45,7 +47,10 @@ def result_of(recovered: Recovered, shown: DirectionalSources) -> Result:
     found = recovered.found
     words = OwnWords(recovered.model, found.brdf)
     parameters = found.parameters
+    exact = parameters.if_exact or parameters
     own: dict[str, Any] = {
+        "interval90_if_exact": words.intervals(exact.lower, exact.upper),
+        "diagnosis": causes_of(found.diagnosis, _KEYS),
         "path": [
             {
                 "band_limit": one.band_limit,
@@ -56,7 +61,7 @@ def result_of(recovered: Recovered, shown: DirectionalSources) -> Result:
                 "relative_rms": one.relative_rms,
             }
             for one in found.rounds
-        ]
+        ],
     }
     if recovered.comparison is not None:
         own["comparison"] = ranking_of(recovered.comparison)

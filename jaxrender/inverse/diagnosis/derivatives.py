@@ -1,0 +1,107 @@
+"""What a fit leaves of some samples, and how its prediction changes with its unknowns.
+
+Much of an unknown light is solved for under a prior.  Integrated out, such unknowns are noise that
+the samples share: its covariance beside that of the weighted samples, 1, is P P', where P are the
+columns of the unknowns, weighted, in standard deviations of their prior.  What is left and all
+columns are whitened by 1 + P P'.  So however many degrees the light has, it costs the same.
+"""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from jaxrender.inverse.elimination import Data
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.parameters import slopes_of_parameters, weighted_jacobian
+from jaxrender.inverse.passes import Stop
+from jaxrender.shapes import Bool, Float, Int
+
+
+@dataclasses.dataclass(frozen=True)
+class Derivatives:
+    """Weighted residuals and derivatives of the prediction, sample by sample, channel by channel.
+
+    ``residual`` is what is left.  ``by_unknown`` are the derivatives by unknowns without a prior,
+    ``weights`` those of the samples, and ``parameters`` the derivatives of the material's
+    parameters by these unknowns.  ``prior`` are the columns of unknowns under a prior, of each
+    channel; without channels where there are none.
+    """
+
+    residual: Float[np.ndarray, "sample channel"]
+    by_unknown: Float[np.ndarray, "sample channel unknown"]
+    weights: Float[np.ndarray, "sample channel"]
+    parameters: Float[np.ndarray, "parameter unknown"]
+    prior: tuple[Float[np.ndarray, "sample part"], ...] = ()
+
+    @classmethod
+    def of(cls, stop: Stop, index: Int[np.ndarray, "sample"]) -> "Derivatives":
+        """Differentiate the prediction of some samples where a fit under known light has ended."""
+        physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
+        near = LinearisedModel.about(stop.model, physical.numbers).take(index)
+        data = Data(*(np.asarray(part)[index] for part in stop.data))
+        end = stop.fit.solution.point, stop.fit.linear.eliminated
+        predicted = np.asarray(stop.fit.predicted)[index]
+        weights = np.asarray(data.weights, float)
+        jacobian = np.asarray(weighted_jacobian(stop.problem, near, data, *end), float)
+        parameters = np.asarray(slopes_of_parameters(stop.problem, *end))
+        return cls(
+            weights * (np.asarray(data.radiance) - predicted),
+            jacobian.reshape(*weights.shape, -1),
+            weights,
+            parameters,
+        )
+
+    @property
+    def left(self) -> Float[np.ndarray, "value"]:
+        """What is left, white."""
+        return self._white(self.residual[:, :, None])[:, 0]
+
+    @cached_property
+    def jacobian(self) -> Float[np.ndarray, "value unknown"]:
+        """Derivatives of the prediction by the unknowns, white."""
+        return self._white(self.by_unknown)
+
+    def weighted(
+        self, columns: Float[np.ndarray, "sample channel column"]
+    ) -> Float[np.ndarray, "value column"]:
+        """Weigh columns, and whiten them."""
+        return self._white(self.weights[:, :, None] * columns)
+
+    def expected(self, deviation: Float[np.ndarray, "sample channel"]) -> float:
+        """Say what squares noise of a standard deviation would leave."""
+        own = self.weights * deviation
+        if not self.prior:
+            return float(np.sum(own**2))
+        parts = (
+            scipy.linalg.solve_triangular(root, np.diag(of_channel), lower=True)
+            for root, of_channel in zip(self._roots, own.T)
+        )
+        return float(sum(np.sum(part**2) for part in parts))
+
+    def without(self, values: Bool[np.ndarray, "sample channel"]) -> "Derivatives":
+        """Let some values say nothing."""
+        kept = np.where(values, 0.0, 1.0)
+        return dataclasses.replace(
+            self,
+            residual=kept * self.residual,
+            by_unknown=kept[:, :, None] * self.by_unknown,
+            weights=kept * self.weights,
+            prior=tuple(own[:, None] * part for own, part in zip(kept.T, self.prior)),
+        )
+
+    @cached_property
+    def _roots(self) -> tuple[Float[np.ndarray, "sample sample"], ...]:
+        return tuple(np.linalg.cholesky(np.eye(len(part)) + part @ part.T) for part in self.prior)
+
+    def _white(
+        self, weighted: Float[np.ndarray, "sample channel column"]
+    ) -> Float[np.ndarray, "value column"]:
+        if self.prior:
+            parts = (
+                scipy.linalg.solve_triangular(root, weighted[:, channel], lower=True)
+                for channel, root in enumerate(self._roots)
+            )
+            weighted = np.stack(list(parts), axis=1)
+        return weighted.reshape(self.weights.size, -1)

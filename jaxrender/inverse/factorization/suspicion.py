@@ -1,0 +1,110 @@
+"""What would explain what a factorization leaves: its light is unknown, and no cause by itself.
+
+A cause counts by what neither the material nor any light can make.  Slow light has as many
+coefficients as there may be.  About those found each may be off as far as is expected of it;
+integrated out, that is noise which the samples share (``diagnosis.derivatives``).
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.brdf import Parametric
+from jaxrender.geometry import Shape
+from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
+from jaxrender.inverse.diagnosis.derivatives import Derivatives
+from jaxrender.inverse.diagnosis.light_parts import LightParts
+from jaxrender.inverse.factorization.account import parameter_slopes
+from jaxrender.inverse.factorization.projection import mixed
+from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
+from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
+from jaxrender.inverse.factorization.state import State, Task, free_unknowns, measured, response_of
+from jaxrender.inverse.misfit import Misfit
+from jaxrender.inverse.observations import Observations
+from jaxrender.programs import stored
+from jaxrender.shapes import Array, Float, Int
+
+# Where light and channels' levels are unknown, these are no assumptions.
+_UNKNOWN = ("gain", "environment", "lamps")
+
+
+class Found(NamedTuple):
+    """A material and a light in one gauge, and what they leave."""
+
+    brdf: Parametric
+    scene: RecoveredScene
+    gauge: str
+    misfit: Misfit
+
+
+def explanations(
+    task: Task, state: State, found: Found, pool: Observations, shape: Shape | None
+) -> tuple[Diagnosis, ...]:
+    """Name what would explain what a factorization leaves, the best first; ``pool`` is all pixels.
+
+    ``shape`` is what the cameras see, concave or not; None where nobody knows.
+    """
+    assert state.joint is not None
+    suspect = Suspect(
+        task.observations,
+        np.asarray(state.joint.solved.predicted),
+        np.ones(task.observations.count),
+        found.brdf,
+        LightParts.found(found.scene.slow, found.scene.sources),
+        shape,
+        task.observations,
+        pool,
+        partial(derivatives_of, task, state, found.gauge),
+        unknown=_UNKNOWN,
+    )
+    return diagnose(suspect, found.misfit)
+
+
+def derivatives_of(
+    task: Task, state: State, gauge: str, index: Int[np.ndarray, "sample"]
+) -> Derivatives:
+    """Differentiate the prediction of some samples by the material and by the light."""
+    assert state.joint is not None
+    whole, data = response_of(task, state), measured(task, state)
+    response = whole.of_rows(jax.tree.map(lambda rows: rows[index], whole.rows))
+    solved, free = state.joint.solved, free_unknowns(task, state)
+    columns, slopes = (
+        np.moveaxis(np.asarray(part, float), 0, 1)
+        for part in _differentiated(response, state.guess, solved.light)
+    )
+    weights = np.asarray(data.weights, float)[index]
+    # Of the slow light all but the mean has a prior.
+    slow = np.arange(1, response.slow_count)
+    others = np.r_[0, response.slow_count + np.flatnonzero(state.active)]
+    weighted = weights[:, :, None] * columns
+    held = weighted[:, :, slow] / np.sqrt(np.asarray(data.penalty, float)[slow].T)
+    of_light = [
+        part[:, :, None] * np.eye(weights.shape[1])[None]
+        for part in np.moveaxis(weighted[:, :, others], 2, 0)
+    ]
+    by_unknown = np.concatenate([weights[:, :, None] * slopes[:, :, free], *of_light], axis=2)
+    by_material, by_light = parameter_slopes(task, state, gauge)
+    parts = np.moveaxis(by_light[:, :, others], 1, 2).reshape(len(by_light), -1)
+    return Derivatives(
+        weights * (task.radiance - np.asarray(solved.predicted))[index],
+        by_unknown,
+        weights,
+        np.concatenate([by_material[:, free], parts], axis=1),
+        tuple(np.moveaxis(held, 1, 0)),
+    )
+
+
+@stored(jax.jit, effort="less")
+def _differentiated(
+    response: Response, guess: Guess, light: Float[Array, "part channel"]
+) -> tuple[Float[Array, "channel sample part"], Float[Array, "channel sample unknown"]]:
+    """Differentiate the prediction by the light, and by all that is not linear."""
+    with jax.default_matmul_precision("highest"):
+        lobe = lobe_slopes(response, guess)
+        columns = response.columns_of(lobe.passed, guess)
+        slopes = prediction_slopes(response, lobe, guess, columns, jnp.asarray(light))
+        return mixed(response, guess, lobe.passed), slopes

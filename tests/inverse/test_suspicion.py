@@ -1,0 +1,134 @@
+"""What would explain the rest where the light is unknown too.
+
+- The derivatives are differences of the prediction, and of the parameters, of moved unknowns.
+- A wrong lobe and differing exposures are named, and the error bars contain them; no cause is
+  named where nothing is wrong.
+- What light can make by itself, a gain in each channel, is no cause.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ball_problems import BRDF, CLEAN, PHOTOGRAPHS, photographed
+
+from jaxrender.brdf import material_named
+from jaxrender.geometry import Sphere
+from jaxrender.inverse import Outcome
+from jaxrender.inverse.factorization import FactorSettings, factorize
+from jaxrender.inverse.factorization.account import account_of, gauge_factors
+from jaxrender.inverse.factorization.band_limits import task_of
+from jaxrender.inverse.factorization.projection import mixed
+from jaxrender.inverse.factorization.response import specular_share
+from jaxrender.inverse.factorization.rounds import light_the_scene
+from jaxrender.inverse.factorization.state import NOTHING_KNOWN, response_of
+from jaxrender.inverse.factorization.suspicion import derivatives_of
+
+SETTINGS = FactorSettings(band_limit=6, most_sources=4)
+STEP = 1e-5
+
+
+def noisy(photographs):
+    rng = np.random.default_rng(1)
+    return CLEAN._replace(radiance=photographs * (1 + 0.01 * rng.normal(size=photographs.shape)))
+
+
+@pytest.fixture(scope="module")
+def ended():
+    """A task, and where its rounds ended."""
+    task = task_of(noisy(PHOTOGRAPHS), BRDF, SETTINGS, NOTHING_KNOWN, None)
+    return task, light_the_scene(task, lambda round_: None)
+
+
+def test_the_derivatives_are_differences(ended):
+    task, state = ended
+    index = np.arange(0, task.observations.count, 7)
+    found = derivatives_of(task, state, "dielectric", index)
+    response, light = response_of(task, state), np.asarray(state.joint.solved.light)
+    slow, sources = response.slow_count, np.flatnonzero(state.active)
+
+    def predicted(guess, light):
+        every = np.asarray(mixed(response, guess))[:, index]
+        return np.einsum("csp,pc->sc", every, light)
+
+    def difference(guess, light):
+        return (predicted(guess, light) - predicted(state.guess, start)) / STEP * found.weights
+
+    start = light
+    moved = state.guess._replace(sigma=state.guess.sigma + STEP)
+    np.testing.assert_allclose(
+        found.by_unknown[:, :, 3], difference(moved, light), rtol=1e-3, atol=1e-3
+    )
+    for number, part in enumerate([0, slow + sources[0]]):
+        more = light.copy()
+        more[part, 1] += STEP
+        # Of the mean, and of the first source, the channels follow each other.
+        column = 3 + 2 + 2 * len(sources) + 3 * number + 1
+        np.testing.assert_allclose(
+            found.by_unknown[:, :, column], difference(state.guess, more), rtol=1e-5, atol=1e-6
+        )
+    np.testing.assert_allclose(
+        found.weights * (task.radiance - predicted_all(response, state))[index], found.residual
+    )
+
+
+def predicted_all(response, state):
+    return np.einsum(
+        "csp,pc->sc", np.asarray(mixed(response, state.guess)), np.asarray(state.joint.solved.light)
+    )
+
+
+def test_parameters_move_as_those_of_moved_unknowns(ended):
+    task, state = ended
+    found = derivatives_of(task, state, "dielectric", np.arange(10))
+    before = account_of(task, state, "dielectric").parameters.value
+    logit = state.guess.specular_logit + STEP * jnp.eye(3)[1]
+    moved = state._replace(guess=state.guess._replace(specular_logit=logit))
+    after = account_of(task, moved, "dielectric").parameters.value
+    slopes = [(after.of(name) - before.of(name)) / STEP for name in ("kd", "ks")]
+    np.testing.assert_allclose(found.parameters[:6, 1], np.concatenate(slopes), atol=1e-4)
+    # The gauge of a metal asks for the mean radiance, which is the first coefficient.
+    found = derivatives_of(task, state, "metal", np.arange(10))
+    share = np.asarray(specular_share(state.guess))
+    mean = np.asarray(state.joint.solved.light)[0]
+    factors = [gauge_factors(share, mean + step * np.eye(3)[2], "metal") for step in (0, STEP)]
+    slope = (factors[1] - factors[0]) / STEP
+    column = 3 + 2 + 2 * int(state.active.sum()) + 2
+    expected = np.concatenate([(1 - share) * slope, share * slope])
+    np.testing.assert_allclose(found.parameters[:6, column], expected, rtol=1e-3)
+
+
+def fitted(photographs, **settings):
+    pool = noisy(photographs)
+    settings = SETTINGS._replace(**settings)
+    return factorize(pool, BRDF, settings, gauge="dielectric", shape=Sphere(), pool=pool)
+
+
+def off(found):
+    """Errors of material in standard errors."""
+    level = np.mean(BRDF.kd + BRDF.ks)
+    true = {"kd": BRDF.kd / level, "ks": BRDF.ks / level, "sigma": BRDF.sigma, "mu": BRDF.mu}
+    value, error = found.parameters.value, found.parameters.standard_error
+    return max(float(np.max(np.abs(value.of(n) - t) / error.of(n))) for n, t in true.items())
+
+
+def test_nothing_is_named_where_nothing_is_wrong():
+    found = fitted(PHOTOGRAPHS * np.array([1.1, 1.0, 0.9]))
+    assert found.outcome is Outcome.CONVERGED
+    assert not found.diagnosis
+
+
+def test_a_wrong_lobe_is_named_and_in_the_error_bars():
+    numbers = {"kd": BRDF.kd, "ks": BRDF.ks, **BRDF.numbers}
+    found = fitted(photographed(CLEAN, brdf=material_named("ggx", numbers)))
+    assert found.outcome is Outcome.MISFIT
+    assert found.diagnosis[0].cause == "lobe"
+    assert any("the lobe has another shape" in reason for reason in found.reasons)
+    exact = found.parameters.if_exact
+    assert off(found) < 3.5 < off(found._replace(parameters=exact))
+
+
+def test_differing_exposures_are_named():
+    found = fitted(PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None])
+    assert found.diagnosis[0].cause == "exposure"
+    assert off(found) < 3.5
+    assert not fitted(PHOTOGRAPHS + 0.03, diagnose=False).diagnosis
