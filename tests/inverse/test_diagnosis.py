@@ -19,6 +19,7 @@ from ball_problems import (
     LAMP,
     LIGHT,
     PHOTOGRAPHS,
+    SIZE,
     STEP,
     cameras,
     photographed,
@@ -26,7 +27,7 @@ from ball_problems import (
 )
 from scipy.spatial.transform import Rotation
 
-from jaxrender.geometry import Sphere, SurfaceSamples, world_from_local
+from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, world_from_local
 from jaxrender.harmonics import evaluate
 from jaxrender.inverse import FitSettings, KnownLight, Outcome, fit_brdf, unknowns_of
 from jaxrender.inverse.diagnosis.axes import other_axes
@@ -79,6 +80,24 @@ def near_lamp():
     return lit + photographed(CLEAN, energy=0 * ENERGY)
 
 
+def blurred():
+    """Average over rays through the four pixels beside each one's own, where all meet the ball."""
+    total, whole = 0.0, np.full(CLEAN.count, True)
+    for offset in np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]):
+        # The pixel that the principal point is moved by is seen the other way.
+        row, column = SIZE / 2 - offset
+        moved = seen(
+            [
+                Pinhole(SIZE, SIZE, one.world_from_camera, fl_x=one.fl_x, cx=column, cy=row)
+                for one in cameras()
+            ]
+        )
+        # Beside the rim normals turn so far that another part is seen.
+        turned = np.sum(np.asarray(moved.samples.normals) * np.asarray(CLEAN.samples.normals), 1)
+        total, whole = total + photographed(moved), whole & (turned > 0.9)
+    return PHOTOGRAPHS + STEP * np.where(whole[:, None], total - 4 * PHOTOGRAPHS, 0)
+
+
 # Black levels are relative to the mean radiance (rms).
 LEVEL = np.sqrt(np.mean(PHOTOGRAPHS**2))
 # For each cause: the photographs with a little of it, and which of its columns that is.
@@ -93,6 +112,7 @@ PLANTED = {
     "exposure": (lambda: PHOTOGRAPHS * (1 + STEP * (CLEAN.frame[:, None] == 3)), 3),
     "black": (lambda: PHOTOGRAPHS + STEP * LEVEL * np.eye(3)[2], 2),
     "response": (lambda: PHOTOGRAPHS ** (1 + STEP), 0),
+    "blur": (blurred, 0),
 }
 
 
@@ -121,7 +141,7 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     unplaced = grounds.observations._replace(eyes=None, places=None)
     blind = dataclasses.replace(grounds, observations=unplaced)
     without = {name for name, cause in CAUSES.items() if cause.columns(blind) is None}
-    assert without == {"camera", "object", "scale", "nearness", "sites"}
+    assert without == {"camera", "object", "scale", "nearness", "sites", "blur"}
     lamp = dataclasses.replace(grounds, light=LightParts.known(KnownLight(None, KNOWN.directional)))
     assert CAUSES["environment"].columns(lamp) is None
     without_lamps = KnownLight(ENVIRONMENT, DirectionalSources.none())

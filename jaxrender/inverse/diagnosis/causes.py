@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Microfacet, Parametric, lobe_named
 from jaxrender.harmonics import real_basis
+from jaxrender.inverse.diagnosis.blurring import laplacian
 from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
 from jaxrender.inverse.nuisances import NUISANCES, bumps, rotation
 from jaxrender.inverse.rays import center_of, size_of
@@ -20,6 +21,8 @@ from jaxrender.shapes import Float
 _PAINTS = 3
 # Gains and paints change by about this part, and a lobe that is hardly there by this much.
 _TYPICAL = 0.1
+# Half the variance of a blur of one pixel.
+_BLUR = 0.5
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
 # Models of other tails, of the same numbers.
@@ -140,6 +143,11 @@ def _lobe(grounds: Grounds) -> Columns | None:
     return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(other) for other in others], 2)
 
 
+def _blur(grounds: Grounds) -> Columns | None:
+    found = laplacian(grounds)
+    return None if found is None else found[:, :, None]
+
+
 def _sites(grounds: Grounds) -> Columns | None:
     """Let the reflectance change smoothly over the object."""
     if not grounds.placed:
@@ -161,6 +169,7 @@ _ALL = (
     Cause("response", "the response is not linear", _response, of_light=False),
     Cause("normals", "the surface is not quite that of the shape", _normals),
     Cause("lobe", "the lobe has another shape", _lobe),
+    Cause("blur", "the photographs are blurred", _blur),
     Cause("sites", "the material is not the same everywhere", _sites, of_light=False),
 )
 CAUSES = {cause.name: cause for cause in _ALL}
@@ -173,7 +182,7 @@ def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray
     if name == "lobe":
         lobe = float(np.mean(np.asarray(grounds.material.lobe_amplitude)))
         return np.full(count, max(lobe, _TYPICAL))
-    return np.full(count, _TYPICAL)
+    return np.full(count, _BLUR if name == "blur" else _TYPICAL)
 
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import Parametric
-from jaxrender.geometry import Shape, SurfaceSamples
+from jaxrender.geometry import Hits, Shape, SurfaceSamples
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts, filled
 from jaxrender.inverse.diagnosis.turning import Turning, lobes_under, turning_of
@@ -305,7 +305,12 @@ class Grounds:
         assert self.shape is not None
         before, hits = self.rays.meet(self.shape), rays.meet(self.shape)
         # Normals may have been mended since they were traced: what counts is how they change.
-        facing = np.sum(hits.normals * before.normals, axis=1)
-        same = hits.hit & before.hit & (facing > _SAME_PART)
+        same = same_part(before, hits)
         changes = (hits.normals - before.normals, -rays.directions - self.outgoing)
         return self.moved(Movement(*(np.where(same[:, None], c, 0) / STEP for c in changes)))
+
+
+def same_part(before: Hits, hits: Hits) -> Bool[np.ndarray, "sample"]:
+    """Tell which rays that were moved a little still meet the same part of the object."""
+    facing = np.sum(hits.normals * before.normals, axis=1)
+    return hits.hit & before.hit & (facing > _SAME_PART)
