@@ -15,7 +15,7 @@ from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
-from jaxrender.inverse.reasons import not_identifiable
+from jaxrender.inverse.reasons import MOVED, not_identifiable, out_of_reach_by_misfit
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.uncertainty import (
     Uncertain,
@@ -174,6 +174,8 @@ def _is_stated(name: str, unknown: Unknown, variant: Parametric) -> bool:
 def _why(name: str, account: Account, variant: Parametric) -> str:
     """Say why a parameter is not identifiable."""
     sentence = not_identifiable(name, account.parameters)
+    if account.diagnosis and out_of_reach_by_misfit(name, account.parameters):
+        return f"{sentence}; {MOVED}"
     if name in variant.amplitude_names:
         return sentence
     if account.evidence is None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.uncertainty import Uncertain, within_reach
 
 
 def not_identifiable(name: str, parameters: Uncertain) -> str:
@@ -12,6 +12,16 @@ def not_identifiable(name: str, parameters: Uncertain) -> str:
     each = (f"{a:.3g} to {b:.3g}" if b < np.inf else f"{a:.3g} or more" for a, b in zip(low, high))
     intervals = ", ".join(dict.fromkeys(each))
     return f"{name} is not identifiable: its 90 % interval is {intervals}"
+
+
+def out_of_reach_by_misfit(name: str, parameters: Uncertain) -> bool:
+    """Tell whether a parameter would be identifiable, were the model right."""
+    exact = parameters.if_exact
+    return exact is not None and within_reach(exact, name)
+
+
+# Why it is not then.
+MOVED = "what is wrong may have moved it so far"
 
 
 def missing_under_unknown_light(variant: Parametric, name: str) -> str:

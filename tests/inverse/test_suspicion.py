@@ -122,7 +122,9 @@ def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     found = fitted(photographed(CLEAN, brdf=material_named("ggx", numbers)))
     assert found.outcome is Outcome.MISFIT
     assert found.diagnosis[0].cause == "lobe"
-    assert any("the lobe has another shape" in reason for reason in found.reasons)
+    assert "the lobe has another shape" in found.reasons[1]
+    assert not found.identifiable["mu"]
+    assert found.reasons[-1].endswith("what is wrong may have moved it so far")
     exact = found.parameters.if_exact
     assert off(found) < 3.5 < off(found._replace(parameters=exact))
 

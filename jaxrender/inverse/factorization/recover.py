@@ -32,7 +32,12 @@ from jaxrender.inverse.factorization.suspicion import Found, explanations
 from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.reasons import missing_under_unknown_light, not_identifiable
+from jaxrender.inverse.reasons import (
+    MOVED,
+    missing_under_unknown_light,
+    not_identifiable,
+    out_of_reach_by_misfit,
+)
 from jaxrender.inverse.saturation import saturation_sentence
 from jaxrender.inverse.shadowing import concave, places_of
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
@@ -44,7 +49,7 @@ _ROUND_SAMPLES = 2000
 # A logarithm this close to its bound is at it.
 _AT_BOUND = 0.01
 # Above this relative residual, several times the noise of usual photographs, the reasons say that
-# the light is only sketched.
+# the light is only sketched, unless something else would explain it.
 _SKETCHED = 0.05
 # So many rows of three neighbouring pixels tell the noise.  The light is a sum of few degrees and
 # sources: less of the radiance than this it may leave without being wrong.
@@ -219,7 +224,8 @@ class _Wrong(NamedTuple):
     @property
     def found(self) -> bool:
         """Whether anything is."""
-        return self.clipped is not None or (self.misfit is not None and self.misfit.found)
+        more = self.misfit is not None and self.misfit.found
+        return self.clipped is not None or more or bool(self.diagnosis)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -279,18 +285,19 @@ def _judge(
         variant.shape.name: _at_bound(float(guess.sigma), task.bounds.sigma, 0.0),
         variant.index.name: _at_bound(float(guess.mu), task.bounds.mu, 1.0),
     }
-    identifiable, reasons = {}, []
+    identifiable, reasons = {}, [*wrong.reasons]
     for name in (name for name, is_free in searched.items() if is_free):
         reached = within_reach(parameters, name)
         identifiable[name] = reached and not bound.get(name, False)
         if bound.get(name, False):
             reasons.append(f"{name} is at a bound of its range")
         elif not reached:
-            lost = not_identifiable(name, parameters)
-            reasons.append(f"{lost}; {missing_under_unknown_light(variant, name)}")
+            why = missing_under_unknown_light(variant, name)
+            if wrong.diagnosis and out_of_reach_by_misfit(name, parameters):
+                why = MOVED
+            reasons.append(f"{not_identifiable(name, parameters)}; {why}")
     residual = state.rounds[-1].relative_rms
-    reasons += wrong.reasons
-    if residual > _SKETCHED:
+    if residual > _SKETCHED and not wrong.diagnosis:
         reasons.append(
             f"the light found leaves {100 * residual:.1f} % of the photographs unexplained: allow "
             "more sources, or a higher band limit; error bars do not know of it"
