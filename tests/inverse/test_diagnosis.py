@@ -195,7 +195,7 @@ def test_values_left_out_are_not_in_the_fit():
     left = 0.01 * rng.normal(size=(50, 2))
     left[:10, 1] += 3
     clipped = (np.arange(50) < 10)[:, None] & np.array([False, True])
-    known = Derivatives(left, own, np.ones((50, 2)), np.eye(2))
+    known = Derivatives(left, own, np.ones((50, 2)), (), np.eye(2))
     whole, others = (Leftover(one.left, one.jacobian) for one in (known, known.without(clipped)))
     score = whole.compared(others, 1)
     kept = ~clipped.ravel()
@@ -212,7 +212,7 @@ def test_unknowns_under_a_prior_are_as_good_as_solved_for():
     weights, left = rng.uniform(1, 3, (60, 2)), rng.normal(size=(60, 2))
     own, more = rng.normal(size=(60, 2, 3)), rng.normal(size=(60, 2, 2))
     prior = tuple(rng.normal(size=(60, 25)) for _ in range(2))
-    known = Derivatives(left, own, weights, np.eye(3), prior)
+    known = Derivatives(left, own, weights, prior, np.eye(53))
     score = Leftover(known.left, known.jacobian).score(known.weighted(more))
     held = np.zeros((60, 2, 50))
     held[:, 0, :25], held[:, 1, 25:] = prior
@@ -230,7 +230,9 @@ def test_unknowns_under_a_prior_are_as_good_as_solved_for():
         least(np.concatenate([own, weights[:, :, None] * more], axis=2)),
     )
     assert score.explained == pytest.approx(before - after)
-    np.testing.assert_allclose(score.shift, with_more[:3] - without[:3], atol=1e-9)
+    expected = np.concatenate([with_more[:3] - without[:3], with_more[5:] - without[3:]])
+    np.testing.assert_allclose(score.shift, expected[:3], atol=1e-9)
+    np.testing.assert_allclose(known.moved(score.shift, score.change), expected, atol=1e-9)
 
 
 def test_noise_leaves_what_is_expected_beside_unknowns_under_a_prior():
@@ -240,7 +242,7 @@ def test_noise_leaves_what_is_expected_beside_unknowns_under_a_prior():
     many = []
     for _ in range(400):
         noise = weights * deviation * rng.normal(size=(80, 1))
-        known = Derivatives(noise, np.zeros((80, 1, 0)), weights, np.zeros((0, 0)), prior)
+        known = Derivatives(noise, np.zeros((80, 1, 0)), weights, prior, np.eye(10))
         many.append(np.sum(known.left**2))
     assert known.expected(deviation) == pytest.approx(np.mean(many), rel=0.03)
 

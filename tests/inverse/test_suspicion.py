@@ -9,7 +9,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ball_problems import BRDF, CLEAN, PHOTOGRAPHS, photographed
+from ball_problems import BRDF, CLEAN, LIGHT, PHOTOGRAPHS, photographed
 
 from jaxrender.brdf import material_named
 from jaxrender.geometry import Sphere
@@ -111,6 +111,13 @@ def off(found):
     return max(float(np.max(np.abs(value.of(n) - t) / error.of(n))) for n, t in true.items())
 
 
+def light_off(found):
+    """Errors of the light's first coefficients in standard errors, rms."""
+    count, level = len(LIGHT), np.mean(BRDF.kd + BRDF.ks)
+    scene = found.scene
+    return np.sqrt(np.mean(((scene.slow[:count] - level * LIGHT) / scene.slow_error[:count]) ** 2))
+
+
 def test_nothing_is_named_where_nothing_is_wrong():
     found = fitted(PHOTOGRAPHS * np.array([1.1, 1.0, 0.9]))
     assert found.outcome is Outcome.CONVERGED
@@ -119,7 +126,8 @@ def test_nothing_is_named_where_nothing_is_wrong():
 
 def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     numbers = {"kd": BRDF.kd, "ks": BRDF.ks, **BRDF.numbers}
-    found = fitted(photographed(CLEAN, brdf=material_named("ggx", numbers)))
+    photographs = photographed(CLEAN, brdf=material_named("ggx", numbers))
+    found = fitted(photographs)
     assert found.outcome is Outcome.MISFIT
     assert found.diagnosis[0].cause == "lobe"
     assert "the lobe has another shape" in found.reasons[1]
@@ -127,6 +135,8 @@ def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     assert found.reasons[-1].endswith("what is wrong may have moved it so far")
     exact = found.parameters.if_exact
     assert off(found) < 3.5 < off(found._replace(parameters=exact))
+    # Of the light as well as of the material.
+    assert light_off(found) < 1.5 < light_off(fitted(photographs, diagnose=False))
 
 
 def test_differing_exposures_are_named():

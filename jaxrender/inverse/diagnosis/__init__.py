@@ -7,7 +7,7 @@ share, ``derivatives`` those of the fit itself, ``scores`` the test.  ``axes`` f
 another convention.
 """
 
-from jaxrender.inverse.diagnosis.diagnose import CLIPPED, Diagnosis, diagnose, reaching
+from jaxrender.inverse.diagnosis.diagnose import CLIPPED, Diagnosis, diagnose, likeliest, reaching
 from jaxrender.inverse.diagnosis.grounds import Suspect
 
-__all__ = ["CLIPPED", "Diagnosis", "Suspect", "diagnose", "reaching"]
+__all__ = ["CLIPPED", "Diagnosis", "Suspect", "diagnose", "likeliest", "reaching"]

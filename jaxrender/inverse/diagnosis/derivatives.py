@@ -24,16 +24,16 @@ class Derivatives:
     """Weighted residuals and derivatives of the prediction, sample by sample, channel by channel.
 
     ``residual`` is what is left.  ``by_unknown`` are the derivatives by unknowns without a prior,
-    ``weights`` those of the samples, and ``parameters`` the derivatives of the material's
-    parameters by these unknowns.  ``prior`` are the columns of unknowns under a prior, of each
-    channel; without channels where there are none.
+    ``weights`` those of the samples.  ``prior`` are the columns of unknowns under a prior, of each
+    channel; without channels where there are none.  ``parameters`` are the derivatives of what the
+    fit states, by the unknowns without and then by those with a prior, channel by channel.
     """
 
     residual: Float[np.ndarray, "sample channel"]
     by_unknown: Float[np.ndarray, "sample channel unknown"]
     weights: Float[np.ndarray, "sample channel"]
-    parameters: Float[np.ndarray, "parameter unknown"]
-    prior: tuple[Float[np.ndarray, "sample part"], ...] = ()
+    prior: tuple[Float[np.ndarray, "sample part"], ...]
+    parameters: Float[np.ndarray, "parameter number"]
 
     @classmethod
     def of(cls, stop: Stop, index: Int[np.ndarray, "sample"]) -> "Derivatives":
@@ -50,6 +50,7 @@ class Derivatives:
             weights * (np.asarray(data.radiance) - predicted),
             jacobian.reshape(*weights.shape, -1),
             weights,
+            (),
             parameters,
         )
 
@@ -90,6 +91,21 @@ class Derivatives:
             weights=kept * self.weights,
             prior=tuple(own[:, None] * part for own, part in zip(kept.T, self.prior)),
         )
+
+    def moved(
+        self, shift: Float[np.ndarray, "unknown"], change: Float[np.ndarray, "value"]
+    ) -> Float[np.ndarray, "parameter"]:
+        """Say how far the parameters move, where the prediction changes and unknowns shift.
+
+        ``change`` is white, without what unknowns under a prior make of it, which answer to it.
+        ``shift`` may go on with others' unknowns.
+        """
+        by_channel = change.reshape(self.weights.shape).T
+        answers = [
+            -part.T @ scipy.linalg.solve_triangular(root.T, of_channel)
+            for root, part, of_channel in zip(self._roots, self.prior, by_channel)
+        ]
+        return self.parameters @ np.concatenate([shift[: self.by_unknown.shape[2]], *answers])
 
     @cached_property
     def _roots(self) -> tuple[Float[np.ndarray, "sample sample"], ...]:

@@ -31,7 +31,8 @@ class Diagnosis(NamedTuple):
     """One cause of a misfit: its name, in words, and the part of the misfit that it explains.
 
     ``bic`` is by how much the Bayesian information criterion prefers it to the model as it is.
-    ``shift`` is how far each parameter would move, were the cause known.
+    ``shift`` is how far each parameter would move, were the cause known: those of the material, and
+    then those of a light that is unknown too.
     """
 
     cause: str
@@ -47,16 +48,22 @@ class Diagnosis(NamedTuple):
         return f"{self.sentence}: that would explain {part} ({self.cause})"
 
 
-def reaching(parameters: Uncertain, diagnosis: tuple[Diagnosis, ...]) -> Uncertain:
-    """Let error bars reach as far as the parameters would move by the best explanations.
+def likeliest(diagnosis: tuple[Diagnosis, ...]) -> list[Float[np.ndarray, "parameter"]]:
+    """Say how far parameters would move by the best explanation, and by those about as good.
 
     What is wrong in the same way everywhere no clusters of samples show.
     """
     most = max((one.explains for one in diagnosis), default=0.0)
-    shifts = [one.shift for one in diagnosis if one.explains >= _AS_GOOD * most]
+    return [one.shift for one in diagnosis if one.explains >= _AS_GOOD * most]
+
+
+def reaching(parameters: Uncertain, diagnosis: tuple[Diagnosis, ...]) -> Uncertain:
+    """Let error bars reach as far as the parameters would move by the best explanations."""
+    shifts = likeliest(diagnosis)
     if not shifts or parameters.covariance is None:
         return parameters
-    moved = sum(np.outer(shift, shift) for shift in shifts)
+    own = [shift[: len(parameters.covariance)] for shift in shifts]
+    moved = sum(np.outer(shift, shift) for shift in own)
     return parameters.with_covariance(parameters.covariance + moved)
 
 
@@ -75,7 +82,7 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
         made = (known.weighted(columns) for columns in freed if columns is not None)
         return Leftover(known.left, np.hstack([known.jacobian, *made]))
 
-    leftover, slopes = leftover_of(known), known.parameters
+    leftover = leftover_of(known)
     signal = float(np.sum((known.weights * grounds.predicted) ** 2))
     noise = known.expected(standard_deviations(misfit.noise, grounds.predicted))
     excess = max(float(leftover.left @ leftover.left) - noise, 1e-300)
@@ -99,7 +106,7 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
             effect = np.sqrt(score.explained / signal) if signal > 0 else 0.0
             if score.gain > _NAMED and effect > _LEAST_EFFECT:
                 explains = float(np.clip((score.explained - score.columns) / excess, 0, 1))
-                shift = slopes @ score.shift[: slopes.shape[1]]
+                shift = known.moved(score.shift, score.change)
                 found.append(Diagnosis(name, sentence, explains, score.gain, shift))
         return found
 
@@ -116,7 +123,7 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
         if axes is not None:
             gain = known.left.size * 2 * np.log(axes.as_told / max(axes.left, 1e-300))
             explains = 1 - (axes.left / axes.as_told) ** 2
-            none = np.zeros(slopes.shape[0])
+            none = np.zeros(len(known.parameters))
             found.append(Diagnosis("convention", axes.sentence(), explains, gain, none))
     # Values that pile up at the top are clipped, whatever else they look like.
     return tuple(sorted(found, key=lambda one: (one.cause != CLIPPED, -one.bic)))

@@ -18,13 +18,15 @@ _DEPENDENT = 1e-9
 class Score(NamedTuple):
     """What a cause explains: squares, by how many columns, and how far parameters would move.
 
-    ``gain`` is by how much the criterion prefers it; ``shift`` is that of the fit's unknowns.
+    ``gain`` is by how much the criterion prefers it; ``shift`` is that of the fit's unknowns, and
+    ``change`` that of the prediction by them and by the cause together.
     """
 
     explained: float
     columns: int
     gain: float
     shift: Float[np.ndarray, "unknown"]
+    change: Float[np.ndarray, "value"]
 
 
 class Leftover:
@@ -73,7 +75,8 @@ class Leftover:
         amounts = np.linalg.pinv(held, _DEPENDENT, hermitian=True) @ (columns.T @ self.left)
         # The prediction is J x + C a: where a comes in, x answers to what C does.
         shift = -self._answers @ (made @ amounts)
-        return self._scored(float(along @ along), int(real.sum()), shift)
+        change = columns @ amounts - self._basis @ (made @ amounts)
+        return self._scored(float(along @ along), int(real.sum()), shift, change)
 
     def compared(self, others: "Leftover", unknowns: int) -> Score:
         """Test whether some values are none, as clipped ones are: what do all others leave?
@@ -81,12 +84,18 @@ class Leftover:
         Those that are none count as ``unknowns`` columns.
         """
         explained = float(self.left @ self.left - others.left @ others.left)
-        return self._scored(explained, unknowns, others.answer)
+        return self._scored(explained, unknowns, others.answer, np.zeros_like(self.left))
 
-    def _scored(self, explained: float, columns: int, shift: Float[np.ndarray, "unknown"]) -> Score:
+    def _scored(
+        self,
+        explained: float,
+        columns: int,
+        shift: Float[np.ndarray, "unknown"],
+        change: Float[np.ndarray, "value"],
+    ) -> Score:
         before, count = float(self.left @ self.left), len(self.left)
         if not explained > 0:
-            return Score(0.0, columns, 0.0, np.zeros_like(shift))
+            return Score(0.0, columns, 0.0, np.zeros_like(shift), np.zeros_like(change))
         after = max(before - explained, np.finfo(float).eps * before)
         gain = count * np.log(before / after) - columns * np.log(count)
-        return Score(explained, columns, float(gain), shift)
+        return Score(explained, columns, float(gain), shift, change)

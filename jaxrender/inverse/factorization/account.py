@@ -200,15 +200,33 @@ def _in_gauge(
 def parameter_slopes(
     task: Task, state: State, gauge: str
 ) -> tuple[Float[np.ndarray, "parameter unknown"], Float[np.ndarray, "parameter channel part"]]:
-    """Differentiate the material's parameters by the nonlinear unknowns, and by the light."""
+    """Differentiate material and light in the gauge by the nonlinear unknowns, and by the light.
+
+    The parameters of the material come first, then the light, channel by channel.
+    """
     assert state.joint is not None
     light = np.asarray(state.joint.solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
-    _, slopes = _carried(unknown, task.response.variant, gauge, light.shape)
-    of_material = np.asarray(slopes)[: -light.size]
-    aside = np.zeros((len(of_material), 2 * len(state.active)))
-    by_material, by_light = np.split(of_material, [len(unknown) - light.size], axis=1)
+    slopes = np.asarray(_carried(unknown, task.response.variant, gauge, light.shape)[1])
+    aside = np.zeros((len(slopes), 2 * len(state.active)))
+    by_material, by_light = np.split(slopes, [len(unknown) - light.size], axis=1)
     return np.hstack([by_material, aside]), by_light.reshape(-1, *light.T.shape)
+
+
+def widened_light(
+    task: Task, state: State, account: Account, gauge: str, shifts: list[Float[np.ndarray, "light"]]
+) -> RecoveredScene:
+    """Let the errors of the light reach as far as it would shift, channel by channel."""
+    assert state.joint is not None
+    light = np.asarray(state.joint.solved.light)
+    share = np.asarray(specular_share(state.guess))
+    order = _brightest_first(state, light / gauge_factors(share, light[0], gauge))
+    slow = len(light) - len(state.active)
+    covariance = account.scene.covariance
+    for shift in shifts:
+        own = shift.reshape(light.T.shape)[:, np.r_[:slow, slow + order]]
+        covariance = covariance + own[:, :, None] * own[:, None, :]
+    return account.scene._replace(covariance=covariance)
 
 
 @stored(effort="least")

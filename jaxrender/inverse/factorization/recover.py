@@ -10,8 +10,8 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.blas import one_blas_thread
-from jaxrender.inverse.diagnosis import Diagnosis, reaching
-from jaxrender.inverse.factorization.account import Account, account_of
+from jaxrender.inverse.diagnosis import Diagnosis, likeliest, reaching
+from jaxrender.inverse.factorization.account import Account, account_of, widened_light
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
@@ -193,7 +193,11 @@ def _judged(end: _End, told: _Told) -> Factorization:
             with told.stage("diagnosis"):
                 found = Found(end.brdf, scene, told.gauge, misfit)
                 diagnosis = explanations(task, state, found, told.pool, told.shape)
-    parameters = reaching(end.account.parameters, diagnosis)
+    parameters = end.account.parameters
+    if diagnosis and parameters.covariance is not None:
+        shifts = [shift[len(parameters.covariance) :] for shift in likeliest(diagnosis)]
+        scene = widened_light(task, state, end.account, told.gauge, shifts)
+        parameters = reaching(parameters, diagnosis)
     wrong = _Wrong(misfit, clipped, diagnosis)
     outcome, identifiable, reasons = _judge(task, state, parameters, wrong)
     assert state.joint is not None

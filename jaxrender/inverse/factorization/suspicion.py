@@ -81,7 +81,7 @@ def derivatives_of(
     slow = np.arange(1, response.slow_count)
     others = np.r_[0, response.slow_count + np.flatnonzero(state.active)]
     weighted = weights[:, :, None] * columns
-    held = weighted[:, :, slow] / np.sqrt(np.asarray(data.penalty, float)[slow].T)
+    deviation = 1 / np.sqrt(np.asarray(data.penalty, float)[slow])
     of_light = [
         part[:, :, None] * np.eye(weights.shape[1])[None]
         for part in np.moveaxis(weighted[:, :, others], 2, 0)
@@ -89,12 +89,13 @@ def derivatives_of(
     by_unknown = np.concatenate([weights[:, :, None] * slopes[:, :, free], *of_light], axis=2)
     by_material, by_light = parameter_slopes(task, state, gauge)
     parts = np.moveaxis(by_light[:, :, others], 1, 2).reshape(len(by_light), -1)
+    in_prior = (by_light[:, :, slow] * deviation.T).reshape(len(by_light), -1)
     return Derivatives(
         weights * (task.radiance - np.asarray(solved.predicted))[index],
         by_unknown,
         weights,
-        np.concatenate([by_material[:, free], parts], axis=1),
-        tuple(np.moveaxis(held, 1, 0)),
+        tuple(np.moveaxis(weighted[:, :, slow] * deviation.T, 1, 0)),
+        np.concatenate([by_material[:, free], parts, in_prior], axis=1),
     )
 
 
