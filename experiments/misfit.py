@@ -2,6 +2,7 @@
 
     python experiments/misfit.py [--seeds 2] [--clean 6] [--only camera lamps ...] [--free]
     python experiments/misfit.py --unknown
+    python experiments/misfit.py --picture misfit.png
 
 ``planted`` takes photographs of a ball with one fault, of sixteen kinds and three sizes each, and
 tells the fit that nothing is wrong; the light is known.  Printed for each case: what the fit
@@ -18,6 +19,7 @@ freed: the truth inside 85 %, and errors a fifth of before where the fault is a 
 """
 
 import argparse
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -192,6 +194,60 @@ def sum_up(rows: list[Row]):
         print(f"{fault:12s}", ", ".join(f"{name} {count}" for name, count in counts.items()))
 
 
+class Entry(NamedTuple):
+    """What was planted, what was named first, and the largest error, exact and as stated."""
+
+    planted: str
+    named: str
+    exact: float
+    stated: float
+
+    @classmethod
+    def of(cls, row: Row) -> "Entry":
+        """Sum up a case."""
+        parameters = row.fit.parameters
+        exact, stated = (
+            float(np.nanmax(row.errors(one)))
+            for one in (parameters.if_exact or parameters, parameters)
+        )
+        return cls(row.fault or "nothing", (row.named or ["nothing"])[0], exact, stated)
+
+
+def draw_matrix(entries: list[Entry], path: Path):
+    """Draw what was named against what was planted, and errors before and after."""
+    import matplotlib.pyplot as plt
+
+    planted_names = list(dict.fromkeys(one.planted for one in entries))
+    others = dict.fromkeys(one.named for one in entries if one.named not in planted_names)
+    named_names = [*planted_names, *others]
+    counts = np.zeros((len(planted_names), len(named_names)), int)
+    for one in entries:
+        counts[planted_names.index(one.planted), named_names.index(one.named)] += 1
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(12, 5.5), width_ratios=[len(named_names), 9], layout="constrained"
+    )
+    left.imshow(counts, cmap="Blues", vmin=0, vmax=1.5 * counts.max(), aspect="auto")
+    for (row, column), count in np.ndenumerate(counts):
+        if count:
+            left.text(column, row, count, ha="center", va="center")
+    left.set_xticks(range(len(named_names)), named_names, rotation=60, ha="right")
+    left.set_yticks(range(len(planted_names)), planted_names)
+    left.set(xlabel="named first", ylabel="planted", title="What is named")
+    for row, name in enumerate(planted_names):
+        own = [one for one in entries if one.planted == name]
+        place = row + 0.18 * (np.arange(len(own)) - (len(own) - 1) / 2)
+        right.plot([one.exact for one in own], place, "o", color="0.6", label="by the model alone")
+        right.plot([one.stated for one in own], place, "o", color="C0", label="as stated")
+    right.axvline(NORMAL_90, color="0.8", zorder=0)
+    right.set(xscale="log", xlabel="largest error, in standard errors", title="Errors")
+    right.set_yticks(range(len(planted_names)), planted_names)
+    right.set_ylim(len(planted_names) - 0.5, -0.5)
+    marks = (part[:2] for part in right.get_legend_handles_labels())
+    figure.legend(*marks, loc="outside lower right", ncols=2)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
 def sum_up_freed(rows: list[Row], freed: list[Row]):
     """Print how many intervals hold the truth with what is named freed, and how errors shrink."""
     faulty = [row for row in freed if row.fault is not None]
@@ -219,6 +275,7 @@ def main():
     parser.add_argument("--only", nargs="*", choices=tuple(FAULTS), default=tuple(FAULTS))
     parser.add_argument("--free", action="store_true")
     parser.add_argument("--unknown", action="store_true")
+    parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     if options.unknown and options.free:
         parser.error("nothing is freed under unknown light: leave out --free or --unknown")
@@ -241,6 +298,8 @@ def main():
             jax.clear_caches()
     print()
     sum_up(rows)
+    if options.picture:
+        draw_matrix([Entry.of(row) for row in rows], options.picture)
     if freed:
         sum_up_freed(rows, freed)
 

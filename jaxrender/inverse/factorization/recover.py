@@ -100,7 +100,9 @@ def factorize(
     light it determines.  Reflectances and light are in the gauge asked for (``account.GAUGES``).
     For a concave object give the ``shape`` and the observations' places: its shadows are then
     modelled, its interreflections are not.  ``pool`` are all pixels, whose neighbours tell the
-    noise, and whose highest values tell whether they are clipped.
+    noise, and whose highest values tell whether they are clipped.  What is left above the noise is
+    then diagnosed, and the error bars of material and light reach as far as it may have moved them;
+    whether things lie elsewhere is asked where the ``shape`` is known.
 
     Raises ``ValueError`` for too few samples, and for a model of more numbers than a width and an
     index.
