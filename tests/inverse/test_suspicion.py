@@ -14,6 +14,7 @@ from ball_problems import BRDF, CLEAN, LIGHT, PHOTOGRAPHS, photographed
 from jaxrender.brdf import material_named
 from jaxrender.geometry import Sphere
 from jaxrender.inverse import Outcome
+from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.account import account_of, gauge_factors
 from jaxrender.inverse.factorization.band_limits import task_of
@@ -22,6 +23,7 @@ from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.rounds import light_the_scene
 from jaxrender.inverse.factorization.state import NOTHING_KNOWN, response_of
 from jaxrender.inverse.factorization.suspicion import derivatives_of
+from jaxrender.lighting import DirectionalSources
 
 SETTINGS = FactorSettings(band_limit=6, most_sources=4)
 STEP = 1e-5
@@ -95,6 +97,20 @@ def test_parameters_move_as_those_of_moved_unknowns(ended):
     column = 3 + 2 + 2 * int(state.active.sum()) + 2
     expected = np.concatenate([(1 - share) * slope, share * slope])
     np.testing.assert_allclose(found.parameters[:6, column], expected, rtol=1e-3)
+
+
+def test_the_brightest_sources_stand_by_themselves():
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(6, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    energies = np.array([0.5, 3, 0.1, 2, 4, 1])[:, None] * np.ones(3)
+    groups = LightParts.found(LIGHT, DirectionalSources(directions, energies)).sources(
+        np.zeros(1, int)
+    )
+    brightest = [float(one.nodes.irradiance[0, 0]) for one in groups]
+    assert brightest == [4, 3, 2, 1, 0.5]
+    assert [len(one.nodes.directions) for one in groups] == [1, 1, 1, 1, 2]
+    np.testing.assert_array_equal(groups[0].nodes.directions[0], directions[4])
 
 
 def fitted(photographs, **settings):

@@ -1,4 +1,4 @@
-"""What a blur does: to first order, what the four neighbours of a pixel show more than it does.
+"""What a blur does to a photograph, to first order, by the four neighbours of each pixel.
 
 A blur of standard deviation w, in pixels, adds w^2 / 2 times the Laplacian of the photograph.
 """
@@ -18,7 +18,7 @@ _FEWEST = 6
 
 
 def laplacian(grounds: Grounds) -> Float[np.ndarray, "sample channel"] | None:
-    """Sum up what the neighbours of each pixel show, less four times the pixel; per pixel squared.
+    """Sum up the four neighbours of each pixel, less four times the pixel; per pixel squared.
 
     A pixel beside the rim of the object, or of a part of it, counts as smooth.  None where nobody
     knows of pixels or places.

@@ -1,9 +1,10 @@
 """What a fit leaves of some samples, and how its prediction changes with its unknowns.
 
-Much of an unknown light is solved for under a prior.  Integrated out, such unknowns are noise that
-the samples share: its covariance beside that of the weighted samples, 1, is P P', where P are the
-columns of the unknowns, weighted, in standard deviations of their prior.  What is left and all
-columns are whitened by 1 + P P'.  So however many degrees the light has, it costs the same.
+Of an unknown light most coefficients have a prior.  They are integrated out, and are then noise
+that the samples share.  The samples' own weighted noise has the covariance 1.  Let P be the
+weighted columns of these unknowns, in standard deviations of their prior.  Then both together have
+the covariance 1 + P P'.  What is left and all columns are whitened by it.  The cost depends on the
+number of samples, and hardly on that of the coefficients.
 """
 
 import dataclasses

@@ -1,8 +1,8 @@
-"""What would explain what a factorization leaves: its light is unknown, and no cause by itself.
+"""What would explain what a factorization leaves, where the light is unknown too.
 
-A cause counts by what neither the material nor any light can make.  Slow light has as many
-coefficients as there may be.  About those found each may be off as far as is expected of it;
-integrated out, that is noise which the samples share (``diagnosis.derivatives``).
+A cause explains only what neither the material nor any light can make.  So each coefficient of
+slow light may differ from the one found, as far as its prior expects.  These differences are
+integrated out: they are noise that the samples share (``diagnosis.derivatives``).
 """
 
 from functools import partial
@@ -28,7 +28,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float, Int
 
-# Where light and channels' levels are unknown, these are no assumptions.
+# A fit that finds the light assumes none of these.
 _UNKNOWN = ("gain", "environment", "lamps")
 
 
