@@ -153,8 +153,9 @@ def _smooth_columns(
     """Evaluate harmonics of the normal and of the reflected direction; one shape for all blocks."""
     padded = np.resize(index, _BLOCK)
     some = SurfaceSamples(*(np.asarray(part, float)[padded] for part in samples))
-    parts = (real_basis(some.normals, _BY_NORMAL), real_basis(some.reflected, _BY_MIRROR))
-    return np.concatenate(parts, axis=1)[: len(index)]
+    # Of the normal, too, all degrees of the mirror are evaluated: one program serves both.
+    normal, mirror = (np.asarray(real_basis(d, _BY_MIRROR)) for d in (some.normals, some.reflected))
+    return np.hstack([normal[:, : coefficient_count(_BY_NORMAL)], mirror])[: len(index)]
 
 
 def _to_one(found: Float[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:

@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
 from jaxrender.geometry import SurfaceSamples
@@ -24,7 +25,7 @@ from jaxrender.reflection import (
     integral_columns,
     integral_columns_by_frame,
 )
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, as_jax
 
 Lobe = TypeVar("Lobe", bound=Parametric)
 # The numbers of a lobe; some models take a width for each sample.
@@ -241,10 +242,15 @@ class LinearisedModel(eqx.Module):
 
     def take(self, index: Rows) -> "LinearisedModel":
         """Keep the samples of the given indices."""
+
+        def kept(rows: Float[AnyArray, "sample *channel"]) -> Float[Array, "kept *channel"]:
+            # On the host: every number of samples would be some more programs to compile.
+            return rows[index] if isinstance(rows, Tracer) else as_jax(np.asarray(rows)[index])
+
         return LinearisedModel(
-            self.at.map(lambda part: part[index]),
-            {name: tuple(s[index] for s in slopes) for name, slopes in self.slopes.items()},
-            {name: v[index] if jnp.ndim(v) else v for name, v in self.numbers.items()},
+            self.at.map(kept),
+            {name: tuple(map(kept, slopes)) for name, slopes in self.slopes.items()},
+            {name: kept(v) if jnp.ndim(v) else v for name, v in self.numbers.items()},
         )
 
     def gathered(self, names: Iterable[str]) -> tuple[Float[AnyArray, "sample channel"], ...]:

@@ -187,10 +187,10 @@ def _in_gauge(
     at, slopes = _carried(unknown, variant, gauge, shape)
     spread = np.asarray(slopes) @ covariance @ np.asarray(slopes).T
     error = np.sqrt(np.maximum(np.diag(spread), 0))
-    (value, _), (errors, _) = (
-        jax.tree.map(lambda leaf: np.asarray(leaf, float), one)
-        for one in (at, jax.flatten_util.ravel_pytree(at)[1](jnp.asarray(error)))
-    )
+    leaves, structure = jax.tree.flatten(jax.tree.map(lambda leaf: np.asarray(leaf, float), at))
+    cuts = np.cumsum([leaf.size for leaf in leaves])[:-1]
+    each = [part.reshape(leaf.shape) for part, leaf in zip(np.split(error, cuts), leaves)]
+    (value, _), (errors, _) = (structure.unflatten(one) for one in (leaves, each))
     size = len(spread) - channels * parts
     origins = {one.name: one.origin for one in variant.searched}
     of_light = spread[size:, size:].reshape(channels, parts, channels, parts)
@@ -316,7 +316,7 @@ def _clusters(
     parts, channels = light.shape
     sources, order = len(state.active), _brightest_first(state, light)
     directions = np.asarray(state.guess.directions)
-    frames = np.asarray(tangent_frames(jnp.asarray(directions)))
+    frames = np.asarray(tangent_frames(directions))
     unknowns = len(whole) - channels * parts
     found = []
     for members in grouped(directions[order], float(np.exp(state.guess.sigma))):

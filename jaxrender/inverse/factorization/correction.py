@@ -1,19 +1,25 @@
 """Complete the dual model by what it leaves out of the exact integral."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, evaluate
-from jaxrender.inverse.factorization.response import Guess, MirrorResponse, specular_share
+from jaxrender.inverse.factorization.response import (
+    Guess,
+    MirrorResponse,
+    by_degree,
+    lobe_of,
+    specular_share,
+)
 from jaxrender.inverse.factorization.sight import Sight, hidden_nodes
 from jaxrender.inverse.factorization.state import Lacking, State, Task
 from jaxrender.lighting import LightNodes
 from jaxrender.programs import stored
 from jaxrender.reflection import integral_columns, slow_light_columns
 from jaxrender.shapes import AnyArray, Array, Float, as_jax
+from jaxrender.spectra import transfer_of_samples
 
 # A step of log sigma and of log(mu - 1), to differentiate by.
 _STEP = 1e-3
@@ -64,16 +70,22 @@ def change(before: State, after: State) -> float:
 
 def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sample coefficient"]:
     """Compute what the dual model leaves out at a guess; nothing hides anything."""
-    lobe = response.lobe(guess)
+    found = _left_out(response.variant, guess, response.samples, response.mirror_basis)
+    return np.asarray(found)
+
+
+@stored(effort="less")
+def _left_out(
+    variant: Glossy,
+    guess: Guess,
+    samples: SurfaceSamples,
+    mirror_basis: Float[AnyArray, "sample coefficient"],
+) -> Float[Array, "sample coefficient"]:
+    lobe, band_limit = lobe_of(variant, guess), band_limit_of(mirror_basis.shape[1])
     assert isinstance(lobe, Glossy)
-    exact = slow_light_columns(lobe, response.samples, band_limit_of(response.slow_count))
-    return np.asarray(exact) - np.asarray(_by_degree(response, guess))
-
-
-@stored(jax.jit, effort="less")
-def _by_degree(response: MirrorResponse, guess: Guess) -> Float[Array, "sample coefficient"]:
-    """Evaluate the dual model."""
-    return response.slow_columns(response.passed(guess))
+    exact = slow_light_columns(lobe, samples, band_limit)
+    passed = transfer_of_samples(lobe, samples.exit_cosines, band_limit)
+    return exact - by_degree(passed, mirror_basis)
 
 
 def hidden_slow_light(

@@ -80,7 +80,7 @@ def descend_jointly(
         trial = _moved(guess, move, descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
         there = reduced_system(response, trial, measured)
-        gain = float(system.solved.cost - there.solved.cost)
+        gain = float(system.solved.cost) - float(there.solved.cost)
         if not gain > 0:
             damping, in_vain = damping * _TIGHTENING, in_vain + 1
             continue

@@ -149,7 +149,7 @@ def scatter(
     return _scatter(response, guess, measured, lobe_slopes(response, guess), drawn, system, groups)
 
 
-@stored(partial(jax.jit, static_argnames="groups"), effort="less")
+@stored(partial(jax.jit, static_argnames="groups"), effort="least")
 def _scatter(
     response: Response,
     guess: Guess,

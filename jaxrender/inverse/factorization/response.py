@@ -28,7 +28,7 @@ from jaxrender.geometry import (
     pair_in_frame,
 )
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.shapes import AnyArray, Array, Bool, Float, as_jax
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, as_jax
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 
 
@@ -49,6 +49,19 @@ class Columns(NamedTuple):
 
     diffuse: Float[Array, "sample part"]
     specular: Float[Array, "sample part"]
+
+
+def lobe_of(variant: Parametric, guess: Guess) -> Parametric:
+    """Make the material of a guess, of amplitude one."""
+    mu = None if variant.mu is None else 1 + jnp.exp(jnp.asarray(guess.mu))
+    return variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
+
+
+def by_degree(
+    passed: Float[Array, "sample degree"], basis: Float[AnyArray, "sample coefficient"]
+) -> Float[Array, "sample coefficient"]:
+    """Weigh every harmonic by what is passed on of its degree."""
+    return passed[:, degrees(passed.shape[1] - 1)] * jnp.asarray(basis)
 
 
 class Response(eqx.Module):
@@ -90,9 +103,13 @@ class Response(eqx.Module):
         """Make the same of other samples."""
         return dataclasses.replace(self, **rows)
 
+    def take(self, index: Int[np.ndarray, "kept"] | slice) -> "Response":
+        """Keep the samples of the given indices."""
+        return self.of_rows(jax.tree.map(lambda rows: as_jax(np.asarray(rows)[index]), self.rows))
+
     def thinned(self, step: int) -> "Response":
         """Keep one in ``step`` samples."""
-        return self.of_rows(jax.tree.map(lambda rows: as_jax(np.asarray(rows)[::step]), self.rows))
+        return self.take(slice(None, None, step))
 
     @property
     def slow_count(self) -> int:
@@ -101,9 +118,7 @@ class Response(eqx.Module):
 
     def lobe(self, guess: Guess) -> Parametric:
         """Make the material of a guess, of amplitude one."""
-        metal = self.variant.mu is None
-        mu = None if metal else 1 + jnp.exp(jnp.asarray(guess.mu))
-        return self.variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
+        return lobe_of(self.variant, guess)
 
     def slow_specular(
         self, passed: Float[Array, "sample term"], guess: Guess
@@ -193,7 +208,7 @@ class MirrorResponse(Response):
         self, passed: Float[Array, "sample degree"]
     ) -> Float[Array, "sample coefficient"]:
         """Evaluate h_l(t_o) V(R) Y_lm(R)."""
-        return passed[:, degrees(band_limit_of(self.slow_count))] * jnp.asarray(self.mirror_basis)
+        return by_degree(passed, self.mirror_basis)
 
     def slow_specular(
         self, passed: Float[Array, "sample degree"], guess: Guess

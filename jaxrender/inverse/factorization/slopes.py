@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxrender.geometry import world_from_local
 from jaxrender.inverse.factorization.response import Columns, Guess, Response, specular_share
 from jaxrender.programs import stored
-from jaxrender.shapes import Array, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
 
 class Lobe(NamedTuple):
@@ -27,9 +27,10 @@ class _SourceSlopes(NamedTuple):
     aside: Columns
 
 
-def tangent_frames(directions: Float[Array, "source 3"]) -> Float[Array, "source 3 2"]:
+@stored(jax.jit, effort="least")
+def tangent_frames(directions: Float[AnyArray, "source 3"]) -> Float[Array, "source 3 2"]:
     """Make two tangents of the sphere at every source."""
-    return jax.vmap(world_from_local)(directions)[:, :, :2]
+    return jax.vmap(world_from_local)(jnp.asarray(directions))[:, :, :2]
 
 
 @stored(jax.jit, effort="less")

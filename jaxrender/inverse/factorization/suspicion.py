@@ -69,8 +69,7 @@ def derivatives_of(
 ) -> Derivatives:
     """Differentiate the prediction of some samples by the material and by the light."""
     assert state.joint is not None
-    whole, data = response_of(task, state), measured(task, state)
-    response = whole.of_rows(jax.tree.map(lambda rows: rows[index], whole.rows))
+    data, response = measured(task, state), response_of(task, state).take(index)
     solved, free = state.joint.solved, free_unknowns(task, state)
     columns, slopes = (
         np.moveaxis(np.asarray(part, float), 0, 1)
@@ -99,7 +98,7 @@ def derivatives_of(
     )
 
 
-@stored(jax.jit, effort="less")
+@stored(jax.jit, effort="least")
 def _differentiated(
     response: Response, guess: Guess, light: Float[Array, "part channel"]
 ) -> tuple[Float[Array, "channel sample part"], Float[Array, "channel sample unknown"]]:
