@@ -153,7 +153,7 @@ def _smooth_columns(
     """Evaluate harmonics of the normal and of the reflected direction; one shape for all blocks."""
     padded = np.resize(index, _BLOCK)
     some = SurfaceSamples(*(np.asarray(part, float)[padded] for part in samples))
-    # Of the normal, too, all degrees of the mirror are evaluated: one program serves both.
+    # One program serves both: the normal's harmonics, too, are evaluated to the mirror's degree.
     normal, mirror = (np.asarray(real_basis(d, _BY_MIRROR)) for d in (some.normals, some.reflected))
     return np.hstack([normal[:, : coefficient_count(_BY_NORMAL)], mirror])[: len(index)]
 

@@ -70,18 +70,19 @@ def change(before: State, after: State) -> float:
 
 def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sample coefficient"]:
     """Compute what the dual model leaves out at a guess; nothing hides anything."""
-    found = _left_out(response.variant, guess, response.samples, response.mirror_basis)
-    return np.asarray(found)
+    # The sources stay outside: another number of them would be another program.
+    at = jnp.asarray(guess.sigma), jnp.asarray(guess.mu)
+    return np.asarray(_left_out(response.variant, at, response.samples, response.mirror_basis))
 
 
 @stored(effort="less")
 def _left_out(
     variant: Glossy,
-    guess: Guess,
+    at: tuple[Float[Array, ""], Float[Array, ""]],
     samples: SurfaceSamples,
     mirror_basis: Float[AnyArray, "sample coefficient"],
 ) -> Float[Array, "sample coefficient"]:
-    lobe, band_limit = lobe_of(variant, guess), band_limit_of(mirror_basis.shape[1])
+    lobe, band_limit = lobe_of(variant, *at), band_limit_of(mirror_basis.shape[1])
     assert isinstance(lobe, Glossy)
     exact = slow_light_columns(lobe, samples, band_limit)
     passed = transfer_of_samples(lobe, samples.exit_cosines, band_limit)

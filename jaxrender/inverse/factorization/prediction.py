@@ -68,7 +68,7 @@ def predict(
 
 
 class _Parts(NamedTuple):
-    """What a convex object sends of slow light by each lobe, and of sources by both."""
+    """What slow light sends by each lobe if nothing hides it, and what sources send by both."""
 
     diffuse: Float[Array, "sample channel"]
     specular: Float[Array, "sample channel"]

@@ -51,10 +51,10 @@ class Columns(NamedTuple):
     specular: Float[Array, "sample part"]
 
 
-def lobe_of(variant: Parametric, guess: Guess) -> Parametric:
-    """Make the material of a guess, of amplitude one."""
-    mu = None if variant.mu is None else 1 + jnp.exp(jnp.asarray(guess.mu))
-    return variant.with_roughness(jnp.exp(jnp.asarray(guess.sigma)), mu)
+def lobe_of(variant: Parametric, sigma: Float[AnyArray, ""], mu: Float[AnyArray, ""]) -> Parametric:
+    """Make the material of amplitude one; ``sigma`` and ``mu`` are those of a ``Guess``."""
+    index = None if variant.mu is None else 1 + jnp.exp(jnp.asarray(mu))
+    return variant.with_roughness(jnp.exp(jnp.asarray(sigma)), index)
 
 
 def by_degree(
@@ -118,7 +118,7 @@ class Response(eqx.Module):
 
     def lobe(self, guess: Guess) -> Parametric:
         """Make the material of a guess, of amplitude one."""
-        return lobe_of(self.variant, guess)
+        return lobe_of(self.variant, guess.sigma, guess.mu)
 
     def slow_specular(
         self, passed: Float[Array, "sample term"], guess: Guess
