@@ -71,18 +71,20 @@ def change(before: State, after: State) -> float:
 def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sample coefficient"]:
     """Compute what the dual model leaves out at a guess; nothing hides anything."""
     # The sources stay outside: another number of them would be another program.
-    at = jnp.asarray(guess.sigma), jnp.asarray(guess.mu)
-    return np.asarray(_left_out(response.variant, at, response.samples, response.mirror_basis))
+    sigma, mu = jnp.asarray(guess.sigma), jnp.asarray(guess.mu)
+    rows = response.samples, response.mirror_basis
+    return np.asarray(_left_out(response.variant, sigma, mu, *rows))
 
 
 @stored(effort="less")
 def _left_out(
     variant: Glossy,
-    at: tuple[Float[Array, ""], Float[Array, ""]],
+    sigma: Float[Array, ""],
+    mu: Float[Array, ""],
     samples: SurfaceSamples,
     mirror_basis: Float[AnyArray, "sample coefficient"],
 ) -> Float[Array, "sample coefficient"]:
-    lobe, band_limit = lobe_of(variant, *at), band_limit_of(mirror_basis.shape[1])
+    lobe, band_limit = lobe_of(variant, sigma, mu), band_limit_of(mirror_basis.shape[1])
     assert isinstance(lobe, Glossy)
     exact = slow_light_columns(lobe, samples, band_limit)
     passed = transfer_of_samples(lobe, samples.exit_cosines, band_limit)
