@@ -26,7 +26,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.factorization import Factorization, FactorSettings, factorize
 from jaxrender.io import read_environment
 from jaxrender.lighting import Environment
-from jaxrender.pipelines.light import light_images
+from jaxrender.pipelines.tasks.light import light_images
 
 OUT = Path(__file__).parent / "out"
 # What is demanded of the medians: absolute, and per cent.

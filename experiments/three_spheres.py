@@ -39,7 +39,7 @@ from jaxrender.inverse.factorization import Factorization, factorize  # noqa: E4
 from jaxrender.inverse.leverage import draw, sharpness  # noqa: E402
 from jaxrender.io import read_environment  # noqa: E402
 from jaxrender.lighting import Environment  # noqa: E402
-from jaxrender.pipelines.light import light_images  # noqa: E402
+from jaxrender.pipelines.tasks.light import light_images  # noqa: E402
 from jaxrender.reflection import integral_columns, radiance  # noqa: E402
 
 OUT = Path(__file__).parent / "out"

@@ -20,8 +20,8 @@ from jaxrender.catalogue import MODELS, NAMES, Interval, described, numbers_name
 from jaxrender.inverse.own_words import OwnWords, plain
 from jaxrender.pipelines.config import BrdfConfig, RecipeBrdfConfig, RunConfig
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.report.contents import TextureContents
 from jaxrender.pipelines.report.parameters import parameters
+from jaxrender.pipelines.report.texture import TextureContents
 from jaxrender.pipelines.scene import lobe_of, true_material, unknowns_of
 
 README = Path(__file__).parents[1] / "README.md"

@@ -4,6 +4,8 @@
     the settings of a run, as data
 ``run`` ``synth`` ``render``
     a fit; synthetic photographs from a recipe; a finished result's views rendered again
+``tasks``
+    what a run may recover: a module for each task
 ``output`` ``progress``
     result folders that appear whole or not at all; the stages of a run and their seconds
 

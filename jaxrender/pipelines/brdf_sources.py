@@ -11,10 +11,10 @@ import numpy as np
 
 from jaxrender.brdf import (
     BRDF,
+    Parametric,
     ScatteredFit,
     WaveletBRDF,
     fit_isotropic_table,
-    material_named,
 )
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
@@ -32,9 +32,9 @@ from jaxrender.io.tree_layout import BRDF_AXES
 from jaxrender.io.tree_layout import FORMAT as TREE
 from jaxrender.io.trees import read_tree
 from jaxrender.io.utia import read_utia
-from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.result import ARRAYS, read_run
+from jaxrender.pipelines.result import read_run
+from jaxrender.pipelines.tasks import task_named
 
 _LOOKED_AT = 4096
 _COLOURS = 3
@@ -175,15 +175,11 @@ def _tree(path: Path) -> Source:
 
 def _result(folder: Path) -> Source:
     run = read_run(folder)
-    if run.config.task == "texture":
-        raise InputError(f"{folder}: a texture has a material for each texel; give a uniform one")
+    brdf = task_named(run.config.task).brdf(run)
     said = f"recovered by a fit, outcome {run.summary['outcome']}"
-    if run.config.task == "brdf-spectrum":
-        brdf = HarmonicBRDF.of(read_spectrum(folder / ARRAYS))
+    if isinstance(brdf, HarmonicBRDF):
         return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
-    if "brdf" not in run.summary:
-        raise InputError(f"{folder}: a result of task {run.config.task} holds no material")
-    brdf = material_named(run.summary["brdf"]["model"], run.summary["brdf"])
+    assert isinstance(brdf, Parametric)
     return Source(folder.name, brdf, _colours(brdf.amplitudes.shape[1]), (), (said,))
 
 

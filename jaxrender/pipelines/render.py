@@ -26,7 +26,8 @@ from jaxrender.pipelines.scene import (
     shape_of,
 )
 from jaxrender.pipelines.shadows import transfer_field
-from jaxrender.pipelines.subject import Subject, subject_of
+from jaxrender.pipelines.subject import Subject
+from jaxrender.pipelines.tasks import task_named
 from jaxrender.reflection import DualForward, ForwardModel, ShadowedDual, ShadowedModel
 
 MODELS = ("integral", "dual")
@@ -115,7 +116,7 @@ def _render_views(
     assert config.capture.geometry is not None
     capture = _capture_of(config, scene.cameras)
     shape = shape_of(config.capture.geometry)
-    subject = subject_of(run, shape)
+    subject = task_named(run.config.task).subject(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(
             f"{run.folder}: --model dual needs a lobe about the reflected direction, which this "

@@ -16,8 +16,6 @@ from jaxrender.inverse.photographs import (
 )
 from jaxrender.io import Capture, write_image
 from jaxrender.io.netcdf import Group, write
-from jaxrender.pipelines import brdf_spectrum, material, texture
-from jaxrender.pipelines import light as light_tasks
 from jaxrender.pipelines.caches import capture_folder, is_whole
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import (
@@ -28,7 +26,6 @@ from jaxrender.pipelines.config import (
 )
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import (
     ARRAYS,
     ARRAYS_FORMAT,
@@ -47,14 +44,8 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
-
-_TASKS = {
-    "brdf": material.TASK,
-    "lighting": light_tasks.TASK,
-    "factorize": light_tasks.TASK,
-    "texture": texture.TASK,
-    "brdf-spectrum": brdf_spectrum.TASK,
-}
+from jaxrender.pipelines.tasks import task_named
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -94,7 +85,7 @@ def fit(
             return FitReport(found["outcome"], folder, summary_of(found))
         evidence = _load(config, capture, clock, progress)
         _check_not_black(config, evidence)
-        task = _TASKS[config.task]
+        task = task_named(config.task)
         task.check(config, evidence)
         if dry_run:
             return FitReport("dry run", folder, f"dry run: would {task.would(config, evidence)}")
@@ -149,7 +140,7 @@ def _load(config: RunConfig, capture: Capture, clock: Clock, progress: Progress)
             photographs = trace_photographs(capture, images, shape, reading, listener)
         light = _light_of_kept(light, capture, photographs)
         pool = observations_of(photographs)
-        observations = _TASKS[config.task].draw(config, pool, light)
+        observations = task_named(config.task).draw(config, pool, light)
     return Evidence(photographs, shape, light, pool, observations)
 
 
@@ -203,7 +194,7 @@ def _write(
             for p, q in ((photographs[k], predictions[k]) for k in shown)
         )
         so_far = result.document(provenance, clock.taken())
-        write_report(folder, recovery.contents(title, so_far, frames))
+        write_report(folder, recovery.page(title, so_far, frames))
     document = result.document(provenance, clock.taken())
     write_json(folder / RESULT, document)
     return document

@@ -14,11 +14,11 @@ from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.io import BRDFTable, TreeAbout, read_table, read_tree, write_table, write_tree
 from jaxrender.io.netcdf import Format, Group, write
 from jaxrender.pipelines.brdf_sources import source_of
-from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.deviation import covariance_groups, read_covariance
 from jaxrender.pipelines.result import ARRAYS_FORMAT
 from jaxrender.pipelines.shrm_files import read_about, read_shrm, write_shrm
 from jaxrender.pipelines.shrm_layout import ShrmAbout
+from jaxrender.pipelines.tasks.brdf_spectrum import read_spectrum
 from jaxrender.reflection.shrm import GlobalShrm
 from jaxrender.wavelets import CoefficientTree, haar
 

@@ -19,8 +19,8 @@ from jaxrender.geometry.sculpture import sculpture
 from jaxrender.io import read_image, write_environment, write_mesh
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import fit, load_run_config
-from jaxrender.pipelines.brdf_spectrum import read_spectrum
 from jaxrender.pipelines.render import render_config
+from jaxrender.pipelines.tasks.brdf_spectrum import read_spectrum
 
 TASK = "task: brdf-spectrum\nspectrum: {order: 2}\nsamples: {count: 2000}\n"
 PLAIN = Paint(np.tile(KD[:1], (2, 1)), np.zeros(2))

@@ -16,7 +16,7 @@ from jaxrender.errors import InputError
 from jaxrender.pipelines.config import json_schema, load_run_config, resolved_yaml
 from jaxrender.pipelines.config.honoured import CASES, honouring
 from jaxrender.pipelines.config.sweep import load_sweep
-from jaxrender.pipelines.config.task_keys import TASKS
+from jaxrender.pipelines.config.tasks import UNUSED
 
 OF_TASK = {
     "texture under known light": "texture",
@@ -57,13 +57,13 @@ def refusal(text, key, value):
     return ""
 
 
-@pytest.mark.parametrize(("task", "key"), [(task, key) for task in TASKS for key in TASKS[task]])
+@pytest.mark.parametrize(("task", "key"), [(task, key) for task in UNUSED for key in UNUSED[task]])
 def test_what_a_task_has_no_use_for_is_refused(task, key):
     text = text_of(OF_TASK.get(task) or task)
     said = [refusal(text, key, value) for value in values(key)]
     start = f"command line: {key}={values(key)[0]}: {key}: found "
     assert said[0].splitlines()[0].startswith(start)
-    assert f", but task {task} {TASKS[task][key]}; remove it" in said[0]
+    assert f", but task {task} {UNUSED[task][key]}; remove it" in said[0]
     assert all(other in said[0] for other in honouring(key))
 
 
@@ -126,7 +126,7 @@ def test_a_sweep_states_what_it_varies():
         load_sweep("sweep.yaml")
 
 
-@pytest.mark.parametrize("key", dict.fromkeys(key for keys in TASKS.values() for key in keys))
+@pytest.mark.parametrize("key", dict.fromkeys(key for keys in UNUSED.values() for key in keys))
 def test_the_schema_says_which_tasks_use_a_key(key):
     schema = json_schema()
     section, *names = key.split(".")

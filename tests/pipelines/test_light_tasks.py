@@ -31,10 +31,10 @@ from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.io import read_environment, read_image, write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
-from jaxrender.pipelines.light import light_images
-from jaxrender.pipelines.light.images import texels_of
 from jaxrender.pipelines.render import Scene, render_config
 from jaxrender.pipelines.summary import summary_of
+from jaxrender.pipelines.tasks.light import light_images
+from jaxrender.pipelines.tasks.light.images import texels_of
 
 SOURCES = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
 BALL = Ball(views=6, size=40, lights=(SOURCES,) * 6, gains=(1.0,) * 6)

@@ -28,12 +28,14 @@ from jaxrender.inverse.photographs import Reading, read_photographs, trace_photo
 from jaxrender.inverse.texture import TextureEstimate, regions, unknown_light
 from jaxrender.io import read_capture, write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment
-from jaxrender.pipelines import brdf_spectrum, material, run, scene, task
+from jaxrender.pipelines import run, scene
 from jaxrender.pipelines.config import RunConfig, load_run_config
-from jaxrender.pipelines.light import asked
-from jaxrender.pipelines.light import recovery as light
 from jaxrender.pipelines.output import FolderState
-from jaxrender.pipelines.texture import recovery as texture
+from jaxrender.pipelines.tasks import brdf_spectrum, task
+from jaxrender.pipelines.tasks.light import asked
+from jaxrender.pipelines.tasks.light import recovery as light
+from jaxrender.pipelines.tasks.material import recovery as material
+from jaxrender.pipelines.tasks.texture import recovery as texture
 
 USUAL = (
     "brdf under skies",

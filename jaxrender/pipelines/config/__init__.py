@@ -5,8 +5,9 @@ One file a noun: :mod:`.capture` (photographs, their shape :mod:`.geometry`), :m
 :mod:`.run` is the root of a run, :mod:`.recipe` that of synthetic photographs.  :mod:`.values`
 holds the kinds of value, :mod:`.loader` reads and writes YAML with the help of :mod:`.document`
 (places), :mod:`.overrides` (``key=value``) and :mod:`.wording` (error messages).  Every stated
-key has an effect or is refused (:mod:`.stated`).  :mod:`.honoured` lists the keys that a task
-cannot use.  :mod:`.schema` describes every key for editors.
+key has an effect or is refused (:mod:`.stated`).  :mod:`.tasks` lists the tasks with the keys that
+each cannot use; :mod:`.honoured` adds those that other settings leave without effect.
+:mod:`.schema` describes every key for editors.
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig

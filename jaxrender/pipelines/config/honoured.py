@@ -11,25 +11,18 @@ from typing import TYPE_CHECKING, Any
 from jaxrender.catalogue import MODELS
 from jaxrender.pipelines.config.brdf import FACET_MODELS, foreign_keys
 from jaxrender.pipelines.config.stated import Case
-from jaxrender.pipelines.config.task_keys import AS_IT_IS, DARK, LIT, TASKS
+from jaxrender.pipelines.config.tasks import TASKS, UNUSED, situation
 from jaxrender.pipelines.config.wording import joined
 
 if TYPE_CHECKING:
     from jaxrender.pipelines.config.run import RunConfig
 
 
-def task_of(config: RunConfig) -> str:
-    """Name the task of a config as ``TASKS`` does."""
-    if config.task == "texture":
-        return LIT if config.knows_light else DARK
-    return config.task
-
-
 def honouring(key: str) -> tuple[str, ...]:
     """List the tasks in which a key has an effect."""
     return tuple(
         task
-        for task, keys in TASKS.items()
+        for task, keys in UNUSED.items()
         if not any(f"{key}.".startswith(f"{other}.") for other in keys)
     )
 
@@ -38,13 +31,13 @@ def _of_tasks() -> tuple[Case, ...]:
     """Make a case of each task and key."""
     return tuple(
         Case(
-            f"task {task}",
-            lambda config, task=task: task_of(config) == task,
+            f"task {one}",
+            lambda config, one=one: situation(config.task, config.knows_light) == one,
             {key: why},
-            {} if task == "brdf-spectrum" else AS_IT_IS,
+            TASKS[one.split()[0]].done_anyway,
             f"choose task: {joined(honouring(key))}" if honouring(key) else "",
         )
-        for task, keys in TASKS.items()
+        for one, keys in UNUSED.items()
         for key, why in keys.items()
     )
 

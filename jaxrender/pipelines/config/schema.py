@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from jaxrender.pipelines.config.honoured import honouring
 from jaxrender.pipelines.config.run import RunConfig
-from jaxrender.pipelines.config.task_keys import TASKS
+from jaxrender.pipelines.config.tasks import UNUSED
 
 
 def json_schema(root: type[BaseModel] = RunConfig) -> dict[str, Any]:
@@ -19,7 +19,7 @@ def json_schema(root: type[BaseModel] = RunConfig) -> dict[str, Any]:
     schema = root.model_json_schema()
     if root is RunConfig:
         # A key comes before what is inside it.
-        for key in sorted({key for keys in TASKS.values() for key in keys}):
+        for key in sorted({key for keys in UNUSED.values() for key in keys}):
             entry, inner = _entry(schema, key)
             what = f"Tasks that use {inner}" if inner else "Tasks"
             entry["description"] += f"\n{what}: {', '.join(honouring(key))}."

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from jaxrender.inverse import Outcome
-from jaxrender.pipelines.report.contents import Contents, ReportContents
+from jaxrender.pipelines.report.contents import Contents, MaterialContents
 from jaxrender.pipelines.report.wording import counted, is_number, percent, seconds, shown
 
 _HEADLINES = {
@@ -171,7 +171,7 @@ def _flat(value: Any, name: str) -> list[tuple[str, str]]:
     return [(name, str(value))]
 
 
-def split_of(contents: ReportContents) -> dict[str, Any] | None:
+def split_of(contents: MaterialContents) -> dict[str, Any] | None:
     """Gather the numbers of the split from the result or the fit; None without an environment."""
     result, prepared = contents.result, contents.fit.light
     given = result.get("split") or result.get("lighting", {}).get("split")

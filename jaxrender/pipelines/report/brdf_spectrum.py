@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
-from jaxrender.pipelines.report.contents import SpectrumContents
+from jaxrender.pipelines.report.contents import FramePictures, Page
 from jaxrender.pipelines.report.display import data_uri
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.pipelines.report.wording import counted, percent
@@ -29,13 +29,27 @@ class Slice(NamedTuple):
     picture: str
 
 
-def spectrum_sections(contents: SpectrumContents) -> dict[str, Any]:
-    """Gather what the template shows beside what all reports have."""
+class SpectrumContents(NamedTuple):
+    """All that the report of a BRDF's coefficients shows: fits of several orders, the last asked.
+
+    ``light_energy`` is that of each degree of the light.
+    """
+
+    title: str
+    result: dict[str, Any]
+    orders: tuple[BRDFSpectrum, ...]
+    light_energy: Float[np.ndarray, "degree"]
+    frames: tuple[FramePictures, ...]
+
+    @property
+    def fit(self) -> None:
+        """None: the result has all there is."""
+
+
+def spectrum_page(contents: SpectrumContents) -> Page:
+    """Lay out the page."""
     spectrum = contents.result["spectrum"]
-    return {
-        "variants": None,
-        "evidence": None,
-        "refined": False,
+    sections = {
         "spectrum": spectrum,
         "orders": [
             {
@@ -51,6 +65,7 @@ def spectrum_sections(contents: SpectrumContents) -> dict[str, Any]:
         "slices": _slices(contents.orders),
         "exit_degrees": _EXIT_DEGREES,
     }
+    return Page("brdf_spectrum.html.j2", contents, sections)
 
 
 def _outgoing(count: int) -> Float[np.ndarray, "pair 3"]:

@@ -1,12 +1,10 @@
-"""The contents of a report: a result as data, the fit itself, the light, and pictures."""
+"""What a report is made of: pictures, what every page shows something of, and a page."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
-from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
-from jaxrender.pipelines.light.images import LightImages
 from jaxrender.shapes import Bool, Float
 
 
@@ -24,8 +22,36 @@ class FramePictures(NamedTuple):
     covered: Bool[np.ndarray, "row column"]
 
 
-class ReportContents(NamedTuple):
-    """All that a report shows.  ``result`` is the content of result.json; any key may be absent."""
+@runtime_checkable
+class Contents(Protocol):
+    """What every page shows.  ``result`` is the content of result.json; any key may be absent.
+
+    ``fit`` is None where the result has all there is.
+    """
+
+    @property
+    def title(self) -> str:
+        """The name of the run."""
+        ...
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The content of result.json."""
+        ...
+
+    @property
+    def fit(self) -> BRDFFit | Factorization | None:
+        """The fit itself, for what the result does not have."""
+        ...
+
+    @property
+    def frames(self) -> tuple[FramePictures, ...]:
+        """The photographs that are shown."""
+        ...
+
+
+class MaterialContents(NamedTuple):
+    """All that the report of a material under known light shows."""
 
     title: str
     result: dict[str, Any]
@@ -33,88 +59,21 @@ class ReportContents(NamedTuple):
     light: KnownLight
     frames: tuple[FramePictures, ...]
 
-    @property
-    def is_lambertian(self) -> bool:
-        """Whether the material was fitted without a specular lobe."""
-        return self.result.get("brdf", {}).get("model") == "lambertian"
 
-    @property
-    def is_diffuse(self) -> bool:
-        """Whether the material has one lobe alone, whatever that is."""
-        return _is_diffuse(self.result)
+class Page(NamedTuple):
+    """A page: its template, what it is made of, and what fills the sections that are its own."""
+
+    template: str
+    contents: Contents
+    sections: dict[str, Any]
 
 
-Panorama = Float[np.ndarray, "row column channel"]
+def is_lambertian(contents: Contents) -> bool:
+    """Whether the model has no specular lobe."""
+    return contents.result.get("brdf", {}).get("model") == "lambertian"
 
 
-class LightContents(NamedTuple):
-    """All that the report of a recovered light shows."""
-
-    title: str
-    result: dict[str, Any]
-    fit: Factorization
-    images: LightImages
-    frames: tuple[FramePictures, ...]
-
-    @property
-    def is_lambertian(self) -> bool:
-        """Whether the object is Lambertian."""
-        return self.result["brdf"]["model"] == "lambertian"
-
-    @property
-    def is_diffuse(self) -> bool:
-        """Whether the material has one lobe alone, whatever that is."""
-        return _is_diffuse(self.result)
-
-
-class TextureContents(NamedTuple):
-    """All that the report of a recovered texture shows.
-
-    ``maps`` are kd, ks, kd_error, ks_error (NaN where unknown) and marks, None where sites are
-    vertices; ``light`` the coefficients of a light that was recovered as well.
-    """
-
-    title: str
-    result: dict[str, Any]
-    maps: dict[str, Panorama] | None
-    light: Float[np.ndarray, "coefficient channel"] | None
-    frames: tuple[FramePictures, ...]
-
-    @property
-    def fit(self) -> None:
-        """None: the result has all there is."""
-
-    @property
-    def is_lambertian(self) -> bool:
-        """Whether the model has no specular lobe."""
-        return self.result["brdf"]["model"] == "lambertian"
-
-
-class SpectrumContents(NamedTuple):
-    """All that the report of a BRDF's coefficients shows: fits of several orders, the last asked.
-
-    ``light_energy`` is that of each degree of the light.
-    """
-
-    title: str
-    result: dict[str, Any]
-    orders: tuple[BRDFSpectrum, ...]
-    light_energy: Float[np.ndarray, "degree"]
-    frames: tuple[FramePictures, ...]
-
-    @property
-    def fit(self) -> None:
-        """None: the result has all there is."""
-
-    @property
-    def is_lambertian(self) -> bool:
-        """Never: no model is supposed."""
-        return False
-
-
-Contents = ReportContents | LightContents | TextureContents | SpectrumContents
-
-
-def _is_diffuse(result: dict[str, Any]) -> bool:
-    brdf = result.get("brdf", {})
+def is_diffuse(contents: Contents) -> bool:
+    """Whether the material has one lobe alone, whatever that is."""
+    brdf = contents.result.get("brdf", {})
     return "kd" in brdf and "ks" not in brdf

@@ -11,7 +11,7 @@ from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import LightNodes, condensed
-from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.contents import MaterialContents, is_diffuse
 from jaxrender.pipelines.report.display import data_uri, with_alpha
 from jaxrender.programs import stored
 from jaxrender.reflection import integral_columns
@@ -46,7 +46,7 @@ class _View(NamedTuple):
     source: Float[np.ndarray, "3"]
 
 
-def spheres(contents: ReportContents) -> Spheres:
+def spheres(contents: MaterialContents) -> Spheres:
     """Render the sphere with the exact integral, seen as the first photograph sees the object."""
     brdf, view = contents.fit.brdf, _view(contents.fit.final.observations)
     columns = _columns(brdf, view, contents.light.of_frame(0))
@@ -56,7 +56,7 @@ def spheres(contents: ReportContents) -> Spheres:
     source = np.sum(columns[..., channels:] * np.asarray(brdf.amplitudes, float), axis=1)
     inside = view.opacity.ravel() > 0
     exposure = exposure_for(given[inside])
-    glossy = not contents.is_diffuse
+    glossy = not is_diffuse(contents)
     return Spheres(
         _picture(given, view, exposure),
         _picture(parts[:, 0], view, exposure) if glossy else None,

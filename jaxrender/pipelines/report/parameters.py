@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxrender.catalogue import MODELS, Model
 from jaxrender.inverse.conditioning import GRAZING_COSINE
-from jaxrender.pipelines.report.contents import Contents, ReportContents, SpectrumContents
+from jaxrender.pipelines.report.contents import Contents, MaterialContents, is_lambertian
 from jaxrender.pipelines.report.display import hex_colour
 from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numbers, percent, shown
 from jaxrender.shapes import Float
@@ -75,16 +75,18 @@ class Evidence(NamedTuple):
 
 def model_of(contents: Contents) -> Model:
     """Find the model that was fitted; the thesis's where the result does not say."""
-    lambertian = contents.fit is not None and contents.is_lambertian
+    lambertian = contents.fit is not None and is_lambertian(contents)
     named = contents.result.get("brdf", {}).get("model")
     return MODELS[named or ("lambertian" if lambertian else "microfacet")]
 
 
 def parameters(contents: Contents) -> tuple[Parameter, ...]:
-    """List the numbers of the material in the order of its model; none for a spectrum."""
-    if isinstance(contents, SpectrumContents):
+    """List the numbers of the material in the order of its model; none without one."""
+    given = contents.result.get("brdf", {})
+    if given.get("model", "lambertian") not in MODELS:
+        # Coefficients belong to no model.
         return ()
-    given, own = contents.result.get("brdf", {}), model_of(contents)
+    own = model_of(contents)
     names = [number.name for number in own.numbers if number.name in given]
     if not names and contents.fit is not None:
         names = own.names("amplitude", "searched")
@@ -185,7 +187,7 @@ def _is_about(reason: str, name: str) -> bool:
     return reason.split(" ", 1)[0].rstrip(":") == name
 
 
-def variants(contents: ReportContents) -> Variants | None:
+def variants(contents: MaterialContents) -> Variants | None:
     """List the refits under other models; None where there are none."""
     found = contents.result.get("variants") or []
     if not found:
@@ -220,13 +222,13 @@ def _chi_squared(difference: Any) -> str:
     return counted(round(difference)) if large else shown(difference, 3)
 
 
-def evidence(contents: ReportContents) -> Evidence | None:
+def evidence(contents: MaterialContents) -> Evidence | None:
     """Compare the standard errors of sigma; None where there is no sigma to speak of."""
     model, own = model_of(contents), contents.fit.evidence
     # The first number that is searched for is the lobe's width, or what stands for it.
     shape = next(iter(model.names("searched")), "")
     known = shape and _flag(contents.result, "identifiable", shape) is not None
-    if contents.is_lambertian or not known or own is None:
+    if is_lambertian(contents) or not known or own is None:
         return None
     letter = model.number(shape).letter
     given = contents.result.get("evidence") or {**own._asdict(), "sentence": own.sentence()}
@@ -251,5 +253,5 @@ def in_degrees(contents: Contents) -> str | None:
     """Say the roughness as an angle."""
     if "sigma" not in contents.result.get("brdf", {"sigma": None}):
         return None
-    values = [] if contents.is_lambertian else _values(contents, "value", "sigma")
+    values = [] if is_lambertian(contents) else _values(contents, "value", "sigma")
     return f"{shown(math.degrees(values[0]), 2)}°" if values else None

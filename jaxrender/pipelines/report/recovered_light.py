@@ -1,6 +1,6 @@
 """The page of a recovered light: its pictures, and the parameters round by round."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -8,11 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from jaxrender.brdf import Parametric
+from jaxrender.inverse import Factorization
 from jaxrender.inverse.factorization import Round
-from jaxrender.pipelines.report.contents import LightContents
+from jaxrender.pipelines.report.comparison import comparison
+from jaxrender.pipelines.report.contents import FramePictures, Page, is_diffuse
 from jaxrender.pipelines.report.display import data_uri, shrunk, tone_key, tone_mapped
 from jaxrender.pipelines.report.light import Circle, circles_on_map
 from jaxrender.pipelines.report.plots import INK, SERIES, plot
+from jaxrender.pipelines.tasks.light.images import LightImages
 
 _LONGEST_SIDE = 400
 # Recovered darkness is not exact: the tone curve does not brighten less than this part of the mean.
@@ -21,6 +24,10 @@ _DARKEST = 0.3
 _LEAST_RANGE = 5.0
 # A parameter that moved by less, relative to its value, was known.
 _STILL = 1e-9
+_KICKERS = {
+    "factorize": "Material and light recovered from photographs",
+    "lighting": "Light recovered from photographs",
+}
 
 
 class LightPictures(NamedTuple):
@@ -37,6 +44,33 @@ class Path(NamedTuple):
 
     parameters: Markup | None
     residual: Markup
+
+
+class LightContents(NamedTuple):
+    """All that the report of a recovered light shows."""
+
+    title: str
+    result: dict[str, Any]
+    fit: Factorization
+    images: LightImages
+    frames: tuple[FramePictures, ...]
+
+
+def light_page(contents: LightContents) -> Page:
+    """Lay out the page."""
+    found = contents.fit
+    sections = {
+        "kicker": _KICKERS[contents.result["task"]],
+        "pictures": light_pictures(contents),
+        "comparison": comparison(contents),
+        "band_limit": contents.result["lighting"]["band_limit"],
+        "finer": found.rounds[-1].band_limit > found.rounds[0].band_limit,
+        "clusters": len(found.scene.clusters),
+        "diffuse": is_diffuse(contents),
+        "identifiable": contents.result["lighting"]["sentence"],
+        "path": path_plots(contents),
+    }
+    return Page("light.html.j2", contents, sections)
 
 
 def light_pictures(contents: LightContents) -> LightPictures:

@@ -16,7 +16,7 @@ from jaxrender.inverse.conditioning import GRAZING_COSINE
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
 from jaxrender.lighting import DirectionalSources
-from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.contents import MaterialContents
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.shapes import Float
 
@@ -62,7 +62,7 @@ class _Left(NamedTuple):
     in_noise: Float[np.ndarray, "sample channel"]
 
 
-def residual_plots(contents: ReportContents) -> ResidualPlots | None:
+def residual_plots(contents: MaterialContents) -> ResidualPlots | None:
     """Plot photograph - prediction of the samples of the final fit, all channels together."""
     left = _left(contents.fit.final)
     normals, outgoing = (np.asarray(array, float) for array in left.observations.samples)

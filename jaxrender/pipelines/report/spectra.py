@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from jaxrender.brdf import Glossy
 from jaxrender.harmonics import degrees
-from jaxrender.pipelines.report.contents import ReportContents
+from jaxrender.pipelines.report.contents import MaterialContents, is_lambertian
 from jaxrender.pipelines.report.material import with_arrays
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.pipelines.report.wording import power_of_ten
@@ -54,7 +54,7 @@ class _Transfer(NamedTuple):
     gaussian: Float[np.ndarray, "degree"] | None
 
 
-def spectrum_plots(contents: ReportContents) -> SpectrumPlots:
+def spectrum_plots(contents: MaterialContents) -> SpectrumPlots:
     """Plot light, transfer and their product by degree: B_lm = Lambda_l rho_l L_lm (T 3.10)."""
     band_limit = _band_limit(contents)
     energies = _energies(contents, band_limit)
@@ -85,15 +85,15 @@ def spectrum_plots(contents: ReportContents) -> SpectrumPlots:
     )
 
 
-def _band_limit(contents: ReportContents) -> int:
+def _band_limit(contents: MaterialContents) -> int:
     if contents.light.environment is not None:
         return contents.fit.light.dual.band_limit
-    if contents.is_lambertian:
+    if is_lambertian(contents):
         return _LAMBERTIAN_DEGREE
     return min(_HIGHEST_DEGREE, math.ceil(_BAND_LIMIT_TIMES_SIGMA / float(contents.fit.brdf.width)))
 
 
-def _energies(contents: ReportContents, band_limit: int) -> _Energies:
+def _energies(contents: MaterialContents, band_limit: int) -> _Energies:
     """Sum the squares of the coefficients; of moving light, those of the first photograph."""
     light = contents.light.of_frame(0)
     total = np.zeros(((band_limit + 1) ** 2, light.directional.irradiance.shape[1]))
@@ -116,8 +116,8 @@ def energy_by_degree(
     return np.bincount(degrees(band_limit), np.mean(values**2, axis=1))
 
 
-def _transfer(contents: ReportContents, band_limit: int) -> _Transfer:
-    if contents.is_lambertian:
+def _transfer(contents: MaterialContents, band_limit: int) -> _Transfer:
+    if is_lambertian(contents):
         curve = np.asarray(lambertian_transfer(band_limit)) / np.pi
         return _Transfer({"clamped cosine / π": curve}, None)
     brdf = with_arrays(contents.fit.brdf)

@@ -8,7 +8,7 @@ from matplotlib import colormaps
 
 from jaxrender.harmonics import LatLongGrid, synthesise
 from jaxrender.imaging.display import exposed, exposure_for
-from jaxrender.pipelines.report.contents import TextureContents
+from jaxrender.pipelines.report.contents import FramePictures, Page, is_lambertian
 from jaxrender.pipelines.report.display import (
     Picture,
     data_uri,
@@ -44,7 +44,25 @@ class Map(NamedTuple):
     caption: str
 
 
-def lobes_alone(contents: TextureContents) -> TextureContents:
+class TextureContents(NamedTuple):
+    """All that the report of a recovered texture shows.
+
+    ``maps`` are kd, ks, kd_error, ks_error (NaN where unknown) and marks, None where sites are
+    vertices; ``light`` the coefficients of a light that was recovered as well.
+    """
+
+    title: str
+    result: dict[str, Any]
+    maps: dict[str, Float[np.ndarray, "row column channel"]] | None
+    light: Float[np.ndarray, "coefficient channel"] | None
+    frames: tuple[FramePictures, ...]
+
+    @property
+    def fit(self) -> None:
+        """None: the result has all there is."""
+
+
+def _lobes_alone(contents: TextureContents) -> TextureContents:
     """Drop kd and ks from the table; sigma and mu, too, where each region has its own."""
     brdf = contents.result["brdf"]
     kept = () if "regions" in contents.result else ("sigma", "mu")
@@ -52,20 +70,18 @@ def lobes_alone(contents: TextureContents) -> TextureContents:
     return contents._replace(result={**contents.result, "brdf": brdf})
 
 
-def texture_sections(contents: TextureContents) -> dict[str, Any]:
-    """Gather what the template shows beside what all reports have."""
+def texture_page(contents: TextureContents) -> Page:
+    """Lay out the page."""
     result = contents.result
-    return {
-        "variants": None,
-        "evidence": None,
-        "refined": False,
+    sections = {
         "maps": _maps(contents),
         "texture": result["texture"],
         "ambiguity": result.get("ambiguity"),
         "regions": [_region(region) for region in result.get("regions", ())],
         "light": _light(contents),
-        "lambertian": contents.is_lambertian,
+        "lambertian": is_lambertian(contents),
     }
+    return Page("texture.html.j2", _lobes_alone(contents), sections)
 
 
 def _region(region: dict[str, Any]) -> dict[str, str]:
@@ -86,7 +102,7 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
         relative = np.max(maps["kd_error"] / maps["kd"], axis=-1, keepdims=True)
     relative = np.where(np.isfinite(relative), relative, np.nan)
     graded = {"ks": maps["ks"], "kd_error": relative, "ks_error": maps["ks_error"]}
-    names = ("kd_error",) if contents.is_lambertian else ("ks", "kd_error", "ks_error")
+    names = ("kd_error",) if is_lambertian(contents) else ("ks", "kd_error", "ks_error")
     if "sigma" in maps:
         graded |= {name: maps[name] for name in ("sigma", "sigma_error")}
         names = (*names, "sigma", "sigma_error")

@@ -5,7 +5,9 @@ from report_samples import RESULT, sample_environment, sample_fit, sample_frame
 
 from jaxrender.inverse import KnownLight
 from jaxrender.lighting import DirectionalSources
-from jaxrender.pipelines.report import ReportContents, write_report
+from jaxrender.pipelines.report import write_report
+from jaxrender.pipelines.report.contents import MaterialContents
+from jaxrender.pipelines.report.known_light import material_page
 
 
 @pytest.fixture(scope="module")
@@ -16,9 +18,10 @@ def light():
 @pytest.fixture(scope="module")
 def contents(light):
     frames = (sample_frame(), sample_frame("view01", seed=1))
-    return ReportContents("teflon", RESULT, sample_fit(light), light, frames)
+    return MaterialContents("teflon", RESULT, sample_fit(light), light, frames)
 
 
 @pytest.fixture(scope="module")
 def page(contents, tmp_path_factory):
-    return write_report(tmp_path_factory.mktemp("report"), contents).read_text(encoding="utf-8")
+    path = write_report(tmp_path_factory.mktemp("report"), material_page(contents))
+    return path.read_text(encoding="utf-8")

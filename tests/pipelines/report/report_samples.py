@@ -16,7 +16,8 @@ from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.lighting import DirectionalSources, Environment, candidates, take
-from jaxrender.pipelines.report import FramePictures, ReportContents
+from jaxrender.pipelines.report import FramePictures
+from jaxrender.pipelines.report.contents import MaterialContents
 from jaxrender.reflection import SourcesNeeded, dual_light
 
 SECTIONS = (
@@ -178,7 +179,7 @@ def lambertian(light):
     result = rewritten(
         RESULT, brdf={"model": "lambertian", "kd": list(KD)}, evidence=None, variants=None
     )
-    return ReportContents("diffuse", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
+    return MaterialContents("diffuse", result, sample_fit(light, ks=0.0), light, (sample_frame(),))
 
 
 class Reader(HTMLParser):

@@ -26,7 +26,9 @@ from report_samples import (
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight
 from jaxrender.lighting import DirectionalSources
-from jaxrender.pipelines.report import ReportContents, write_report
+from jaxrender.pipelines.report import write_report
+from jaxrender.pipelines.report.contents import MaterialContents
+from jaxrender.pipelines.report.known_light import material_page
 
 
 def assert_asks_for_nothing(source):
@@ -83,13 +85,14 @@ def test_plots_take_their_colours_from_the_page(page):
 
 
 def test_the_same_contents_give_the_same_bytes(page, contents, tmp_path):
-    assert write_report(tmp_path, contents) == tmp_path / "report.html"
+    assert write_report(tmp_path, material_page(contents)) == tmp_path / "report.html"
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == page
 
 
 def test_six_large_photographs_stay_below_two_megabytes(light, tmp_path):
     frames = tuple(sample_frame(f"view{k}", (340, 512), seed=k) for k in range(8))
-    path = write_report(tmp_path, ReportContents("big", {}, sample_fit(light), light, frames))
+    contents = MaterialContents("big", {}, sample_fit(light), light, frames)
+    path = write_report(tmp_path, material_page(contents))
     assert path.stat().st_size < 2e6
     text = Reader(path.read_text(encoding="utf-8")).text
     assert "6 of 8 photographs" in text
@@ -140,7 +143,9 @@ def test_what_is_told_only_together_is_named(contents, page, tmp_path):
     assert "−0.20" not in table
     alone = {"numbers": ["kd[0]", "kd[1]"], "matrix": [[1, 0.9], [0.9, 1]]}
     other = contents._replace(result=RESULT | {"correlations": alone})
-    assert "correlations" not in write_report(tmp_path, other).read_text(encoding="utf-8")
+    assert "correlations" not in write_report(tmp_path, material_page(other)).read_text(
+        encoding="utf-8"
+    )
 
 
 HOSTILE = "</script></style><img src=x onerror=alert(1)>\"'&{{ 7 * 7 }}<script>"
@@ -158,54 +163,54 @@ def test_strings_from_outside_are_text(light, tmp_path):
         "provenance": {HOSTILE: {HOSTILE: [HOSTILE]}},
     }
     frames = (sample_frame(HOSTILE),)
-    contents = ReportContents(HOSTILE, result, sample_fit(light), light, frames)
-    source = write_report(tmp_path, contents).read_text(encoding="utf-8")
+    contents = MaterialContents(HOSTILE, result, sample_fit(light), light, frames)
+    source = write_report(tmp_path, material_page(contents)).read_text(encoding="utf-8")
     reader = assert_asks_for_nothing(source)
     assert reader.text.count(HOSTILE) >= 12
     assert f"Photograph {HOSTILE}" in reader.attributes("alt")
 
 
 def absent_result(light):
-    return ReportContents("bare", {}, sample_fit(light), light, ())
+    return MaterialContents("bare", {}, sample_fit(light), light, ())
 
 
 def metal(light):
     brdf = RESULT["brdf"] | {"mu": "none"}
     result = rewritten(RESULT, brdf=brdf, interval90={}, standard_error={}, reasons=[])
-    return ReportContents("metal", result, sample_fit(light, mu=None), light, (sample_frame(),))
+    return MaterialContents("metal", result, sample_fit(light, mu=None), light, (sample_frame(),))
 
 
 def bare_metal(light):
-    return ReportContents("metal", {}, sample_fit(light, mu=None), light, (sample_frame(),))
+    return MaterialContents("metal", {}, sample_fit(light, mu=None), light, (sample_frame(),))
 
 
 def moving_sources(light):
     own = KnownLight(
         None, DirectionalSources.none(), (source([0, 0, 1], 3), DirectionalSources.none())
     )
-    return ReportContents("moving", {}, sample_fit(own, refined=False), own, (sample_frame(),))
+    return MaterialContents("moving", {}, sample_fit(own, refined=False), own, (sample_frame(),))
 
 
 def one_source(light):
     own = KnownLight(None, source([0, 1, -1], 3))
-    return ReportContents("source", {}, sample_fit(own), own, ())
+    return MaterialContents("source", {}, sample_fit(own), own, ())
 
 
 def one_channel(light):
     own = KnownLight(sample_environment(1), DirectionalSources.none(1))
     frames = (sample_frame(channels=1),)
-    return ReportContents("grey", {}, sample_fit(own, kd=(0.2,)), own, frames)
+    return MaterialContents("grey", {}, sample_fit(own, kd=(0.2,)), own, frames)
 
 
 def two_channels(light):
     own = KnownLight(sample_environment(2), DirectionalSources.none(2))
     frames = (sample_frame(channels=2),)
-    return ReportContents("two", {}, sample_fit(own, kd=(0.2, 0.1)), own, frames)
+    return MaterialContents("two", {}, sample_fit(own, kd=(0.2, 0.1)), own, frames)
 
 
 def no_noise(light):
     fit = sample_fit(light, noise=NoiseModel(0.0, 0.0))
-    return ReportContents("exact", {}, fit, light, (sample_frame(),))
+    return MaterialContents("exact", {}, fit, light, (sample_frame(),))
 
 
 def nothing_covered(light):
@@ -213,7 +218,7 @@ def nothing_covered(light):
     nothing = np.zeros_like(frame.usable)
     empty = frame._replace(usable=nothing, covered=nothing)
     broken = frame._replace(photograph=np.full_like(frame.photograph, np.nan))
-    return ReportContents("empty", {}, sample_fit(light), light, (empty, broken))
+    return MaterialContents("empty", {}, sample_fit(light), light, (empty, broken))
 
 
 def nulls(light):
@@ -223,7 +228,7 @@ def nulls(light):
         "noise": {"relative": None, "floor": 0.0},
         "outcome": "unheard_of",
     }
-    return ReportContents("nulls", result, sample_fit(light), light, (sample_frame(),))
+    return MaterialContents("nulls", result, sample_fit(light), light, (sample_frame(),))
 
 
 PARTIAL = {
@@ -246,7 +251,7 @@ PARTIAL = {
 
 @pytest.mark.parametrize("case", PARTIAL)
 def test_what_is_absent_is_left_out(case, light, tmp_path):
-    path = write_report(tmp_path, PARTIAL[case](light))
+    path = write_report(tmp_path, material_page(PARTIAL[case](light)))
     source = path.read_text(encoding="utf-8")
     reader = assert_asks_for_nothing(source)
     assert set(SECTIONS) <= set(reader.attributes("id"))
@@ -257,12 +262,14 @@ def test_what_is_absent_is_left_out(case, light, tmp_path):
 
 def test_a_metal_is_called_one(light, tmp_path):
     for case in (metal, bare_metal):
-        source = write_report(tmp_path, case(light)).read_text(encoding="utf-8")
+        source = write_report(tmp_path, material_page(case(light))).read_text(encoding="utf-8")
         assert "a metal reflects the same" in Reader(source).text
 
 
 def test_a_diffuse_material_has_no_specular_lobe_to_show(light, tmp_path):
-    text = Reader(write_report(tmp_path, lambertian(light)).read_text(encoding="utf-8")).text
+    text = Reader(
+        write_report(tmp_path, material_page(lambertian(light))).read_text(encoding="utf-8")
+    ).text
     assert "its specular part" not in text
     assert "Evidence for σ" not in text
     assert "roughness: how wide" not in text

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxrender.geometry import SurfaceSamples
+from jaxrender.geometry import SurfaceSamples, SurfaceView
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf_spectrum import (
     BRDFSpectrum,
     DegreeOfLobe,
+    HarmonicBRDF,
     SpectrumBasis,
     SpectrumEstimate,
     SpectrumSettings,
@@ -24,16 +25,20 @@ from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, SpectrumConfig
 from jaxrender.pipelines.progress import Progress
-from jaxrender.pipelines.recovery import Evidence, Recovery
-from jaxrender.pipelines.result import ARRAYS_FORMAT, Result
+from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun, Result
 from jaxrender.pipelines.scene import fault_of, settings_of
-from jaxrender.pipelines.task import Task
+from jaxrender.pipelines.subject import Subject
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+from jaxrender.pipelines.tasks.task import Task
+from jaxrender.reflection import ForwardModel, ShadowedModel, render_view
 from jaxrender.shapes import Float
 
 if TYPE_CHECKING:
-    from jaxrender.pipelines.report.contents import FramePictures, SpectrumContents
+    from jaxrender.pipelines.report import FramePictures, Page
 
 _UNKNOWN = ("unknown",)
+# An image of a light is summed as finely as a lobe of this part of the finest wave asks for.
+_WIDTH_PER_WAVE = 0.5
 
 
 class SpectrumRecovery(Recovery):
@@ -108,14 +113,13 @@ class SpectrumRecovery(Recovery):
         if light is not None and light.environment is not None:
             write_environment(folder / "lighting.exr", light.environment)
 
-    def contents(
-        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
-    ) -> SpectrumContents:
-        """Gather what the report shows."""
-        from jaxrender.pipelines.report import SpectrumContents
+    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+        """Lay out the report."""
+        from jaxrender.pipelines.report.brdf_spectrum import SpectrumContents, spectrum_page
 
         energy = self.estimate.light_amplitudes**2
-        return SpectrumContents(title, result, self.estimate.orders, energy, frames)
+        contents = SpectrumContents(title, result, self.estimate.orders, energy, frames)
+        return spectrum_page(contents)
 
 
 def recover_spectrum(
@@ -136,6 +140,20 @@ def recover_spectrum(
             evidence.observations, evidence.shape, evidence.light, settings, note
         )
     return SpectrumRecovery(estimate, evidence)
+
+
+class SpectrumSubject(Subject):
+    """A BRDF known by coefficients.  The series may ring; negative radiance is shown black."""
+
+    def __init__(self, spectrum: BRDFSpectrum):
+        self.lobe, self.brdf = None, HarmonicBRDF.of(spectrum)
+        self.width = _WIDTH_PER_WAVE * np.pi / max(spectrum.basis.band_limit, 1)
+
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render a view."""
+        return np.maximum(render_view(self.brdf, view, model), 0)
 
 
 def read_spectrum(path: Path) -> BRDFSpectrum:
@@ -193,5 +211,16 @@ def _would(config: RunConfig, evidence: Evidence) -> str:
     )
 
 
+def _of_run(run: FinishedRun) -> BRDFSpectrum:
+    return read_spectrum(run.folder / ARRAYS)
+
+
 # The degrees of the light are checked when it is analysed.
-TASK = Task(_draw, lambda config, evidence: None, _would, recover_spectrum)
+TASK = Task(
+    draw=_draw,
+    check=lambda config, evidence: None,
+    would=_would,
+    recover=recover_spectrum,
+    brdf=lambda run: HarmonicBRDF.of(_of_run(run)),
+    subject=lambda run, shape: SpectrumSubject(_of_run(run)),
+)

@@ -8,6 +8,6 @@
     the result as data, and as arrays
 """
 
-from jaxrender.pipelines.texture.recovery import TASK, TextureRecovery, recover_texture
+from jaxrender.pipelines.tasks.texture.recovery import TASK, TextureRecovery, recover_texture
 
 __all__ = ["TASK", "TextureRecovery", "recover_texture"]

@@ -16,7 +16,7 @@ from jaxrender.pipelines.result import Result
 from jaxrender.shapes import Float
 
 if TYPE_CHECKING:
-    from jaxrender.pipelines.report.contents import Contents, FramePictures
+    from jaxrender.pipelines.report import FramePictures, Page
 
 
 class Evidence(NamedTuple):
@@ -54,7 +54,5 @@ class Recovery(abc.ABC):
         """Write the light and all other images except the photographs."""
 
     @abc.abstractmethod
-    def contents(
-        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
-    ) -> Contents:
-        """Gather what the report shows."""
+    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+        """Lay out the report."""

@@ -1,15 +1,13 @@
-"""A task as a run knows it, and what all fits of a few unknown numbers have in common.
-
-A new task is a ``Task`` in a file of its own and an entry in :mod:`.run`.  Its name, and the keys
-that it cannot use, stand in ``config/task_keys.py``.
-"""
+"""A task as a run knows it, and what all fits of a few unknown numbers have in common."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.brdf import BRDF, Parametric, material_named
 from jaxrender.errors import InputError
+from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
@@ -17,21 +15,36 @@ from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.progress import Progress
-from jaxrender.pipelines.recovery import Evidence, Recovery
+from jaxrender.pipelines.result import FinishedRun
 from jaxrender.pipelines.scene import fault_of, unknowns_of
+from jaxrender.pipelines.subject import Subject, UniformSubject
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+
+
+def material_of_run(run: FinishedRun) -> Parametric:
+    """Make the material of a finished run; ``InputError`` where it holds none."""
+    if "brdf" not in run.summary:
+        raise InputError(f"{run.folder}: a result of task {run.config.task} holds no material")
+    return material_named(run.summary["brdf"]["model"], run.summary["brdf"])
 
 
 class Task(NamedTuple):
-    """What a run asks of a task, in this order.
+    """What a run asks of a task, in this order, and what a finished run of it can be used as.
 
     ``draw`` picks the samples out of all usable pixels; ``check`` refuses evidence that nothing can
     be found from, by ``InputError``; ``would`` says what a dry run would do; ``recover`` does it.
+    ``brdf`` is the one BRDF that a finished run holds, or ``InputError``; ``subject`` is what can
+    be rendered of it.
     """
 
     draw: Callable[[RunConfig, Observations, KnownLight | None], Observations]
     check: Callable[[RunConfig, Evidence], None]
     would: Callable[[RunConfig, Evidence], str]
     recover: Callable[[RunConfig, Evidence, Clock, Progress], Recovery]
+    brdf: Callable[[FinishedRun], BRDF] = material_of_run
+    subject: Callable[[FinishedRun, Shape], Subject] = lambda run, shape: UniformSubject(
+        material_of_run(run)
+    )
 
 
 def draw_samples(config: RunConfig, pool: Observations, light: KnownLight | None) -> Observations:

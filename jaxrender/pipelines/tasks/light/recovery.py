@@ -21,21 +21,21 @@ from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import covariance_groups
-from jaxrender.pipelines.light.asked import (
+from jaxrender.pipelines.progress import Progress
+from jaxrender.pipelines.ranking import sentence_of
+from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.scene import fault_of
+from jaxrender.pipelines.shadows import transfer_field
+from jaxrender.pipelines.tasks.light.asked import (
     asked_models,
     band_limit,
     factor_settings,
     in_given_units,
 )
-from jaxrender.pipelines.light.images import LightImages, light_images
-from jaxrender.pipelines.light.result import Recovered, result_of
-from jaxrender.pipelines.progress import Progress
-from jaxrender.pipelines.ranking import sentence_of
-from jaxrender.pipelines.recovery import Evidence, Recovery
-from jaxrender.pipelines.result import Result
-from jaxrender.pipelines.scene import fault_of
-from jaxrender.pipelines.shadows import transfer_field
-from jaxrender.pipelines.task import Task, check_samples, draw_samples, would_fit
+from jaxrender.pipelines.tasks.light.images import LightImages, light_images
+from jaxrender.pipelines.tasks.light.result import Recovered, result_of
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+from jaxrender.pipelines.tasks.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
     DualForward,
     DualLight,
@@ -47,7 +47,7 @@ from jaxrender.reflection import (
 from jaxrender.shapes import Float
 
 if TYPE_CHECKING:
-    from jaxrender.pipelines.report.contents import FramePictures, LightContents
+    from jaxrender.pipelines.report import FramePictures, Page
 
 # Pixels whose radiance is integrated at once.
 _PIXELS_AT_ONCE = 2**14
@@ -107,13 +107,11 @@ class LightRecovery(Recovery):
         write_environment(folder / "lighting_slow.exr", Environment(self._images.slow))
         write_environment(folder / "lighting_deviation.exr", Environment(self._images.deviation))
 
-    def contents(
-        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
-    ) -> LightContents:
-        """Gather what the report shows."""
-        from jaxrender.pipelines.report import LightContents
+    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+        """Lay out the report."""
+        from jaxrender.pipelines.report.recovered_light import LightContents, light_page
 
-        return LightContents(title, result, self.found, self._images, frames)
+        return light_page(LightContents(title, result, self.found, self._images, frames))
 
     @cached_property
     def _images(self) -> LightImages:

@@ -8,7 +8,7 @@
     the result as data; the light as images
 """
 
-from jaxrender.pipelines.light.images import light_images
-from jaxrender.pipelines.light.recovery import TASK, LightRecovery, recover_light
+from jaxrender.pipelines.tasks.light.images import light_images
+from jaxrender.pipelines.tasks.light.recovery import TASK, LightRecovery, recover_light
 
 __all__ = ["TASK", "LightRecovery", "light_images", "recover_light"]

@@ -21,10 +21,8 @@ from jaxrender.pipelines.calibration import far_sources, mended, near_image, wri
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.exact_light import exact_forward
-from jaxrender.pipelines.material_result import Finding, groups_of, result_of
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.ranking import sentence_of
-from jaxrender.pipelines.recovery import Evidence, Recovery
 from jaxrender.pipelines.result import Result
 from jaxrender.pipelines.scene import (
     fault_of,
@@ -33,7 +31,9 @@ from jaxrender.pipelines.scene import (
     unknowns_of,
 )
 from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
-from jaxrender.pipelines.task import Task, check_samples, draw_samples, would_fit
+from jaxrender.pipelines.tasks.material.result import Finding, groups_of, result_of
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+from jaxrender.pipelines.tasks.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
     DualForward,
     ExactForward,
@@ -46,7 +46,7 @@ from jaxrender.reflection import (
 )
 
 if TYPE_CHECKING:
-    from jaxrender.pipelines.report.contents import FramePictures, ReportContents
+    from jaxrender.pipelines.report import FramePictures, Page
 
 
 class MaterialRecovery(Recovery):
@@ -75,13 +75,12 @@ class MaterialRecovery(Recovery):
         if calibrated is not None:
             write_cameras(folder, calibrated, finding.photographs, finding.shape, self.source)
 
-    def contents(
-        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
-    ) -> ReportContents:
-        """Gather what the report shows."""
-        from jaxrender.pipelines.report import ReportContents
+    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+        """Lay out the report."""
+        from jaxrender.pipelines.report.known_light import MaterialContents, material_page
 
-        return ReportContents(title, result, self.finding.fit, self.finding.light, frames)
+        found = self.finding
+        return material_page(MaterialContents(title, result, found.fit, found.light, frames))
 
     def predict(self) -> list[np.ndarray]:
         """Render every photograph again, by the dual model if the material has it."""

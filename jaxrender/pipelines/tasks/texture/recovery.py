@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jaxrender.brdf import BRDF
+from jaxrender.errors import InputError
 from jaxrender.inverse.texture import (
     LitTexture,
     TextureEstimate,
@@ -19,24 +21,25 @@ from jaxrender.lighting import positive_environment
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.progress import Progress
-from jaxrender.pipelines.recovery import Evidence, Recovery
-from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.result import FinishedRun, Result
 from jaxrender.pipelines.scene import fault_of, material_of
 from jaxrender.pipelines.shadows import transfer_field
-from jaxrender.pipelines.task import Task
-from jaxrender.pipelines.texture.arrays import texture_groups
-from jaxrender.pipelines.texture.asked import (
+from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+from jaxrender.pipelines.tasks.task import Task
+from jaxrender.pipelines.tasks.texture.arrays import texture_groups
+from jaxrender.pipelines.tasks.texture.asked import (
     asked_sites,
     control_points,
     known_light_settings,
     texture_of,
     unknown_light_settings,
 )
-from jaxrender.pipelines.texture.summary import summary_of_texture
+from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
+from jaxrender.pipelines.tasks.texture.summary import summary_of_texture
 from jaxrender.shapes import Float
 
 if TYPE_CHECKING:
-    from jaxrender.pipelines.report.contents import FramePictures, TextureContents
+    from jaxrender.pipelines.report import FramePictures, Page
 
 # Rows of a recovered light's image.
 _ROWS = 64
@@ -76,18 +79,16 @@ class TextureRecovery(Recovery):
         elif self.evidence.light is not None and self.evidence.light.environment is not None:
             write_environment(folder / "lighting.exr", self.evidence.light.environment)
 
-    def contents(
-        self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]
-    ) -> TextureContents:
-        """Gather what the report shows."""
-        from jaxrender.pipelines.report import TextureContents
+    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+        """Lay out the report."""
+        from jaxrender.pipelines.report.texture import TextureContents, texture_page
 
         maps = None
         if self.estimate.sites.image is not None:
             maps = self.estimate.images() | {"marks": self.estimate.marks()}
         light = self.estimate.light
         coefficients = None if light is None else light.coefficients
-        return TextureContents(title, result, maps, coefficients, frames)
+        return texture_page(TextureContents(title, result, maps, coefficients, frames))
 
 
 def recover_texture(
@@ -131,6 +132,10 @@ def _would(config: RunConfig, evidence: Evidence) -> str:
     )
 
 
+def _no_brdf(run: FinishedRun) -> BRDF:
+    raise InputError(f"{run.folder}: a texture has a material for each texel; give a uniform one")
+
+
 TASK = Task(
     # A texture needs every pixel; samples.count are those that sigma and mu are searched by.
     draw=lambda config, pool, light: pool,
@@ -138,4 +143,6 @@ TASK = Task(
     check=lambda config, evidence: None,
     would=_would,
     recover=recover_texture,
+    brdf=_no_brdf,
+    subject=TexturedSubject,
 )

@@ -1,0 +1,33 @@
+"""The page of a material that was recovered under known light."""
+
+from jaxrender.brdf import Glossy
+from jaxrender.pipelines.report import account, parameters
+from jaxrender.pipelines.report.comparison import comparison
+from jaxrender.pipelines.report.contents import MaterialContents, Page, is_diffuse, is_lambertian
+from jaxrender.pipelines.report.forecast import forecast
+from jaxrender.pipelines.report.light import direction_discs, environment_map
+from jaxrender.pipelines.report.material import spheres
+from jaxrender.pipelines.report.residuals import residual_plots
+from jaxrender.pipelines.report.spectra import spectrum_plots
+
+
+def material_page(contents: MaterialContents) -> Page:
+    """Lay out the page."""
+    sections = {
+        "variants": parameters.variants(contents),
+        "evidence": parameters.evidence(contents),
+        "comparison": comparison(contents),
+        "forecast": forecast(contents),
+        "refined": "frequency" in contents.result,
+        "by_integral": not isinstance(contents.fit.brdf, Glossy),
+        "map": environment_map(contents.light, contents.fit.light),
+        "discs": direction_discs(contents.light),
+        "split": account.split_of(contents),
+        "spheres": spheres(contents),
+        "moving": contents.light.per_frame is not None,
+        "residuals": residual_plots(contents),
+        "spectra": spectrum_plots(contents),
+        "lambertian": is_lambertian(contents),
+        "diffuse": is_diffuse(contents),
+    }
+    return Page("report.html.j2", contents, sections)
