@@ -1,10 +1,13 @@
 """Runs of every kind, as texts of configs, and another value of every key."""
 
+from jaxrender.pipelines.config.tasks import TASKS
+
 _LIT = "lighting: {environment: {path: probe.exr}}\n"
 _TEXTURE = "task: texture\ntexture: {size: 8}\n"
 _GIVEN = "brdf: {kd: 0.2, ks: 0.1, sigma: 0.1, mu: 1.5}\n"
 RUNS = {
-    "brdf": f"task: brdf\n{_LIT}",
+    # Every task as short as it can be; some need more, and say so below.
+    **{name: f"task: {name}\n{_LIT if task.dark is None else ''}" for name, task in TASKS.items()},
     "brdf of sources": "task: brdf\nlighting: {directional: [{direction: [0, 0, 1], "
     "irradiance: 1}]}\n",
     "brdf under skies": "task: brdf\nlighting: {clear_sky: {sun: [0, 1, 1], zenith: 1}, "
@@ -24,7 +27,6 @@ RUNS = {
     "brdf of lambertian": f"task: brdf\nbrdf: {{model: lambertian}}\n{_LIT}",
     "lighting": f"task: lighting\n{_GIVEN}",
     "lighting of lambertian": "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\n",
-    "factorize": "task: factorize\n",
     "factorize by ratio": "task: factorize\nbrdf: {kd: 0.2, ks: 0.1}\n",
     "factorize compared": "task: factorize\nbrdf: {compare: [ward]}\n",
     "factorize lambertian": "task: factorize\nbrdf: {model: lambertian}\n",
@@ -36,7 +38,6 @@ RUNS = {
     "texture of lambertian": f"{_TEXTURE}brdf: {{model: lambertian}}\n{_LIT}",
     "texture in the dark": _TEXTURE,
     "texture of lambertian in the dark": _TEXTURE + "brdf: {model: lambertian}\n",
-    "brdf-spectrum": f"task: brdf-spectrum\n{_LIT}",
 }
 _SHAPES = {"brdf of lambertian": "mesh: ball.ply"}
 

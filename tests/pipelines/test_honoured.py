@@ -28,6 +28,7 @@ SECTIONS = {
     "brdf": "{model: ggx}",
     "texture": "{size: 8}",
     "spectrum": "{order: 4}",
+    "solve": "{diagnose: false}",
     "brdf.model": "ward",
 }
 

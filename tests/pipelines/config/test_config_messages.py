@@ -14,7 +14,10 @@ from jaxrender.pipelines.config import (
     load_run_config,
     resolved_yaml,
 )
+from jaxrender.pipelines.config.tasks import TASKS
 
+*_FIRST, _LAST = map(repr, TASKS)
+_TASKS = f"{', '.join(_FIRST)} or {_LAST}"
 KEYS = "task, capture, lighting, brdf, samples, solve, texture, spectrum, output"
 SYNTAX = {
     "": f"bad.yaml:1:1: the file is empty; keys are {KEYS}",
@@ -97,13 +100,7 @@ def test_case_matters_but_is_guessed(key):
 
 
 VALUES = {
-    (
-        "task",
-        "brdff",
-    ): (
-        "found 'brdff', accepted: 'brdf', 'lighting', 'factorize', 'texture' or 'brdf-spectrum', "
-        "did you mean 'brdf'?"
-    ),
+    ("task", "brdff"): f"found 'brdff', accepted: {_TASKS}, did you mean 'brdf'?",
     ("capture.transforms", "12"): "found 12, accepted: a path",
     ("capture.geometry", "1"): "found 1, accepted: {sphere, mesh, scale}",
     ("capture.geometry.sphere.radius", "0"): "found 0, accepted: a number above 0",
@@ -208,8 +205,7 @@ def test_wrong_entry_of_a_list_of_sections():
 
 def test_missing_keys():
     assert message("capture: {recipe: a.yaml}\n") == (
-        "bad.yaml:1:1: missing key 'task', accepted: 'brdf', 'lighting', 'factorize', 'texture' "
-        "or 'brdf-spectrum'"
+        f"bad.yaml:1:1: missing key 'task', accepted: {_TASKS}"
     )
     text = CAPTURE + "lighting:\n  environment: {scale: 2}\n"
     assert (
