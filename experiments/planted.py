@@ -2,8 +2,9 @@
 
 The truth is the integral over all texels of a probe and one lamp, at the surface that each pixel
 of the true camera sees of the true object; noise of 1 % comes on top.  The fit is told the clean
-camera, object, light and exposures.  ``planted`` makes one case; ``FAULTS`` lists what can be
-wrong, each by its size in its own unit, from detectable to gross.
+camera, object, light and exposures.  ``planted`` makes one case, ``painted`` one of
+a ball of two paints; ``FAULTS`` lists what can be wrong, each by its size in its own unit, from
+detectable to gross.
 """
 
 from collections.abc import Callable
@@ -43,7 +44,8 @@ class World(NamedTuple):
     """How photographs are taken, or said to be taken.
 
     ``bump`` are coefficients of a displacement whose gradient turns the normals (radians).  A lamp
-    of ``nearness`` 0 is infinitely far; else it stands at 1 / nearness.
+    of ``nearness`` 0 is infinitely far; else it stands at 1 / nearness.  ``patch`` is another
+    material, and ``where`` says at which points it is.
     """
 
     cameras: list[Camera]
@@ -60,6 +62,7 @@ class World(NamedTuple):
     bump: np.ndarray | None = None
     blur: float = 0.0
     patch: Parametric | None = None
+    where: Callable[[np.ndarray], np.ndarray] = lambda points: points[:, 0] > 0.6
     turn: np.ndarray = np.eye(3)
 
 
@@ -141,7 +144,7 @@ def _radiance(
     if world.patch is None:
         return whole
     other = integrated(world, world.patch, points, normals, outgoing)
-    return np.where(points[:, :1] > 0.6, other, whole)
+    return np.where(world.where(points)[:, None], other, whole)
 
 
 def integrated(
@@ -328,3 +331,28 @@ def planted(name: str | None, size: float = 0.0, seed: int = 0) -> Case:
     pool = photographs(true, told, seed)
     known = KnownLight(told.environment, DirectionalSources(told.lamp[None], told.irradiance[None]))
     return Case(pool, known, told.shape, told.cameras, true.material)
+
+
+# A checkerboard of so many rows of latitude, and its second paint beside the first.
+CELLS, OTHER_KD, OTHER_KS = 4, 0.5, 2.0
+
+
+def checkered(points: np.ndarray) -> np.ndarray:
+    """Tell where on the ball the second paint is: cells of latitude and longitude in turn."""
+    x, y, z = unit(points).T
+    row = np.floor(np.arccos(np.clip(z, -1, 1)) / np.pi * CELLS)
+    column = np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * 2 * CELLS)
+    return (row + column) % 2 == 1
+
+
+def painted(name: str | None, size: float = 0.0, seed: int = 0) -> Case:
+    """Make photographs of a ball of two paints of one lobe, with a fault; truth is the first."""
+    told = clean(seed)
+    rng = np.random.default_rng(3000 + seed)
+    true = told if name is None else FAULTS[name].plant(told, size, rng)
+    first = true.material
+    assert isinstance(first, Microfacet)
+    second = first.with_amplitudes(OTHER_KD * first.kd, OTHER_KS * first.ks)
+    pool = photographs(true._replace(patch=second, where=checkered), told, seed)
+    known = KnownLight(told.environment, DirectionalSources(told.lamp[None], told.irradiance[None]))
+    return Case(pool, known, told.shape, told.cameras, first)

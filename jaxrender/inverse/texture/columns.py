@@ -5,8 +5,10 @@ import numpy as np
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.inverse.models import Columns
-from jaxrender.reflection import ForwardModel, ShadowedModel, render_samples, render_widths
-from jaxrender.shapes import Float
+from jaxrender.programs import stored
+from jaxrender.reflection import ForwardModel, ShadowedModel, render_widths
+from jaxrender.reflection.render import in_batches
+from jaxrender.shapes import Array, Float
 
 
 def texture_columns(
@@ -20,12 +22,18 @@ def texture_columns(
 
     ``widths`` are the sigma of each sample, where it varies; ``places`` are for shadows.
     """
-    channels = np.asarray(lobe.kd).shape[0]
-    none, full = np.zeros(channels), np.ones(channels)
-    diffuse_part, specular_part = lobe.with_amplitudes(full, none), lobe.with_amplitudes(none, full)
-    diffuse = np.asarray(render_samples(diffuse_part, samples, model, places))
+    amplitudes = np.ones(np.shape(lobe.kd))
+    unit = lobe.with_amplitudes(amplitudes, amplitudes)
+    found = in_batches(_columns, unit, samples, model, np.shape(unit.amplitudes), places)
+    diffuse, specular = np.asarray(found)[:, 0], np.asarray(found)[:, 1]
     if widths is None:
-        return Columns(diffuse, np.asarray(render_samples(specular_part, samples, model, places)))
-    return Columns(
-        diffuse, np.asarray(render_widths(specular_part, widths, samples, model, places))
-    )
+        return Columns(diffuse, specular)
+    shiny = lobe.with_amplitudes(0 * amplitudes, amplitudes)
+    return Columns(diffuse, np.asarray(render_widths(shiny, widths, samples, model, places)))
+
+
+@stored()
+def _columns(
+    lobe: Microfacet, samples: SurfaceSamples, model: ForwardModel
+) -> Float[Array, "sample lobe channel"]:
+    return model.columns(lobe, samples)

@@ -3,6 +3,9 @@
 The dual model needs to know which parts of the light are narrow beside the lobe.  The lobe is
 unknown at first.  So the light is split at a small roughness and a search follows.  Then the light
 is split at the roughness found, and the search goes on.
+
+The sites of a convex shape are then solved on the integral itself, unless the lobe is so narrow
+that the light has too many cells; those of a concave one on the dual model.
 """
 
 import numpy as np
@@ -20,7 +23,8 @@ from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
-from jaxrender.reflection import FACETS
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import FACETS, FrameNodes
 from jaxrender.shapes import Int
 
 # The roughness that the light is split at in the first pass, and the table's reach in the second.
@@ -29,6 +33,9 @@ _ROUGH_SIGMA, _TABLE_REACH = 0.06, 1.8
 _SPLIT_AGAIN, _SPLITS = 0.25, 3
 # Observations that the rough pass looks at.
 _ROUGH_SAMPLES = 4000
+# Sites are solved on a sum over cells of the light, so narrow in widths of the lobe; where there
+# are more cells than this, which takes minutes for all pixels, on the dual model.
+_CELL_PER_SIGMA, _MOST_CELLS = 1 / 2, 2**15
 # Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
 _SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
@@ -49,10 +56,9 @@ def recover_texture(
 
     ``site`` numbers the texel or vertex that each observation shows (-1: none), ``variant`` tells
     the Fresnel angle, the masking and, by ``mu=None``, a metal.  Where ``settings`` have
-    ``exact_samples``, sigma and mu are refined on the integral.  The sites are then solved on the
-    dual model whose slow light is integrated over the lobe.  A concave ``shape`` casts shadows, and
-    the observations must then have places.  With ``field`` sigma varies over the surface, which
-    takes ``exact_samples`` too.
+    ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on it.  A
+    concave ``shape`` casts shadows, and the observations must then have places.  With ``field``
+    sigma varies over the surface, which takes ``exact_samples`` too.
     """
     settings = settings or TextureSettings()
     unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
@@ -113,12 +119,30 @@ def forward_under(
     dual = dual_forward(variant, observations, prepared.dual, sigma_range, shadows)
     if not exact:
         return dual
-    final = _by_facets(light, observations, variant, sigma, shape)
     if shape is not None:
+        final = _by_facets(light, observations, variant, sigma, shape)
         integral = _shadowed_exact(light, observations, variant, sigma, shape)
         return Forward(dual.search, final, integral)
-    nodes = exact_nodes(light, np.asarray(observations.frame), sigma)
-    return Forward(dual.search, final, exact_forward(variant, observations, nodes))
+    frame = np.asarray(observations.frame)
+    integral = exact_forward(variant, observations, exact_nodes(light, frame, sigma))
+    cells = site_cells(light, frame, sigma)
+    if cells is None:
+        final = _by_facets(light, observations, variant, sigma, None)
+    else:
+        final = exact_forward(variant, observations, cells)
+    return Forward(dual.search, final, integral)
+
+
+def site_cells(
+    light: KnownLight, frame: Int[np.ndarray, "sample"], sigma: float
+) -> tuple[LightNodes | FrameNodes, ...] | None:
+    """List the cells of a light by which the sites of a convex shape are solved.
+
+    None where there are too many of them: the dual model is then quicker, and 1 to 2 % off.
+    """
+    cells = exact_nodes(light, frame, sigma, _CELL_PER_SIGMA)
+    count = sum(part.directions.shape[-2] for part in cells)
+    return cells if count <= _MOST_CELLS else None
 
 
 def _by_facets(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, SurfaceView
@@ -10,12 +11,16 @@ from jaxrender.inverse.known_light import KnownLight, prepare_light
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
+from jaxrender.inverse.texture.known_light import site_cells
 from jaxrender.inverse.texture.unknown_light import model_under
 from jaxrender.inverse.transfer_field import TransferField
+from jaxrender.lighting import LightNodes
 from jaxrender.reflection import (
     FACETS,
     DualForward,
+    ExactForward,
     ForwardModel,
+    FrameNodes,
     ShadowedDual,
     ShadowedModel,
     dual_light,
@@ -30,8 +35,8 @@ class LitTexture(NamedTuple):
     """A texture under the light that it was recovered under.
 
     ``observations`` are those that it was recovered from, and ``light`` None where that was
-    recovered as well.  ``exact`` says whether the sites were solved on slow light integrated over
-    the lobe.  ``transfer`` are the transfer vectors of a concave shape.
+    recovered as well.  ``exact`` says whether the sites were solved on the integral wherever the
+    light has few enough cells.  ``transfer`` are the transfer vectors of a concave shape.
     """
 
     estimate: TextureEstimate
@@ -43,7 +48,7 @@ class LitTexture(NamedTuple):
     def predict(
         self, views: Sequence[SurfaceView]
     ) -> list[Float[np.ndarray, "row column channel"]]:
-        """Render every photograph, given what its camera sees, by the dual model."""
+        """Render every photograph, given what its camera sees, as the sites were solved."""
         pixels = _Pixels.of(views, self.estimate.sites.of_photograph)
         values = np.zeros((len(pixels.site), self.estimate.texture.kd.shape[1]))
         for lobe in self.estimate.lobes:
@@ -92,6 +97,9 @@ class LitTexture(NamedTuple):
             brdf = brdf.with_roughness(float(np.nanmin(self.estimate.variation.sigma)))
         if field is None and self.exact:
             # As the sites were solved.
+            cells = site_cells(light, np.zeros(1, int), float(brdf.sigma))
+            if cells is not None:
+                return lambda number: _integral(cells, number)
             transfer = FACETS
         prepared = prepare_light(light, self.observations, brdf, "auto", None, transfer=transfer)
 
@@ -110,6 +118,18 @@ class LitTexture(NamedTuple):
             return None
         sigma = self.estimate.variation.sigma
         return np.nan_to_num(sigma, nan=float(np.nanmean(sigma)))[site]
+
+
+def _integral(cells: Sequence[LightNodes | FrameNodes], number: int) -> ExactForward:
+    """Sum over what lights one photograph."""
+    own = [
+        (part.directions[number], part.irradiance[number])
+        if isinstance(part, FrameNodes)
+        else tuple(part)
+        for part in cells
+    ]
+    directions, irradiance = (jnp.asarray(np.concatenate(parts)) for parts in zip(*own))
+    return ExactForward(LightNodes(directions, irradiance))
 
 
 class _Pixels(NamedTuple):
