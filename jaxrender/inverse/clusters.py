@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxrender.geometry import fibonacci_sphere
 from jaxrender.inverse.observations import Observations
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import AnyArray, Float, Int
 
 # Cells of the reflected direction: 30 degrees wide, as wide as most lobes.
 _CELLS = 60
@@ -37,6 +37,10 @@ class Clusters(NamedTuple):
         centres = np.asarray(fibonacci_sphere(_CELLS))
         cell = np.argmax(np.asarray(observations.samples.reflected) @ centres.T, axis=1)
         return cls(np.asarray(observations.frame), cell)
+
+    def take(self, chosen: AnyArray) -> "Clusters":
+        """Keep the samples of a mask or of indices."""
+        return Clusters(self.photograph[chosen], self.cell[chosen])
 
     @property
     def both(self) -> "Groups":

@@ -8,8 +8,10 @@
     the thesis's confidence weights and iteration (T 6.14): the twin
 ``forward``, ``search``
     any forward model, a part at a time; sigma and mu with all of the texture eliminated
-``rounds``, ``whole_surface``, ``account``
-    the search, which estimates the noise; every site with standard errors and marks; the outcome
+``rounds``, ``whole_surface``, ``texture``, ``account``
+    the search, which estimates the noise; every site; what is known of it; the outcome
+``clustered``
+    errors of sites that know of misfit
 ``fit``, ``known_light``
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``
@@ -83,10 +85,11 @@ from jaxrender.inverse.texture.site_systems import (
 )
 from jaxrender.inverse.texture.sites import Regions, SurfaceSites, sites_of
 from jaxrender.inverse.texture.specular_prior import spread_of
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.unknown_light import UnknownLightSettings, under_unknown_light
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_view_dependent
-from jaxrender.inverse.texture.whole_surface import Lobe, Texture, solve_surface
+from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
     "Alternation",

@@ -6,13 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.clusters import widened
 from jaxrender.inverse.models import Model
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.rounds import Searched
 from jaxrender.inverse.texture.search import lobe_information
 from jaxrender.inverse.texture.site_systems import SpecularPrior
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap, VaryingSigma
-from jaxrender.inverse.texture.whole_surface import Lobe, Texture
+from jaxrender.inverse.texture.whole_surface import Lobe, Surface
 
 # Half the width of a 90 % interval, in standard errors; and how narrow it must be (DESIGN 5).
 _NORMAL_90, _IDENTIFIABLE_WITHIN = 1.6448536269514722, 0.25
@@ -21,10 +23,10 @@ _NORMAL_90, _IDENTIFIABLE_WITHIN = 1.6448536269514722, 0.25
 class TextureFit(NamedTuple):
     """A recovered texture, its lobe, and what is known about both.
 
-    ``sigma_error`` and ``mu_error`` are standard errors; mu is NaN for a metal.
+    ``sigma_error`` and ``mu_error`` are standard errors that know of misfit, ``if_exact`` what they
+    would be if the model were exact; mu is NaN for a metal.  ``surface`` says what is predicted.
     """
 
-    texture: Texture
     sigma: float
     mu: float
     sigma_error: float
@@ -34,6 +36,13 @@ class TextureFit(NamedTuple):
     noise: NoiseModel
     lobe: Lobe
     reasons: tuple[str, ...]
+    if_exact: tuple[float, float]
+    surface: Surface
+
+    @property
+    def texture(self) -> Texture:
+        """The material of every site."""
+        return self.surface.texture
 
     @property
     def variation(self) -> SigmaMap | None:
@@ -48,15 +57,19 @@ def lobe_of(searched: Searched, model: Model, noise_given: bool) -> tuple[Lobe, 
     fitted = (data.radiance.shape[1] + 1) * len(np.unique(data.site)) + len(problem.unknowns.names)
     scatter = float(np.sum(left**2)) / max(left.size - fitted, 1)
     widening = max(scatter, 1.0) if noise_given else scatter
-    information = np.asarray(lobe_information(problem, model, data, fit.point))
-    covariance = widening * np.linalg.pinv(information, hermitian=True)
+    information = lobe_information(problem, model, data, fit.point)
+    inverse = np.linalg.pinv(np.asarray(information.matrix), hermitian=True)
+    exact = widening * inverse
+    influence = np.asarray(information.scores) @ inverse
+    covariance = widened(exact, searched.clusters.covariance(influence))
     one = problem.unknowns
     one = one.one if isinstance(one, VaryingSigma) else one
-    return Lobe(one, np.asarray(fit.point), covariance), float(np.sqrt(widening))
+    return Lobe(one, np.asarray(fit.point), covariance, exact), float(np.sqrt(widening))
 
 
-def account_of(texture: Texture, lobe: Lobe, searched: Searched, noise: NoiseModel) -> TextureFit:
+def account_of(surface: Surface, lobe: Lobe, searched: Searched, noise: NoiseModel) -> TextureFit:
     """Judge what was found: outcome, and its reasons in words."""
+    texture = surface.texture
     sigma, mu = lobe.values()
     sigma_error, mu_error = lobe.errors()
     sought = searched.problem.unknowns
@@ -79,7 +92,6 @@ def account_of(texture: Texture, lobe: Lobe, searched: Searched, noise: NoiseMod
         outcome = Outcome.NOT_CONVERGED
         reasons.append("the search for sigma and mu did not converge")
     return TextureFit(
-        texture,
         sigma,
         mu,
         sigma_error,
@@ -89,6 +101,8 @@ def account_of(texture: Texture, lobe: Lobe, searched: Searched, noise: NoiseMod
         noise,
         lobe,
         tuple(reasons),
+        lobe.if_exact().errors(),
+        surface,
     )
 
 

@@ -1,6 +1,6 @@
 """A recovered texture: every site, the lobe of each material, the light if it was found as well."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +15,9 @@ from jaxrender.inverse.own_words import plain
 from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
 from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
-from jaxrender.inverse.texture.whole_surface import Texture
 from jaxrender.io import write_image, write_mesh
 from jaxrender.shapes import Bool, Float
 
@@ -35,7 +35,8 @@ class RegionLobe(NamedTuple):
     """One material's lobe, and how many of its sites were seen.
 
     ``number`` and ``name`` are those of ``SurfaceSites.regions``.  Errors are None where they are
-    not known; mu is NaN where there is none.
+    not known; mu is NaN where there is none.  ``exact_errors`` are those of sigma and mu if the
+    model were exact, where these know of misfit.
     """
 
     number: int
@@ -46,11 +47,19 @@ class RegionLobe(NamedTuple):
     sigma_error: float | None
     mu_error: float | None
     outcome: Outcome
+    exact_errors: tuple[float, float] | None = None
 
     def interval90(self, name: str) -> Float[np.ndarray, "2"] | None:
         """Return the 90 % interval of ``sigma`` or ``mu``; None where the error is not known."""
         value, error = getattr(self, name), getattr(self, f"{name}_error")
         return None if error is None else _interval(name, value, error)
+
+    def if_exact(self) -> "RegionLobe":
+        """Take the model to be exact."""
+        if self.exact_errors is None:
+            return self
+        sigma, mu = self.exact_errors
+        return self._replace(sigma_error=sigma, mu_error=mu)
 
     def tells(self, name: str) -> bool:
         """Whether the interval of ``sigma`` or ``mu`` is narrow enough to speak of a value."""
@@ -133,6 +142,12 @@ class TextureEstimate(AnyEstimate):
             low, high = (np.maximum(values[name] + s * NORMAL_90 * error, 0) for s in (-1, 1))
             found[name] = np.stack([low, high], axis=-1)
         return found
+
+    @property
+    def if_exact(self) -> "TextureEstimate":
+        """The same with the errors that it would have if the model were exact."""
+        lobes = tuple(lobe.if_exact() for lobe in self.lobes)
+        return replace(self, texture=self.texture.if_exact(), lobes=lobes)
 
     @property
     def identifiable(self) -> dict[str, bool]:

@@ -25,8 +25,9 @@ from jaxrender.inverse.texture.rounds import (
     weighted,
 )
 from jaxrender.inverse.texture.search import refine
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField
-from jaxrender.inverse.texture.whole_surface import Texture, solve_surface
+from jaxrender.inverse.texture.whole_surface import solve_surface
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float, Int
 
@@ -69,15 +70,17 @@ def fit_texture(
         data = weighted(few, searched.noise, prediction_for(few, some, searched))
         model = forward.exact(few.index)
         searched = searched._replace(
-            fit=refine(searched.problem, model, data, searched.fit), data=data
+            fit=refine(searched.problem, model, data, searched.fit),
+            data=data,
+            clusters=few.clusters,
         )
     lobe, scatter = lobe_of(searched, model, settings.noise is not None)
     lobe = lobe._replace(field=field)
     noise = NoiseModel(searched.noise.relative * scatter, searched.noise.floor * scatter)
-    texture = solve_surface(
+    surface = solve_surface(
         measured, forward.final, lobe, searched.problem.prior, noise, settings.method
     )
-    return account_of(texture, lobe, searched, noise)
+    return account_of(surface, lobe, searched, noise)
 
 
 def fit_texture_by_region(

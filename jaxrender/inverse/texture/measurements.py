@@ -10,6 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
+from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import AnyArray, Bool, Float, Int
 
@@ -18,7 +19,8 @@ class SiteObservations(NamedTuple):
     """Observations sorted by site, those without one left out.
 
     ``index`` is each one's place among the observations that they are from; ``share`` the part of
-    it that counts for this site (1, unless it was split among several).
+    it that counts for this site (1, unless it was split among several).  ``clusters`` are of
+    observations that may err together.
     """
 
     radiance: Float[np.ndarray, "sample channel"]
@@ -26,6 +28,7 @@ class SiteObservations(NamedTuple):
     site: Int[np.ndarray, "sample"]
     index: Int[np.ndarray, "sample"]
     share: Float[np.ndarray, "sample"]
+    clusters: Clusters
     count: int
 
     @property
@@ -41,6 +44,7 @@ class SiteObservations(NamedTuple):
             self.site[chosen],
             self.index[chosen],
             self.share[chosen],
+            self.clusters.take(chosen),
             self.count,
         )
 
@@ -108,7 +112,8 @@ def _sorted(
     if not np.isfinite(radiance).all():
         raise ValueError("the radiance is not finite somewhere: leave such pixels out (site -1)")
     cosines = np.asarray(observations.samples.exit_cosines)[index]
-    return SiteObservations(radiance, cosines, site[order], index, share[order], count)
+    clusters = Clusters.of(observations).take(index)
+    return SiteObservations(radiance, cosines, site[order], index, share[order], clusters, count)
 
 
 def whole_sites(measured: SiteObservations, most: int, seed: int) -> SiteObservations:

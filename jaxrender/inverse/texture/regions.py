@@ -85,7 +85,17 @@ def under_known_light(
         variation = _joined(variation, fit.variation, own)
         seen = int(np.count_nonzero(fit.texture.seen))
         sigma_error, mu_error = (None, None) if diffuse else (fit.sigma_error, fit.mu_error)
-        lobe = RegionLobe(number, name, seen, fit.sigma, fit.mu, sigma_error, mu_error, fit.outcome)
+        lobe = RegionLobe(
+            number,
+            name,
+            seen,
+            fit.sigma,
+            fit.mu,
+            sigma_error,
+            mu_error,
+            fit.outcome,
+            None if diffuse else fit.if_exact,
+        )
         found.append(_Found(lobe, fit))
     if texture is None:
         raise ValueError("no observation has a site: do the cameras see the textured surface?")

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.models import Model
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations
 from jaxrender.inverse.texture.search import (
@@ -55,6 +56,7 @@ class Searched(NamedTuple):
     problem: TextureProblem
     data: SiteData
     noise: NoiseModel
+    clusters: Clusters
 
 
 def search_in_rounds(
@@ -83,7 +85,7 @@ def search_in_rounds(
         before, noise = noise, settings.noise or _noise_left(some, model, fit, unknowns)
         if noise_settled(before, noise, np.asarray(fit.predicted)):
             break
-    return Searched(fit, problem, data, noise)
+    return Searched(fit, problem, data, noise, some.clusters)
 
 
 def let_vary(
@@ -115,7 +117,7 @@ def let_vary(
         data = weighted(some, noise, np.asarray(fit.predicted))
         prior = _spread(model, data, fit, unknowns)
         problem = TextureProblem(unknowns, prior, np.asarray(False))
-    return Searched(fit, problem, data, noise)
+    return Searched(fit, problem, data, noise, some.clusters)
 
 
 def _spread(

@@ -153,14 +153,28 @@ def free_textures(
     return FreeTextures(free.material, free.precision, predicted(free.material, columns, data))
 
 
+class LobeInformation(NamedTuple):
+    """The inverse covariance of the search variables, the texture being unknown.
+
+    ``scores`` are the part that each observation has in the slope of half chi-squared.
+    """
+
+    matrix: Float[Array, "unknown unknown"]
+    scores: Float[Array, "sample unknown"]
+
+
 @stored(effort="less")
 def lobe_information(
     problem: TextureProblem, model: Model, data: SiteData, point: Float[Array, "unknown"]
-) -> Float[Array, "unknown unknown"]:
-    """Compute the inverse covariance of the search variables, the texture being unknown."""
+) -> LobeInformation:
+    """Compute what the observations tell of the search variables, and what each of them says."""
     with jax.default_matmul_precision("highest"):
         jacobian = jax.jacfwd(residuals)(point, problem, model, data)
-        return jacobian.T @ jacobian
+        left = residuals(point, problem, model, data)
+        count, channels = data.radiance.shape
+        each = (left[:, None] * jacobian)[: count * channels]
+        scores = jnp.sum(each.reshape(count, channels, -1), axis=1)
+        return LobeInformation(jacobian.T @ jacobian, scores)
 
 
 @stored(effort="less")

@@ -120,10 +120,8 @@ def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     infinite where nothing was measured.  Where neither data nor prior tell K_s, it may be anything
     from 0 to 1, or up to where it alone explains the measurement.  K_d follows it.
     """
-    every = jnp.ones(sums.dd.shape, bool)
-    slope, _ = _piece(sums, prior, every, False)
+    slope, ratio = eliminated(sums, prior)
     ks_variance = jnp.where(slope > 0, 1 / jnp.where(slope > 0, slope, 1), jnp.inf)
-    ratio = _quotient(sums.ds, sums.dd)
     most = jnp.min(jnp.where(sums.ds > 0, _quotient(sums.db, sums.ds), 1), axis=1)
     # The mean square of what is uniform from 0, where it is taken to be.
     uniform = jnp.clip(most, 0, 1) ** 2 / 3
@@ -131,6 +129,14 @@ def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     kd_variance = 1 / jnp.where(sums.dd > 0, sums.dd, 1) + ratio**2 * through
     kd_variance = jnp.where(sums.dd > 0, kd_variance, jnp.inf)
     return SiteMaterial(jnp.sqrt(kd_variance), jnp.sqrt(ks_variance))
+
+
+def eliminated(
+    sums: SiteSums, prior: SpecularPrior
+) -> tuple[Float[Array, "site"], Float[Array, "site channel"]]:
+    """Take K_d out of every system: what is left of the matrix for K_s, and D'S / D'D."""
+    slope, _ = _piece(sums, prior, jnp.ones(sums.dd.shape, bool), False)
+    return slope, _quotient(sums.ds, sums.dd)
 
 
 def _root(

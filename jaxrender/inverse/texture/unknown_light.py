@@ -20,6 +20,7 @@ from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.scene import UnknownMaterial
+from jaxrender.inverse.texture.clustered import excess_of_surface, widening
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.diffuse_light import (
     DiffuseFactors,
@@ -41,8 +42,8 @@ from jaxrender.inverse.texture.glossy_light import (
 )
 from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.sites import SurfaceSites
+from jaxrender.inverse.texture.texture import TRUSTED_ERROR, TRUSTED_MISFIT, Texture
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
-from jaxrender.inverse.texture.whole_surface import TRUSTED_ERROR, TRUSTED_MISFIT, Texture
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import DualForward, DualLight
 from jaxrender.shapes import Float, Int
@@ -59,6 +60,8 @@ _FIRST_NOISE = NoiseModel(0.01, 0.0)
 _PRIOR = "total-variation"
 # An answer that leaves more than this part unexplained has not converged.
 _MUCH_LEFT = 0.2
+# Observations looked at together.
+_CHUNK = 2**14
 _DIFFUSE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
 _GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
 _SCALE_ALONE = (
@@ -282,7 +285,7 @@ def _unjudged(
     """Lay out a texture whose misfit and marks are still open."""
     nothing, marks = np.full(len(seen), np.nan), np.zeros(len(seen), bool)
     kd, ks, kd_error, ks_error = map(np.asarray, (kd, ks, kd_error, ks_error))
-    return Texture(kd, ks, kd_error, ks_error, nothing, seen, marks, marks, 0.0)
+    return Texture(kd, ks, kd_error, ks_error, nothing, seen, marks, marks, kd_error, ks_error, 0.0)
 
 
 def _columns(estimate: TextureEstimate, samples: SurfaceSamples) -> Columns:
@@ -321,7 +324,6 @@ def _judged(
     total = np.bincount(known, squares, estimate.sites.count)
     misfit = np.where(texture.seen > 0, np.sqrt(total / freedom), np.nan)
     energy = float(np.sum(radiance[site >= 0] ** 2))
-    error = texture.relative_error
     left = float(np.sqrt(np.sum(off**2) / energy)) if energy > 0 else 0.0
     if left > _MUCH_LEFT:
         assert estimate.light is not None
@@ -333,6 +335,14 @@ def _judged(
         )
         reasons = (much, *estimate.reasons)
         estimate = replace(estimate, outcome=Outcome.NOT_CONVERGED, reasons=reasons)
+    measured = by_site(observations, site, estimate.sites.count)
+    unexplained = radiance - texture.radiance(columns, site)
+    excess = excess_of_surface(measured, columns, unexplained, estimate.noise, _CHUNK)
+    wider = widening(excess)
+    texture = texture._replace(
+        kd_error=texture.kd_error * wider[:, :1], ks_error=texture.ks_error * wider[:, 1]
+    )
+    error = texture.relative_error
     return replace(
         estimate,
         texture=texture._replace(

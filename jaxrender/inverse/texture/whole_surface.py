@@ -1,8 +1,7 @@
 """Every site solved at the sigma and mu that were found, a chunk of observations at a time.
 
-Standard errors combine those of each site's own system with those of sigma and mu.  K_d is marked
-where its standard error is large, or where the site's observations contradict each other.  K_s is
-marked where the prior says more than the photographs.
+Standard errors combine those of each site's own system with those of sigma and mu.  The former are
+wider where a site's photographs contradict each other (:mod:`.clustered`).
 """
 
 from typing import NamedTuple
@@ -14,6 +13,7 @@ import numpy as np
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.models import Columns, LinearisedModel
 from jaxrender.inverse.texture.alternation import Confidence, alternate, confidence
+from jaxrender.inverse.texture.clustered import Excess, Groups, excess_of, widening
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.search import predicted
@@ -25,29 +25,37 @@ from jaxrender.inverse.texture.site_systems import (
     site_sums,
     solve_sites,
 )
+from jaxrender.inverse.texture.texture import (
+    TRUSTED_ERROR,
+    TRUSTED_MISFIT,
+    Texture,
+    relative_error,
+)
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # Observations solved at once.
 _CHUNK = 2**14
-# K_d is marked where its standard error exceeds this part of it ...
-TRUSTED_ERROR = 0.05
-# ... (of what is dark, this part of the typical K_d counts as well) ...
-_DARK = 0.1
-# ... or where the residuals are this many times what the noise makes them.
-TRUSTED_MISFIT = 3.0
 _LEAST_NOISE = 1e-6
 
 
 class Lobe(NamedTuple):
-    """sigma and mu as search variables, with their covariance; ``field`` where sigma varies."""
+    """sigma and mu as search variables, with their covariance; ``field`` where sigma varies.
+
+    ``exact_covariance`` is what it would be if the model were exact.
+    """
 
     unknowns: Unknowns
     point: Float[np.ndarray, "unknown"]
     covariance: Float[np.ndarray, "unknown unknown"]
+    exact_covariance: Float[np.ndarray, "unknown unknown"]
     field: SigmaField | None = None
+
+    def if_exact(self) -> "Lobe":
+        """Take the model to be exact."""
+        return self._replace(covariance=self.exact_covariance)
 
     def of_sites(self, site: Int[np.ndarray, "sample"]) -> Unknowns | VaryingSigma:
         """Return the unknowns of samples that show the given sites."""
@@ -91,66 +99,47 @@ def _values(
     return values(jnp.asarray(point)), jax.jacfwd(values)(jnp.asarray(point))
 
 
-class Texture(NamedTuple):
-    """The material of every site with its standard errors; NaN and infinite where unseen.
+class Surface(NamedTuple):
+    """A texture, and what it leaves of each of the observations that it was solved from.
 
-    ``misfit`` is the root mean square of a site's residuals in units of the noise; ``kd_marked``
-    says where K_d is not to be trusted, ``ks_marked`` where K_s is the prior's more than its own.
-    ``relative_rms`` is sqrt(sum r^2 / sum B^2) over all observations.
+    ``index`` is the place of each among all observations.
     """
 
-    kd: Float[np.ndarray, "site channel"]
-    ks: Float[np.ndarray, "site"]
-    kd_error: Float[np.ndarray, "site channel"]
-    ks_error: Float[np.ndarray, "site"]
-    misfit: Float[np.ndarray, "site"]
-    seen: Int[np.ndarray, "site"]
-    kd_marked: Bool[np.ndarray, "site"]
-    ks_marked: Bool[np.ndarray, "site"]
-    relative_rms: float
-
-    @property
-    def relative_error(self) -> Float[np.ndarray, "site"]:
-        """The largest standard error of a site's K_d beside its value: how bad it may be."""
-        return _relative_error(self.kd, self.kd_error)
-
-    def radiance(
-        self, columns: Columns, site: Int[np.ndarray, "sample"]
-    ) -> Float[np.ndarray, "sample channel"]:
-        """Evaluate B = K_d(x) D + K_s(x) S of samples that show the given sites (T 6.13).
-
-        A site that is unknown, or -1, is black.
-        """
-        kd, ks = (np.nan_to_num(values) for values in (self.kd, self.ks))
-        found = kd[site] * columns.diffuse + ks[site][:, None] * columns.specular
-        return np.where((site >= 0)[:, None], found, 0)
-
-    def with_sites(self, chosen: Bool[np.ndarray, "site"], other: "Texture") -> "Texture":
-        """Replace the chosen sites by those of another texture."""
-        changed: dict = {"relative_rms": max(self.relative_rms, other.relative_rms)}
-        for name, own, others in zip(self._fields[:-1], self[:-1], other[:-1]):
-            mask = chosen[:, None] if np.ndim(own) == 2 else chosen
-            changed[name] = np.where(mask, others, own)
-        return self._replace(**changed)
+    texture: Texture
+    left: Float[np.ndarray, "sample channel"]
+    index: Int[np.ndarray, "sample"]
 
 
 class _Known(NamedTuple):
-    """The lobe of a chunk's samples with its covariance, and what to expect of K_s."""
+    """The lobe of a chunk's samples with its covariances, and what to expect of K_s."""
 
     unknowns: Unknowns | VaryingSigma
     point: Float[AnyArray, "unknown"]
     covariance: Float[AnyArray, "unknown unknown"]
+    exact_covariance: Float[AnyArray, "unknown unknown"]
     prior: SpecularPrior
 
 
+class _SeenAs(NamedTuple):
+    """How the samples of a chunk are seen: at what angle, and which of them in one photograph."""
+
+    exit_cosines: Float[AnyArray, "sample"]
+    groups: Groups
+
+
 class _Solved(NamedTuple):
-    """What a chunk gives back, by site of the chunk."""
+    """What is found at each site.
+
+    ``errors`` are of the site's own observations, ``carried`` and ``exactly_carried`` those of
+    sigma and mu in K_d and K_s, as they are and as they would be if the model were exact.
+    """
 
     material: SiteMaterial
     errors: SiteMaterial
-    own_precision: Float[Array, "site"]
-    squares: Float[Array, "site"]
-    residual: Float[Array, ""]
+    carried: SiteMaterial
+    exactly_carried: SiteMaterial
+    excess: Excess
+    squares: Float[AnyArray, "site"]
 
 
 def solve_surface(
@@ -160,15 +149,13 @@ def solve_surface(
     prior: SpecularPrior,
     noise: NoiseModel,
     method: str,
-) -> Texture:
+) -> Surface:
     """Solve every site at the sigma and mu of ``lobe``, as ``TextureSettings.method`` says."""
     channels = measured.radiance.shape[1]
-    kd = np.full((measured.count, channels), np.nan)
-    ks, misfit = np.full(measured.count, np.nan), np.full(measured.count, np.nan)
-    kd_error = np.full_like(kd, np.inf)
-    ks_error, own = np.full(measured.count, np.inf), np.zeros(measured.count)
-    left = 0.0
+    every = _empty(measured.count, channels)
+    left = np.zeros_like(measured.radiance)
     scale = float(np.sqrt(np.mean(measured.radiance**2))) or 1.0
+    done = 0
     for chunk in in_chunks(measured, _CHUNK):
         part, sites = chunk.measured, chunk.sites
         share = np.where(chunk.filled, 0, part.share)
@@ -176,56 +163,78 @@ def solve_surface(
         data = SiteData(part.radiance, even, part.site, part.count)
         variance = np.asarray([noise.relative**2, noise.floor**2 + (_LEAST_NOISE * scale) ** 2])
         unknowns = lobe.of_sites(sites[part.site])
-        known = _Known(unknowns, lobe.point, lobe.covariance, prior)
-        alternating, cosines = method == "thesis", part.exit_cosines
+        known = _Known(unknowns, lobe.point, lobe.covariance, lobe.exact_covariance, prior)
+        seen_as = _SeenAs(part.exit_cosines, Groups.of(part.site, part.clusters.photograph))
         numbers = unknowns.unpack(jnp.asarray(lobe.point)).numbers
         with jax.default_matmul_precision("highest"):
             near = LinearisedModel.about(model_of(part.index), numbers)
-        solved = _solve(near, data, cosines, known, variance, alternating)
-        count = len(sites)
-        kd[sites], ks[sites] = (np.asarray(a)[:count] for a in solved.material)
-        kd_error[sites], ks_error[sites] = (np.asarray(a)[:count] for a in solved.errors)
-        own[sites] = np.asarray(solved.own_precision)[:count]
-        freedom = np.maximum(measured.seen[sites] * channels - channels - 1, 1)
-        misfit[sites] = np.sqrt(np.asarray(solved.squares)[:count] / freedom)
-        left += float(solved.residual)
+        solved, own = _solve(near, data, seen_as, known, variance, method == "thesis")
+        for whole, found in zip(jax.tree.leaves(every), jax.tree.leaves(solved), strict=True):
+            whole[sites] = np.asarray(found)[: len(sites)]
+        filled = int(np.count_nonzero(~chunk.filled))
+        left[done : done + filled] = np.asarray(own)[:filled]
+        done += filled
+    return Surface(_texture(measured, every, left, prior), left, measured.index)
+
+
+def _empty(count: int, channels: int) -> "_Solved":
+    """Make room for what is found at every site: nothing is known of any."""
+
+    def room(value: float) -> SiteMaterial:
+        return SiteMaterial(np.full((count, channels), value), np.full(count, value))
+
+    excess = Excess(*(np.zeros((count, 2)) for _ in range(3)))
+    return _Solved(room(np.nan), room(np.inf), room(0.0), room(0.0), excess, np.full(count, np.nan))
+
+
+def _texture(
+    measured: SiteObservations,
+    found: "_Solved",
+    left: Float[np.ndarray, "sample channel"],
+    prior: SpecularPrior,
+) -> Texture:
+    """Put errors together, and mark what is not to be trusted."""
+    kd, channels = np.asarray(found.material.kd), measured.radiance.shape[1]
+    wider = widening(found.excess)
+    kd_error = np.hypot(found.errors.kd * wider[:, :1], found.carried.kd)
+    ks_error = np.hypot(found.errors.ks * wider[:, 1], found.carried.ks)
+    kd_exact, ks_exact = (
+        np.hypot(of_site, of_lobe) for of_site, of_lobe in zip(found.errors, found.exactly_carried)
+    )
+    with np.errstate(divide="ignore"):
+        told = np.where(ks_exact > 0, 1 / ks_exact**2 - float(prior.precision), 0)
+    freedom = np.maximum(measured.seen * channels - channels - 1, 1)
+    misfit = np.sqrt(np.asarray(found.squares) / freedom)
     energy = float(np.sum(measured.share[:, None] * measured.radiance**2))
-    bad = ~(_relative_error(kd, kd_error) <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT)
+    unexplained = float(np.sum(measured.share[:, None] * left**2))
     return Texture(
         kd,
-        ks,
+        np.asarray(found.material.ks),
         kd_error,
         ks_error,
         misfit,
         measured.seen,
-        bad,
-        ~(own > float(prior.precision)),
-        float(np.sqrt(left / energy)) if energy > 0 else 0.0,
+        ~(relative_error(kd, kd_error) <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT),
+        ~(told > float(prior.precision)),
+        kd_exact,
+        ks_exact,
+        float(np.sqrt(unexplained / energy)) if energy > 0 else 0.0,
     )
-
-
-def _relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site"]:
-    seen = np.isfinite(kd_error).all(axis=1)
-    if not seen.any():
-        return np.full(len(kd), np.inf)
-    typical = np.median(kd[seen], axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.max(kd_error / (kd + _DARK * typical), axis=1)
-    return np.where(seen, relative, np.inf)
 
 
 @stored(effort="less")
 def _solve(
     near: LinearisedModel,
     data: SiteData,
-    exit_cosines: Float[AnyArray, "sample"],
+    seen_as: _SeenAs,
     known: _Known,
     variance: Float[AnyArray, "2"],
     alternating: bool,
-) -> _Solved:
+) -> tuple[_Solved, Float[AnyArray, "sample channel"]]:
     """Solve a chunk's sites: once to weigh by what is predicted, then with derivatives.
 
-    ``variance`` is that of the noise: relative to the square of the radiance, and absolute.
+    ``variance`` is that of the noise: relative to the square of the radiance, and absolute.  What
+    is left of each sample comes second.
     """
     unknowns, prior = known.unknowns, known.prior
     point, share = jnp.asarray(known.point), jnp.asarray(data.weights)
@@ -245,30 +254,27 @@ def _solve(
             return solve_sites(site_sums(data, near.columns(lobe.numbers)), prior)
 
         sums = site_sums(data, columns)
-        material = solve_sites(sums, prior)
-        own = site_errors(sums, prior)
+        material, own = solve_sites(sums, prior), site_errors(sums, prior)
         through = jax.jacfwd(material_at)(point)
-        errors = SiteMaterial(
-            _with_lobe(jnp.asarray(own.kd), through.kd, known.covariance),
-            _with_lobe(jnp.asarray(own.ks), through.ks, known.covariance),
+        carried, exactly = (
+            SiteMaterial(*(_carried(jnp.asarray(slopes), covariance) for slopes in through))
+            for covariance in (known.covariance, known.exact_covariance)
         )
         if alternating:
-            trust = confidence(columns, exit_cosines)
+            trust = confidence(columns, seen_as.exit_cosines)
             material = _alternated(data, columns, trust, share, prior)
-    off = predicted(material, columns, data) - data.radiance
-    squares = jnp.sum(over_sites((jnp.asarray(data.weights) * off) ** 2, data), axis=1)
-    precision = jnp.where(errors.ks > 0, 1 / errors.ks**2 - prior.precision, 0)
-    return _Solved(material, errors, precision, squares, jnp.sum((share * off) ** 2))
+        left = data.radiance - predicted(material, columns, data)
+        excess = excess_of(data, columns, left, seen_as.groups, sums, prior)
+    squares = jnp.sum(over_sites((jnp.asarray(data.weights) * left) ** 2, data), axis=1)
+    return _Solved(material, own, carried, exactly, excess, squares), left
 
 
-def _with_lobe(
-    own: Float[Array, "*site"],
-    by_point: Float[Array, "*site unknown"],
-    covariance: Float[AnyArray, "unknown unknown"],
+def _carried(
+    by_point: Float[Array, "*site unknown"], covariance: Float[AnyArray, "unknown unknown"]
 ) -> Float[Array, "*site"]:
-    """Add to a site's own standard errors those of sigma and mu."""
-    carried = jnp.einsum("...i,ij,...j->...", by_point, jnp.asarray(covariance), by_point)
-    return jnp.sqrt(own**2 + carried)
+    """Carry the errors of sigma and mu to the sites."""
+    variance = jnp.einsum("...i,ij,...j->...", by_point, jnp.asarray(covariance), by_point)
+    return jnp.sqrt(jnp.maximum(variance, 0))
 
 
 def _alternated(

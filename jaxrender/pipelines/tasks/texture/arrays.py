@@ -13,6 +13,8 @@ _SITE = {
     "ks": ("1", "specular reflectance"),
     "ks_error": ("1", "standard error of ks"),
     "misfit": ("1", "rms of a site's residuals over the noise"),
+    "kd_exact_error": ("1/sr", "standard error of kd if the model were exact"),
+    "ks_exact_error": ("1", "standard error of ks if the model were exact"),
     "seen": ("1", "observations of a site"),
     "kd_marked": ("1", "whether kd is not to be trusted"),
     "ks_marked": ("1", "whether ks is the prior's more than its own"),

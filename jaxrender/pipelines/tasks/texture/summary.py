@@ -23,6 +23,8 @@ def summary_of_texture(
     own: dict[str, Any] = {"texture": _texture(estimate) | _variation(estimate) | files}
     if any(lobe.name for lobe in estimate.lobes):
         own["regions"] = [_region(lobe) for lobe in estimate.lobes]
+    exact = _errors(estimate.if_exact)
+    own["interval90_if_exact"] = exact["interval90"]
     if estimate.ambiguity:
         own["ambiguity"] = estimate.ambiguity
     model = {"model": config.brdf.model}
