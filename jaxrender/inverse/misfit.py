@@ -18,7 +18,7 @@ from jaxrender.shapes import Float, Int
 _FEWEST = 50
 # An excess of so many standard errors is no chance.  Less of the radiance than this may be an error
 # of the integrals.
-_SURE, _LEAST = 4.0, 2e-3
+_SURE, LEAST = 4.0, 2e-3
 # Neighbours' weights in a second difference, by the root of their squares' sum.
 _SECOND = np.array([1.0, -2.0, 1.0]) / np.sqrt(6)
 
@@ -96,7 +96,7 @@ def measure_misfit(
     fitted: Left,
     neighbours: Left | None,
     noise: NoiseModel | None,
-    least: float = _LEAST,
+    least: float = LEAST,
 ) -> Misfit | None:
     """Say what a fit leaves beyond noise: that given, or else that of neighbouring pixels.
 

@@ -12,6 +12,8 @@
 - Bad input is refused in words.
 """
 
+import shutil
+
 import h5netcdf
 import numpy as np
 import pytest
@@ -416,3 +418,31 @@ def test_a_varying_sigma_needs_light(ball):
     path = write_config(ball, "task: texture\ntexture: {sigma: varying}\n", lighting="")
     with pytest.raises(InputError, match="or choose task: texture under known light"):
         load_run_config(path)
+
+
+def test_what_is_left_is_said_and_nothing_is_named_where_nothing_is_wrong(found):
+    _, result = found
+    assert result["diagnosis"] == []
+    assert result["residual"]["misfit"]["noise"] == pytest.approx(NOISE, rel=0.15)
+    low, high = result["interval90"]["sigma"]
+    exact_low, exact_high = result["interval90_if_exact"]["sigma"]
+    assert low <= exact_low < exact_high <= high
+
+
+def test_exposures_that_differ_are_named(ball, tmp_path):
+    capture = tmp_path / "capture"
+    shutil.copytree(ball, capture)
+    gains = np.exp(0.08 * np.random.default_rng(1).normal(size=9))
+    for path, gain in zip(sorted((capture / "images").iterdir()), gains):
+        pixels = read_image(path)
+        colour = gain * pixels.pixels
+        write_image(path, np.concatenate([colour, pixels.alpha[..., None]], axis=-1))
+    out, result = run(capture, TASK)
+    assert result["outcome"] == "misfit"
+    assert result["diagnosis"][0]["cause"] == "exposure"
+    assert "exposures differ" in (out / "report.html").read_text(encoding="utf-8")
+    names = arrays(out)
+    assert (names["kd_error"] >= names["kd_exact_error"]).all()
+    _, silent = run(capture, TASK, "solve.diagnose=false")
+    assert silent["diagnosis"] == []
+    assert silent["outcome"] == "misfit"

@@ -118,7 +118,8 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
         found += named([_Tested(CLIPPED, "bright values are clipped", score)])
     if found or misfit.found:
         found += named(tested(of_light=True))
-    if misfit.rms > _GROSS and not suspect.freed and "environment" not in suspect.unknown:
+    told = not {"environment", "convention"} & set(suspect.unknown)
+    if misfit.rms > _GROSS and not suspect.freed and told:
         axes = other_axes(grounds)
         if axes is not None:
             gain = known.left.size * 2 * np.log(axes.as_told / max(axes.left, 1e-300))

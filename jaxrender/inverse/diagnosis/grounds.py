@@ -102,7 +102,8 @@ class Suspect(NamedTuple):
     samples that are tested.  ``gain`` is that of exposures and of an unknown scale, which
     ``predicted`` contains and ``light`` does not.  ``derivatives`` are those of samples of given
     indices.  ``freed`` are nuisances that the fit has freed: ``observations`` and the light are
-    corrected by them.  ``unknown`` are causes that the fit does not take for granted.
+    corrected by them.  ``unknown`` are causes that the fit does not take for granted.  ``paint``
+    are the amplitudes at each sample, where they are not the same everywhere.
     """
 
     observations: Observations
@@ -117,6 +118,7 @@ class Suspect(NamedTuple):
     seed: int = 0
     freed: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
+    paint: Float[np.ndarray, "sample lobe channel"] | None = None
 
     @classmethod
     def of(
@@ -162,6 +164,7 @@ class Grounds:
     material: Parametric
     light: LightParts
     shape: Shape | None
+    paint: Float[np.ndarray, "sample lobe channel"] | None = None
 
     @classmethod
     def of(cls, suspect: "Suspect", index: Int[np.ndarray, "sample"]) -> "Grounds":
@@ -173,6 +176,7 @@ class Grounds:
             suspect.material,
             suspect.light,
             suspect.shape,
+            None if suspect.paint is None else suspect.paint[index],
         )
 
     @cached_property
@@ -191,6 +195,7 @@ class Grounds:
             observations=self.observations.take(kept),
             predicted=self.predicted[kept],
             gain=self.gain[kept],
+            paint=None if self.paint is None else self.paint[kept],
         )
 
     @cached_property
@@ -221,7 +226,7 @@ class Grounds:
     def _part(self, nodes: LightNodes | FrameNodes, lamp: Lamp | None = None) -> Part:
         traced = nodes_seen(concave(self.shape), self.observations, (nodes,))
         seen = None if traced is None else traced[0]
-        turning = turning_of(self.material, self.observations.samples, nodes, seen)
+        turning = turning_of(self.material, self.observations.samples, nodes, seen, self.paint)
         return Part(nodes, seen, turning, lamp)
 
     @property
@@ -274,11 +279,16 @@ class Grounds:
         return self.gain * np.sum(found, axis=0)
 
     def lobe_of(self, material: Parametric) -> Float[np.ndarray, "sample channel"]:
-        """Evaluate another material's last lobe at amplitude one, under the whole light."""
+        """Evaluate another material's last lobe under the whole light.
+
+        It has the amplitude one, on average where samples have amplitudes of their own.
+        """
         found = np.zeros_like(self.predicted)
         for nodes, seen in self.whole:
             found = found + np.asarray(lobes_under(material, self.samples, nodes, seen))[:, -1]
-        return found
+        if self.paint is None:
+            return found
+        return found * self.paint[:, -1] / max(float(np.mean(self.paint[:, -1])), 1e-12)
 
     @property
     def whole(self) -> list[Lit]:

@@ -37,11 +37,14 @@ class Leftover:
     ):
         size = np.linalg.norm(jacobian, axis=0)
         size = np.where(size > 0, size, 1)
-        vectors, values, turned = np.linalg.svd(jacobian / size, full_matrices=False)
-        real = values**2 > _DEPENDENT * values.max(initial=0) ** 2
-        self._basis = vectors[:, real]
+        scaled = jacobian / size
+        # By the Gram matrix: a texture has hundreds of unknowns, whose singular vectors take long.
+        squares, turned = np.linalg.eigh(scaled.T @ scaled)
+        real = squares > _DEPENDENT * squares.max(initial=0)
+        root = np.sqrt(squares[real])
+        self._basis = scaled @ (turned[:, real] / root)
         # What unknowns answer to values along each vector of the basis.
-        self._answers = (turned[real] / values[real, None]).T / size[:, None]
+        self._answers = turned[:, real] / root / size[:, None]
         self._along = self._basis.T @ left
         self.left = left - self._basis @ self._along
 

@@ -61,11 +61,15 @@ def turning_of(
     samples: SurfaceSamples,
     nodes: LightNodes | FrameNodes,
     seen: Bool[np.ndarray, "sample node"] | None = None,
+    paint: Float[np.ndarray, "sample lobe channel"] | None = None,
 ) -> Turning:
-    """Evaluate a material under one part of the light, and differentiate it."""
+    """Evaluate a material under one part of the light, and differentiate it.
+
+    ``paint`` are the amplitudes of the lobes at each sample, where they are not the material's.
+    """
     arrays = SurfaceSamples(*(jnp.asarray(part, float) for part in samples))
     steps = [jnp.asarray(tangents(part)) for part in samples]
-    value, slopes = _turning(brdf, arrays, nodes, seen, *steps)
+    value, slopes = _turning(brdf, arrays, nodes, seen, paint, *steps)
     first, second = np.split(np.moveaxis(np.asarray(slopes), 0, -1), 2, axis=-1)
     return Turning(
         np.asarray(value), first, second, SurfaceSamples(*(np.asarray(part) for part in samples))
@@ -78,11 +82,13 @@ def _turning(
     samples: SurfaceSamples,
     nodes: LightNodes | FrameNodes,
     seen: Bool[AnyArray, "sample node"] | None,
+    paint: Float[AnyArray, "sample lobe channel"] | None,
     by_normal: Float[Array, "sample 3 2"],
     by_outgoing: Float[Array, "sample 3 2"],
 ) -> tuple[Float[Array, "sample channel"], Float[Array, "4 sample channel"]]:
     def at(normals, outgoing) -> Float[Array, "sample channel"]:
-        return radiance(brdf, columns_under(brdf, SurfaceSamples(normals, outgoing), nodes, seen))
+        columns = columns_under(brdf, SurfaceSamples(normals, outgoing), nodes, seen)
+        return radiance(brdf, columns) if paint is None else jnp.sum(paint * columns, axis=1)
 
     still = jnp.zeros_like(by_normal)
     steps = (

@@ -7,6 +7,8 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.clusters import widened
+from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import Model
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.rounds import Searched
@@ -24,7 +26,9 @@ class TextureFit(NamedTuple):
     """A recovered texture, its lobe, and what is known about both.
 
     ``sigma_error`` and ``mu_error`` are standard errors that know of misfit, ``if_exact`` what they
-    would be if the model were exact; mu is NaN for a metal.  ``surface`` says what is predicted.
+    would be if the model were exact; mu is NaN for a metal.  ``surface`` says what is left.
+    ``misfit`` is what the photographs hold above their noise, where that is known, and
+    ``diagnosis`` what would explain it.
     """
 
     sigma: float
@@ -38,6 +42,8 @@ class TextureFit(NamedTuple):
     reasons: tuple[str, ...]
     if_exact: tuple[float, float]
     surface: Surface
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
 
     @property
     def texture(self) -> Texture:

@@ -10,6 +10,8 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
+from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
 from jaxrender.inverse.scene import UnknownMaterial
@@ -77,6 +79,8 @@ class TextureEstimate(AnyEstimate):
     ``ambiguity`` says up to what the values are known, and is "" where they are absolute;
     ``gauge`` says in what units the light is.  ``light`` is a light that was found, and
     ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.
+    ``misfit`` is what the photographs of the largest region hold above their noise, and
+    ``diagnosis`` what would explain it.
     """
 
     material: UnknownMaterial
@@ -90,6 +94,8 @@ class TextureEstimate(AnyEstimate):
     ambiguity: str = ""
     light: LightCoefficients | None = None
     variation: SigmaMap | None = None
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
 
     @property
     def title(self) -> str:
@@ -288,6 +294,7 @@ def worst_outcome(outcomes: list[Outcome]) -> Outcome:
     order = (
         Outcome.NOT_CONVERGED,
         Outcome.AT_BOUND,
+        Outcome.MISFIT,
         Outcome.NOT_IDENTIFIABLE,
         Outcome.CONVERGED,
     )

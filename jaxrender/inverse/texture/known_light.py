@@ -17,6 +17,7 @@ from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.texture.account import TextureFit
+from jaxrender.inverse.texture.examination import Painted, examined
 from jaxrender.inverse.texture.fit import check_variation, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
@@ -58,7 +59,8 @@ def recover_texture(
     the Fresnel angle, the masking and, by ``mu=None``, a metal.  Where ``settings`` have
     ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on it.  A
     concave ``shape`` casts shadows, and the observations must then have places.  With ``field``
-    sigma varies over the surface, which takes ``exact_samples`` too.
+    sigma varies over the surface, which takes ``exact_samples`` too.  What the fit leaves is
+    examined (:mod:`.examination`).
     """
     settings = settings or TextureSettings()
     unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
@@ -72,7 +74,7 @@ def recover_texture(
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)
     found = float(np.clip(_ROUGH_SIGMA, low, high))
-    shape = concave(shape)
+    whole, shape = shape, concave(shape)
     if shape is not None:
         observations = with_transfer(observations, shape, light.diffuse_degrees)
     rough = forward_under(
@@ -80,6 +82,7 @@ def recover_texture(
     )
     rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES)
     fit = fit_texture(some, rough, unknowns, rough_settings)
+    forward = rough
     for _ in range(_SPLITS):
         before, found = found, _finest(fit)
         reach = (max(low, fit.sigma / _TABLE_REACH), min(high, fit.sigma * _TABLE_REACH))
@@ -90,7 +93,8 @@ def recover_texture(
         fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
         if abs(np.log(_finest(fit) / found)) < _SPLIT_AGAIN or before == found:
             break
-    return fit
+    painted = Painted(observations, site, light, variant, whole, forward.final, settings.seed)
+    return examined(painted, fit, settings.noise is not None, settings.diagnose)
 
 
 def _finest(fit: TextureFit) -> float:

@@ -17,6 +17,7 @@ from jaxrender.inverse.texture.estimate import (
     facets_of,
     worst_outcome,
 )
+from jaxrender.inverse.texture.examination import Painted, examined
 from jaxrender.inverse.texture.fit import fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf
 from jaxrender.inverse.texture.known_light import forward_under, recover_texture
@@ -77,7 +78,7 @@ def under_known_light(
                 variant,
                 unknowns=material.unknowns(),
                 settings=settings,
-                shape=concave(sites.shape),
+                shape=sites.shape,
                 field=field,
             )
         own = regions.of_site == number
@@ -99,15 +100,18 @@ def under_known_light(
         found.append(_Found(lobe, fit))
     if texture is None:
         raise ValueError("no observation has a site: do the cameras see the textured surface?")
+    largest = max(found, key=lambda one: one.lobe.sites).fit
     return TextureEstimate(
         material,
         texture,
         tuple(one.lobe for one in found),
         sites,
-        max(found, key=lambda one: one.lobe.sites).fit.noise,
+        largest.noise,
         worst_outcome([one.lobe.outcome for one in found]),
         tuple(reason for one in found for reason in _reasons(one)),
         variation=variation,
+        misfit=largest.misfit,
+        diagnosis=largest.diagnosis,
     )
 
 
@@ -161,9 +165,12 @@ def _diffuse(
     forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
     without_specular = Forward(*(_without_specular(forward.final) for _ in range(2)))
     unknowns = unknowns_of(variant.as_metal(), {"sigma": Stated(fixed=_NO_LOBE)})
-    return fit_texture(
-        by_site(observations, site, sites.count), without_specular, unknowns, settings
+    measured = by_site(observations, site, sites.count)
+    fit = fit_texture(measured, without_specular, unknowns, settings)
+    painted = Painted(
+        observations, site, light, variant, sites.shape, without_specular.final, settings.seed
     )
+    return examined(painted, fit, settings.noise is not None, settings.diagnose)
 
 
 def _without_specular(model_of: ModelOf) -> ModelOf:

@@ -39,6 +39,7 @@ class TextureSettings(NamedTuple):
     ``noise`` is estimated where it is None.  ``method`` is ``joint``, or ``thesis`` for the
     iteration of T 6.4.2.  ``search_samples`` of whole sites are drawn to find sigma and mu.
     ``exact_samples`` are drawn to refine both on the exact model; 0: no exact model is used.
+    ``diagnose`` says whether causes of a misfit are looked for.
     """
 
     noise: NoiseModel | None = None
@@ -47,6 +48,7 @@ class TextureSettings(NamedTuple):
     search_samples: int = 16_000
     exact_samples: int = 2_000
     seed: int = 0
+    diagnose: bool = True
 
 
 class Searched(NamedTuple):

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse.models import Columns
-from jaxrender.shapes import AnyArray, Bool, Float, Int
+from jaxrender.shapes import Bool, Float, Int
 
 # K_d is marked where its standard error exceeds this part of it ...
-TRUSTED_ERROR = 0.05
+_TRUSTED_ERROR = 0.05
 # ... (of what is dark, this part of the typical K_d counts as well) ...
 _DARK = 0.1
 # ... or where the residuals are this many times what the noise makes them.
@@ -44,10 +44,21 @@ class Texture(NamedTuple):
         """Take the model to be exact."""
         return self._replace(kd_error=self.kd_exact_error, ks_error=self.ks_exact_error)
 
+    def judged(self) -> "Texture":
+        """Mark K_d where its error is large, or where observations contradict each other."""
+        large = ~(self.relative_error <= _TRUSTED_ERROR)
+        return self._replace(kd_marked=large | ~(self.misfit <= TRUSTED_MISFIT))
+
     @property
     def relative_error(self) -> Float[np.ndarray, "site"]:
         """The largest standard error of a site's K_d beside its value: how bad it may be."""
-        return relative_error(self.kd, self.kd_error)
+        seen = np.isfinite(self.kd_error).all(axis=1)
+        if not seen.any():
+            return np.full(len(self.kd), np.inf)
+        typical = np.median(self.kd[seen], axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            relative = np.max(self.kd_error / (self.kd + _DARK * typical), axis=1)
+        return np.where(seen, relative, np.inf)
 
     def radiance(
         self, columns: Columns, site: Int[np.ndarray, "sample"]
@@ -67,14 +78,3 @@ class Texture(NamedTuple):
             mask = chosen[:, None] if np.ndim(own) == 2 else chosen
             changed[name] = np.where(mask, others, own)
         return self._replace(**changed)
-
-
-def relative_error(kd: AnyArray, kd_error: AnyArray) -> Float[np.ndarray, "site"]:
-    """Compare each site's standard error with its K_d, in the worst channel."""
-    seen = np.isfinite(kd_error).all(axis=1)
-    if not seen.any():
-        return np.full(len(kd), np.inf)
-    typical = np.median(kd[seen], axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.max(kd_error / (kd + _DARK * typical), axis=1)
-    return np.where(seen, relative, np.inf)

@@ -7,20 +7,18 @@ is not given is estimated from the residuals, and the recovery is done again.
 """
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.any_estimate import NORMAL_90
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.scene import UnknownMaterial
-from jaxrender.inverse.texture.clustered import excess_of_surface, widening
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.diffuse_light import (
     DiffuseFactors,
@@ -40,9 +38,10 @@ from jaxrender.inverse.texture.glossy_light import (
     GlossyTexture,
     recover_glossy,
 )
+from jaxrender.inverse.texture.judgement import judged, noise_left
 from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.sites import SurfaceSites
-from jaxrender.inverse.texture.texture import TRUSTED_ERROR, TRUSTED_MISFIT, Texture
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import DualForward, DualLight
@@ -58,10 +57,6 @@ _NO_LOBE = 0.1
 _FIRST_NOISE = NoiseModel(0.01, 0.0)
 # What picks a diffuse object's texture, unless said otherwise.
 _PRIOR = "total-variation"
-# An answer that leaves more than this part unexplained has not converged.
-_MUCH_LEFT = 0.2
-# Observations looked at together.
-_CHUNK = 2**14
 _DIFFUSE_GAUGE = "the geometric mean of kd is 0.18 / pi in each channel; light scaled to match"
 _GLOSSY_GAUGE = "one ks for all channels, mean of kd + ks = 1; light scaled to match"
 _SCALE_ALONE = (
@@ -121,10 +116,10 @@ def under_unknown_light(
     estimate = once(observations, sites, material, settings, settings.noise or _FIRST_NOISE)
     columns = _columns(estimate, observations.samples)
     if settings.noise is None:
-        noise = _noise_left(observations, estimate, columns)
+        noise = noise_left(observations, estimate, columns)
         estimate = once(observations, sites, material, settings, noise)
         columns = _columns(estimate, observations.samples)
-    return _judged(estimate, columns, observations)
+    return judged(estimate, columns, observations, settings.noise)
 
 
 def model_under(light: LightCoefficients) -> DualForward:
@@ -292,63 +287,3 @@ def _columns(estimate: TextureEstimate, samples: SurfaceSamples) -> Columns:
     assert estimate.light is not None
     lobe = estimate.brdf_of(estimate.lobes[0])
     return texture_columns(lobe, samples, model_under(estimate.light))
-
-
-def _noise_left(
-    observations: Observations, estimate: TextureEstimate, columns: Columns
-) -> NoiseModel:
-    """Estimate the noise, making up for what each site's material has fitted away."""
-    radiance, site = np.asarray(observations.radiance), estimate.sites.of_observation
-    predicted = estimate.texture.radiance(columns, site)
-    seen = np.where(site >= 0, estimate.texture.seen[site], 0)
-    channels = radiance.shape[1]
-    measured, fitted = seen * channels, channels + 1
-    usable = (measured > fitted) & (predicted > 0).all(axis=1)
-    inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
-    return estimate_noise((radiance - predicted)[usable] * inflation, predicted[usable])
-
-
-def _judged(
-    estimate: TextureEstimate, columns: Columns, observations: Observations
-) -> TextureEstimate:
-    """Add each site's misfit and marks, and what is left unexplained of all."""
-    radiance, texture = np.asarray(observations.radiance), estimate.texture
-    site = estimate.sites.of_observation
-    off = (radiance - texture.radiance(columns, site))[site >= 0]
-    known = site[site >= 0]
-    level = np.maximum(radiance[site >= 0] - off, 0)
-    deviation = np.asarray(estimate.noise.standard_deviation(level)) + 1e-12
-    squares = np.sum((off / deviation) ** 2, axis=1)
-    channels = radiance.shape[1]
-    freedom = np.maximum(texture.seen * channels - channels - 1, 1)
-    total = np.bincount(known, squares, estimate.sites.count)
-    misfit = np.where(texture.seen > 0, np.sqrt(total / freedom), np.nan)
-    energy = float(np.sum(radiance[site >= 0] ** 2))
-    left = float(np.sqrt(np.sum(off**2) / energy)) if energy > 0 else 0.0
-    if left > _MUCH_LEFT:
-        assert estimate.light is not None
-        limit = int(np.sqrt(len(estimate.light.coefficients))) - 1
-        much = (
-            f"{100 * left:.0f} % of the photographs is left unexplained: light to degree {limit} "
-            "is too soft for what lit the object, such as small sources, or the surface is not as "
-            "supposed; give the light, or another band limit"
-        )
-        reasons = (much, *estimate.reasons)
-        estimate = replace(estimate, outcome=Outcome.NOT_CONVERGED, reasons=reasons)
-    measured = by_site(observations, site, estimate.sites.count)
-    unexplained = radiance - texture.radiance(columns, site)
-    excess = excess_of_surface(measured, columns, unexplained, estimate.noise, _CHUNK)
-    wider = widening(excess)
-    texture = texture._replace(
-        kd_error=texture.kd_error * wider[:, :1], ks_error=texture.ks_error * wider[:, 1]
-    )
-    error = texture.relative_error
-    return replace(
-        estimate,
-        texture=texture._replace(
-            misfit=misfit,
-            kd_marked=~(error <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT),
-            ks_marked=~(NORMAL_90 * texture.ks_error <= IDENTIFIABLE_WITHIN * texture.ks),
-            relative_rms=left,
-        ),
-    )

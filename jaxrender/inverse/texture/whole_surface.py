@@ -25,12 +25,7 @@ from jaxrender.inverse.texture.site_systems import (
     site_sums,
     solve_sites,
 )
-from jaxrender.inverse.texture.texture import (
-    TRUSTED_ERROR,
-    TRUSTED_MISFIT,
-    Texture,
-    relative_error,
-)
+from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.programs import stored
@@ -214,12 +209,12 @@ def _texture(
         ks_error,
         misfit,
         measured.seen,
-        ~(relative_error(kd, kd_error) <= TRUSTED_ERROR) | ~(misfit <= TRUSTED_MISFIT),
+        np.ones(measured.count, bool),
         ~(told > float(prior.precision)),
         kd_exact,
         ks_exact,
         float(np.sqrt(unexplained / energy)) if energy > 0 else 0.0,
-    )
+    ).judged()
 
 
 @stored(effort="less")

@@ -85,7 +85,6 @@ _TEXTURE = {
     **_OF_KNOWN_LIGHT,
     **_NO_PRIORS,
     "solve.loss": "counts squared residuals",
-    "solve.diagnose": "names no causes of a misfit",
     "solve.most_sources": "looks for no sources",
     "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
     "brdf.compare": "fits one model",
@@ -167,6 +166,7 @@ TASKS: Mapping[str, TaskEntry] = {
         | {
             "lighting": _RECOVERS_LIGHT,
             "brdf.gauge": "has a gauge of its own",
+            "solve.diagnose": "names no causes of a misfit",
             "samples.count": "uses all pixels",
             "samples.seed": "uses all pixels",
             "solve.method": "has one search",

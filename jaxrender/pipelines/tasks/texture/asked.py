@@ -39,7 +39,12 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
     """Translate how a texture is found under known light."""
     settings, samples = settings_of(config), config.samples
     if config.brdf.model == "lambertian":
-        return TextureSettings(settings.noise, search_samples=samples.count, seed=settings.seed)
+        return TextureSettings(
+            settings.noise,
+            search_samples=samples.count,
+            seed=settings.seed,
+            diagnose=config.solve.diagnose,
+        )
     return TextureSettings(
         settings.noise,
         _METHODS[settings.method],
@@ -47,6 +52,7 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
         samples.count,
         settings.refine_samples if settings.refine else 0,
         settings.seed,
+        config.solve.diagnose,
     )
 
 

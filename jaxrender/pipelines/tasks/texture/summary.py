@@ -8,8 +8,10 @@ from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import RegionLobe, Texture, TextureEstimate
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.result import Result
+from jaxrender.pipelines.result import Result, causes_of
 
+# Keys of a config that make up for a cause.
+_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.model"}
 # The range of what varies is that of most sites: percentiles.
 _MOST_OF = (5, 95)
 
@@ -23,6 +25,7 @@ def summary_of_texture(
     own: dict[str, Any] = {"texture": _texture(estimate) | _variation(estimate) | files}
     if any(lobe.name for lobe in estimate.lobes):
         own["regions"] = [_region(lobe) for lobe in estimate.lobes]
+    own["diagnosis"] = causes_of(estimate.diagnosis, _KEYS)
     exact = _errors(estimate.if_exact)
     own["interval90_if_exact"] = exact["interval90"]
     if estimate.ambiguity:
@@ -40,6 +43,7 @@ def summary_of_texture(
         lighting=_lighting(estimate),
         photographs=photographs,
         own=own,
+        misfit=estimate.misfit,
     )
 
 
