@@ -2,6 +2,7 @@
 
 - A diffuse ball under sources: the lobe is the clamped cosine cut at the order, within its error.
 - The estimate prints its degrees, saves numbers that say which coefficient is which, and renders.
+- Photographs whose exposures differ widen the errors; the model's own stay beside them.
 - Light without degrees does not tell the lobe, and that is said.
 - Concave shapes, moving light, coarse light and too few samples are refused with a remedy.
 """
@@ -15,7 +16,7 @@ from jaxrender.brdf import Lambertian
 from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, look_at, observe, sculpture
 from jaxrender.inverse import AnyEstimate, KnownLight, Observations
 from jaxrender.inverse.brdf_spectrum import SpectrumSettings, estimate_spectrum
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight
 from jaxrender.reflection import forward_of, render_lit, render_samples
 
 BALL, KD = Sphere(), np.array([0.2, 0.1, 0.05])
@@ -29,10 +30,10 @@ ORDER_2 = SpectrumSettings(order=2)
 PEAK = 1 / 4 + 1 / 2 + 5 / 16
 
 
-def photographs(light):
-    """Pixels of a diffuse ball from four sides, with 1 % noise."""
+def photographs(light, gains=(1.0, 1.0, 1.0, 1.0)):
+    """Pixels of a diffuse ball from as many sides, with 1 % noise."""
     rng, rows = np.random.default_rng(0), []
-    for number in range(4):
+    for number, gain in enumerate(gains):
         place = 4 * np.array([np.cos(number), np.sin(number), 0.4])
         pose = look_at(place, np.zeros(3), np.array([0.0, 0.0, 1.0]))
         view = observe(Orthographic(24, 24, pose, scale=0.088), BALL)
@@ -45,7 +46,7 @@ def photographs(light):
                 forward_of(light, BALL),
             )
         )
-        radiance = radiance * (1 + 0.01 * rng.normal(size=radiance.shape))
+        radiance = gain * radiance * (1 + 0.01 * rng.normal(size=radiance.shape))
         rows.append((*samples, radiance, np.full(len(radiance), number)))
     normals, outgoing, radiance, frame = (np.concatenate(part) for part in zip(*rows))
     return Observations(SurfaceSamples(normals, outgoing), radiance, frame)
@@ -117,3 +118,19 @@ def test_bad_input_is_refused_in_words(seen):
         estimate_spectrum(seen, BALL, Environment(np.ones((8, 16, 3))), SpectrumSettings(4))
     with pytest.raises(ValueError, match=r"100 samples for \d+ coefficients; lower the order"):
         estimate_spectrum(seen, BALL, SOURCES, SpectrumSettings(order=8, count=100))
+
+
+def test_exposures_that_differ_are_in_the_errors():
+    # Light of degrees to 2, of which a diffuse ball reflects no other.
+    harmonics = np.array([3.0, 0.4, -0.3, 0.25, 0.2, -0.15, 0.25, 0.15, -0.2])
+    light = HarmonicLight(harmonics[:, None] * np.ones(3))
+    settings = SpectrumSettings(order=2, reciprocal=False)
+    gains = np.exp(0.05 * np.random.default_rng(0).normal(size=10))
+    clean, wrong = (
+        estimate_spectrum(photographs(light, some), BALL, light, settings).spectrum
+        for some in (np.ones(10), gains)
+    )
+    assert np.median(clean.standard_error / clean.if_exact().standard_error) < 1.3
+    off = np.abs(wrong.values - clean.values)
+    assert np.max(off / wrong.if_exact().standard_error) > 5
+    assert np.max(off / wrong.standard_error) < 3.5

@@ -17,9 +17,17 @@ from jaxrender.harmonics import degrees
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
 from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
+from jaxrender.inverse.brdf_spectrum.examination import (
+    MORE,
+    SpectrumSettings,
+    misfit_of,
+    order_too_low,
+)
 from jaxrender.inverse.brdf_spectrum.harmonic_brdf import HarmonicBRDF
 from jaxrender.inverse.brdf_spectrum.recovery import BRDFSpectrum, fit_brdf_spectrum
+from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.observations import Observations, random_subset
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
@@ -38,27 +46,14 @@ _MUCH_LEFT = 0.1
 _NEXT_TO_NONE = 0.01
 
 
-class SpectrumSettings(NamedTuple):
-    """How coefficients are recovered.
-
-    ``order`` is the highest degree of either direction; ``reciprocal`` imposes reciprocity.
-    ``noise`` is estimated where it is None.  Of all usable pixels ``count`` are drawn at random.
-    """
-
-    order: int = 6
-    reciprocal: bool = True
-    noise: NoiseModel | None = None
-    count: int = 12_000
-    seed: int = 0
-
-
 @dataclass(frozen=True, eq=False)
 class SpectrumEstimate(AnyEstimate):
     """Recovered coefficients of the order that was asked for, and of some lower ones.
 
     ``values["rho"]`` are the coefficients of each channel, rho_lpq of T 2.53; the degrees and the
     order of each are ``spectrum.basis.indices``.  ``light`` are the coefficients of the light.
-    ``identifiable`` has the one key ``lobe``.
+    ``identifiable`` has the one key ``lobe``.  ``misfit`` is what the photographs hold above their
+    noise, where that is known, and ``diagnosis`` what would explain it.
     """
 
     orders: tuple[BRDFSpectrum, ...]
@@ -66,6 +61,8 @@ class SpectrumEstimate(AnyEstimate):
     noise: NoiseModel
     outcome: Outcome
     reasons: tuple[str, ...]
+    misfit: Misfit | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
 
     @property
     def title(self) -> str:
@@ -101,7 +98,7 @@ class SpectrumEstimate(AnyEstimate):
     @property
     def identifiable(self) -> dict[str, bool]:
         """Whether the lobe as a whole is identifiable."""
-        return {"lobe": self.outcome is Outcome.CONVERGED}
+        return {"lobe": self.outcome in (Outcome.CONVERGED, Outcome.MISFIT)}
 
     @property
     def relative_rms(self) -> float:
@@ -214,7 +211,25 @@ def estimate_spectrum(
     noise = found[-1].noise
     assert noise is not None
     outcome, reasons = _judged(found[-1], _amplitudes(coefficients, settings.order))
-    return SpectrumEstimate(tuple(found), coefficients, noise, outcome, reasons)
+    misfit = misfit_of(drawn, pool, coefficients, found[-1], settings)
+    diagnosis: tuple[Diagnosis, ...] = ()
+    if misfit is not None and misfit.found:
+        finer = _finer(known, settings)
+        if finer is not None:
+            diagnosis = order_too_low(drawn, finer, found[-1], misfit)
+        reasons = (misfit.sentence(), *(one.reason for one in diagnosis), *reasons)
+        outcome = Outcome.MISFIT if outcome is Outcome.CONVERGED else outcome
+    return SpectrumEstimate(tuple(found), coefficients, noise, outcome, reasons, misfit, diagnosis)
+
+
+def _finer(
+    light: KnownLight, settings: SpectrumSettings
+) -> Float[np.ndarray, "coefficient channel"] | None:
+    """Analyse the light to two degrees more; None where it has none."""
+    try:
+        return _coefficients(light, settings.order + MORE)
+    except ValueError:
+        return None
 
 
 def lobe_error(spectrum: BRDFSpectrum) -> float:

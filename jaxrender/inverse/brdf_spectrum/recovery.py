@@ -20,6 +20,7 @@ import numpy as np
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
+from jaxrender.inverse.clusters import Clusters, Groups, widened
 from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import AnyArray, Array, Coefficients, Float
 
@@ -87,7 +88,9 @@ class BRDFSpectrum(NamedTuple):
     """Recovered coefficients with the covariance of their errors.
 
     ``resolution`` is, for each unknown, the part that the data have in it (0: all prior, 1: none);
-    its sum is the number of coefficients that the photographs determine.
+    its sum is the number of coefficients that the photographs determine.  The covariance knows of
+    misfit where the samples' clusters were counted; ``exact_covariance`` is that of a model that is
+    exact.
     """
 
     basis: SpectrumBasis
@@ -96,6 +99,12 @@ class BRDFSpectrum(NamedTuple):
     resolution: Float[np.ndarray, "unknown channel"]
     noise: NoiseModel | None = None
     relative_rms: float = float("nan")
+    exact_covariance: Float[np.ndarray, "channel unknown unknown"] | None = None
+
+    def if_exact(self) -> "BRDFSpectrum":
+        """Take the model to be exact."""
+        exact = self.exact_covariance
+        return self if exact is None else self._replace(covariance=exact, exact_covariance=None)
 
     @property
     def coefficients(self) -> Float[np.ndarray, "degree outgoing_degree order channel"]:
@@ -140,9 +149,11 @@ class BRDFSpectrum(NamedTuple):
             )
         degree, outgoing, _ = self.basis.indices
         factor = transfer[degree] * (transfer[outgoing] if self.basis.reciprocal else 1)
+        both, exact = np.outer(factor, factor)[None], self.exact_covariance
         return self._replace(
             values=self.values * factor[:, None],
-            covariance=self.covariance * np.outer(factor, factor)[None],
+            covariance=self.covariance * both,
+            exact_covariance=None if exact is None else exact * both,
         )
 
 
@@ -226,8 +237,41 @@ def fit_brdf_spectrum(
         predicted = found.radiance(light, observations.samples)
         if not given:
             model = estimate_noise(radiance - predicted, predicted)
-    rms = np.sqrt(np.sum((radiance - predicted) ** 2) / np.sum(radiance**2))
-    return found._replace(noise=model, relative_rms=float(rms))
+    left = radiance - predicted
+    clusters, group = Clusters.of(observations).both
+    scores = _scores(basis, light, observations, left / deviation**2, Groups(clusters, group))
+    covariance = [
+        widened(own, clusters.covariance(of_channel @ own))
+        for own, of_channel in zip(found.covariance, np.moveaxis(scores, 2, 0))
+    ]
+    return found._replace(
+        noise=model,
+        relative_rms=float(np.sqrt(np.sum(left**2) / np.sum(radiance**2))),
+        covariance=np.stack(covariance),
+        exact_covariance=found.covariance,
+    )
+
+
+def _scores(
+    basis: SpectrumBasis,
+    light: Coefficients,
+    observations: Observations,
+    weighted: Float[np.ndarray, "sample channel"],
+    groups: Groups,
+) -> Float[np.ndarray, "group unknown channel"]:
+    """Sum up, group by group, the rows of samples times what is left of them over its variance.
+
+    All together they balance the prior's pull.  Each group has its share of it, which is no misfit.
+    """
+    total = np.zeros((len(groups.clusters.cell), basis.count, weighted.shape[1]))
+    first = 0
+    for chunk, size in _chunks(observations.samples):
+        rows = np.asarray(_rows(basis, jnp.asarray(light), chunk))[:size]
+        own = slice(first, first + size)
+        np.add.at(total, groups.group[own], rows * weighted[own, None, :])
+        first += size
+    share = np.bincount(groups.group) / len(groups.group)
+    return total - share[:, None, None] * total.sum(axis=0)
 
 
 @jax.jit(static_argnames="basis")
@@ -239,6 +283,11 @@ def _sums(
         matrix = jnp.einsum("suc,svc->cuv", rows, rows)
         vector = jnp.einsum("suc,sc->cu", rows, target)
     return matrix, vector, jnp.sum(target**2, axis=0)
+
+
+@jax.jit(static_argnames="basis")
+def _rows(basis: SpectrumBasis, light: Array, samples: SurfaceSamples) -> Array:
+    return basis.rows(light, samples)
 
 
 @jax.jit(static_argnames="basis")

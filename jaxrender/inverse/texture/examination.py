@@ -29,7 +29,7 @@ from jaxrender.shapes import Float, Int
 
 # Pixels that tell the noise, and those that say what is left above it.
 _NEIGHBOURS, _FITTED = 6000, 12_000
-# Pixels and sites that causes are tested on, and photographs that must show a site to be among them.
+# Pixels and sites that causes are tested on, and photographs that must show such a site.
 _TESTED, _MOST_SITES, _FEWEST_VIEWS = 700, 80, 4
 # What is darker than this part of the typical site says nothing of relative errors.
 _DARK = 0.1

@@ -25,7 +25,13 @@ from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig, SpectrumConfig
 from jaxrender.pipelines.progress import Progress
-from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun, Result
+from jaxrender.pipelines.result import (
+    ARRAYS,
+    ARRAYS_FORMAT,
+    FinishedRun,
+    Result,
+    causes_of,
+)
 from jaxrender.pipelines.scene import fault_of, settings_of
 from jaxrender.pipelines.subject import Subject
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
@@ -68,7 +74,11 @@ class SpectrumRecovery(Recovery):
                 "coefficients_total": estimate.light.tolist(),
             },
             photographs=self.photographs,
-            own={"spectrum": _summary(estimate)},
+            own={
+                "diagnosis": causes_of(estimate.diagnosis, {"order": "spectrum.order"}),
+                "spectrum": _summary(estimate),
+            },
+            misfit=estimate.misfit,
         )
 
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
@@ -101,6 +111,8 @@ class SpectrumRecovery(Recovery):
         every = ("channel", *_UNKNOWN, "other_unknown")
         words = "covariance of value"
         variables["covariance"] = Variable(every, spectrum.covariance, "1/sr^2", words)
+        exact, words = spectrum.if_exact(), "covariance of value if the model were exact"
+        variables["exact_covariance"] = Variable(every, exact.covariance, "1/sr^2", words)
         total = Variable(
             ("coefficient", "channel"), self.estimate.light, "radiance", "coefficients of the light"
         )
@@ -186,6 +198,7 @@ def _summary(estimate: SpectrumEstimate) -> dict[str, Any]:
         "unknowns": spectrum.basis.count,
         "determined": float(spectrum.resolution.sum(axis=0).mean()),
         "lobe_relative_error": lobe_error(spectrum),
+        "lobe_relative_error_if_exact": lobe_error(spectrum.if_exact()),
         "by_degree": [_degree(one) for one in estimate.by_degree()],
         "orders": [
             {
