@@ -22,7 +22,7 @@ from jaxrender.shapes import AnyArray, Float, Int
 # Cells of the reflected direction: 30 degrees wide, as wide as most lobes.
 _CELLS = 60
 # Fewer photographs than this say by chance alone what they leave together.
-_FEWEST = 8
+FEWEST = 8
 
 
 class Clusters(NamedTuple):
@@ -56,7 +56,7 @@ class Clusters(NamedTuple):
         It is what both kinds of clusters show; of fewer than eight photographs what the cells show
         alone.  It may come out negative where there is next to nothing.
         """
-        if len(np.unique(self.photograph)) < _FEWEST:
+        if len(np.unique(self.photograph)) < FEWEST:
             return _between(influence, self.cell)
         single = _between(influence, self.photograph) + _between(influence, self.cell)
         return single - _between(influence, self.both.group)

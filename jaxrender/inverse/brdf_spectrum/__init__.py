@@ -4,6 +4,8 @@
     which coefficients there are, and how each sample measures them
 ``recovery``
     streamed normal equations, the prior, and their solution with its covariance
+``left_out`` ``examination``
+    errors that know of misfit; what is left above the noise, and whether the order explains it
 ``harmonic_brdf``
     the recovered coefficients as a BRDF like any other
 ``estimate``

@@ -61,7 +61,7 @@ def order_too_low(
     basis = SpectrumBasis(found.basis.band_limit + MORE, found.basis.reciprocal)
     if drawn.count < basis.count:
         return ()
-    finer = fit_brdf_spectrum(drawn, light, basis, found.noise)
+    finer = fit_brdf_spectrum(drawn, light, basis, found.noise, know_misfit=False)
     before, after = (_squares(drawn, light, one, misfit) for one in (found, finer))
     count, channels = drawn.radiance.shape
     more = channels * (basis.count - found.basis.count)

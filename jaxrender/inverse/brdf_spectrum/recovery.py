@@ -20,7 +20,8 @@ import numpy as np
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
-from jaxrender.inverse.clusters import Clusters, Groups, widened
+from jaxrender.inverse.brdf_spectrum.left_out import without_each
+from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import AnyArray, Array, Coefficients, Float
 
@@ -211,11 +212,13 @@ def fit_brdf_spectrum(
     basis: SpectrumBasis,
     noise: NoiseModel | None = None,
     prior: Prior = DEFAULT_PRIOR,
+    know_misfit: bool = True,
 ) -> BRDFSpectrum:
     """Recover rho_lpq from samples under light given by its coefficients (T 6.4.2).
 
     Samples are weighed by the noise.  Where none is given, it is estimated from the residuals, and
-    then includes what the order leaves out.  Raises ``ValueError`` for no samples, and for light
+    then includes what the order leaves out.  The errors know of misfit (:mod:`.left_out`) unless
+    ``know_misfit`` is False.  Raises ``ValueError`` for no samples, and for light
     that is zero at degree 0.
     """
     radiance = np.asarray(observations.radiance)
@@ -238,40 +241,42 @@ def fit_brdf_spectrum(
         if not given:
             model = estimate_noise(radiance - predicted, predicted)
     left = radiance - predicted
-    clusters, group = Clusters.of(observations).both
-    scores = _scores(basis, light, observations, left / deviation**2, Groups(clusters, group))
-    covariance = [
-        widened(own, clusters.covariance(of_channel @ own))
-        for own, of_channel in zip(found.covariance, np.moveaxis(scores, 2, 0))
-    ]
-    return found._replace(
+    found = found._replace(
         noise=model,
         relative_rms=float(np.sqrt(np.sum(left**2) / np.sum(radiance**2))),
-        covariance=np.stack(covariance),
         exact_covariance=found.covariance,
+    )
+    if not know_misfit:
+        return found
+    rows, clusters = _rows_of(basis, light, observations), Clusters.of(observations)
+    firsts = equations.first_coefficient()
+    return found._replace(
+        covariance=np.stack(
+            [
+                widened(
+                    own,
+                    without_each(
+                        rows[:, :, channel] / deviation[:, channel, None],
+                        radiance[:, channel] / deviation[:, channel],
+                        prior.precision(basis, float(firsts[channel])),
+                        clusters,
+                    ),
+                )
+                for channel, own in enumerate(found.covariance)
+            ]
+        )
     )
 
 
-def _scores(
-    basis: SpectrumBasis,
-    light: Coefficients,
-    observations: Observations,
-    weighted: Float[np.ndarray, "sample channel"],
-    groups: Groups,
-) -> Float[np.ndarray, "group unknown channel"]:
-    """Sum up, group by group, the rows of samples times what is left of them over its variance.
-
-    All together they balance the prior's pull.  Each group has its share of it, which is no misfit.
-    """
-    total = np.zeros((len(groups.clusters.cell), basis.count, weighted.shape[1]))
-    first = 0
-    for chunk, size in _chunks(observations.samples):
-        rows = np.asarray(_rows(basis, jnp.asarray(light), chunk))[:size]
-        own = slice(first, first + size)
-        np.add.at(total, groups.group[own], rows * weighted[own, None, :])
-        first += size
-    share = np.bincount(groups.group) / len(groups.group)
-    return total - share[:, None, None] * total.sum(axis=0)
+def _rows_of(
+    basis: SpectrumBasis, light: Coefficients, observations: Observations
+) -> Float[np.ndarray, "sample unknown channel"]:
+    """Evaluate what each coefficient sends to the camera, for every sample."""
+    parts = [
+        np.asarray(_rows(basis, jnp.asarray(light), chunk))[:size]
+        for chunk, size in _chunks(observations.samples)
+    ]
+    return np.concatenate(parts)
 
 
 @jax.jit(static_argnames="basis")
