@@ -19,6 +19,8 @@ _FEWEST = 50
 # An excess of so many standard errors is no chance.  Less of the radiance than this may be an error
 # of the integrals.
 _SURE, LEAST = 4.0, 2e-3
+# A floor below this is rounding, and not worth a word.
+_NO_FLOOR = 1e-9
 # Neighbours' weights in a second difference, by the root of their squares' sum.
 _SECOND = np.array([1.0, -2.0, 1.0]) / np.sqrt(6)
 
@@ -41,7 +43,7 @@ class Misfit(NamedTuple):
     def sentence(self) -> str:
         """Say it in words."""
         level = f"{100 * self.noise.relative:.2g} %"
-        if self.noise.floor:
+        if self.noise.floor > _NO_FLOOR:
             level += f" and {self.noise.floor:.2g}"
         return (
             f"the photographs hold more than the model: {100 * self.rms:.2g} % of the radiance "

@@ -3,6 +3,7 @@
 - Clean photographs: the noise is that of single pixels, nothing is named, nothing is misfit.
 - Exposures that differ, and a response that is not linear, are named; the errors of texels then
   hold the truth, and those of a model that is exact do not.
+- Texels of more than one paint are the first cause, and no other fault looks like them.
 - Without pixels that are neighbours nobody knows the noise, so nothing is said.
 """
 
@@ -88,9 +89,22 @@ def test_what_is_wrong_is_named_and_in_the_errors(ball, wrong, cause):
     assert fit.outcome is Outcome.MISFIT
     assert fit.misfit.noise.relative == pytest.approx(NOISE, rel=0.15)
     assert fit.diagnosis[0].cause == cause
+    assert "sites" not in [one.cause for one in fit.diagnosis]
     assert f"({cause})" in fit.reasons[1]
     assert min(held(fit, exact=True)) < 0.6
     assert min(held(fit, exact=False)) > 0.75
+
+
+def test_texels_of_more_than_one_paint_are_named(ball):
+    """What is left goes by place within each texel, the same in every photograph."""
+
+    def spotted(exact, frame):
+        points = np.asarray(ball[0].places.points)
+        return exact * (1 + 0.3 * np.sign(np.sin(30 * points[:, :1])))
+
+    fit = found(ball, spotted)
+    assert fit.diagnosis[0].cause == "sites"
+    assert "more than one paint" in fit.reasons[1]
 
 
 def test_without_neighbours_nobody_knows_the_noise(ball):

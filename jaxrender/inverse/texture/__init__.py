@@ -10,9 +10,9 @@
     any forward model, a part at a time; sigma and mu with all of the texture eliminated
 ``rounds``, ``whole_surface``, ``texture``, ``account``
     the search, which estimates the noise; every site; what is known of it; the outcome
-``clustered``, ``examination``, ``judgement``
+``clustered``, ``examination``, ``mixed``, ``judgement``
     errors of sites that know of misfit; what is left above the noise and what would explain it;
-    what can be trusted under unknown light
+    sites of more than one paint; what can be trusted under unknown light
 ``fit``, ``known_light``
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``

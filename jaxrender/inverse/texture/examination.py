@@ -13,7 +13,7 @@ import numpy as np
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose, likeliest
+from jaxrender.inverse.diagnosis import CLIPPED, Diagnosis, Suspect, diagnose, likeliest
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.known_light import DUAL_ERROR, KnownLight
@@ -23,6 +23,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
+from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.texture import TRUSTED_MISFIT, Texture
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
@@ -74,6 +75,14 @@ def examined(painted: Painted, fit: TextureFit, noise_given: bool, diagnosing: b
         suspect, names = _suspect(painted, fit, tested)
         diagnosis = diagnose(suspect, misfit)
         fit = _reaching(fit, diagnosis, names)
+        deviation = standard_deviations(misfit.noise, np.nan_to_num(predicted))
+        found = mixed(painted.observations, painted.site, radiance - predicted, deviation)
+        # That is of other pixels, so the criteria cannot be compared.
+        first = not diagnosis or (
+            diagnosis[0].cause != CLIPPED
+            and max((one.explains for one in found), default=0.0) > diagnosis[0].explains
+        )
+        diagnosis = (*found, *diagnosis) if first else (*diagnosis, *found)
     reasons = [misfit.sentence()] if misfit.found else []
     reasons += [best.reason for best in diagnosis[:1]]
     outcome = fit.outcome

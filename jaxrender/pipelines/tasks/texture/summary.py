@@ -11,7 +11,7 @@ from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.result import Result, causes_of
 
 # Keys of a config that make up for a cause.
-_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.model"}
+_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.model", "sites": "texture.size"}
 # The range of what varies is that of most sites: percentiles.
 _MOST_OF = (5, 95)
 
