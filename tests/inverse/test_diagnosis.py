@@ -27,6 +27,7 @@ from ball_problems import (
 )
 from scipy.spatial.transform import Rotation
 
+from jaxrender.brdf import material_named
 from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, world_from_local
 from jaxrender.harmonics import evaluate
 from jaxrender.inverse import FitSettings, KnownLight, Outcome, fit_brdf, unknowns_of
@@ -305,3 +306,21 @@ def test_no_diagnosis_where_none_is_wanted():
     fit = fitted(PHOTOGRAPHS + 0.03, diagnose=False)
     assert not fit.diagnosis
     assert fit.misfit.found
+
+
+def test_a_lobe_as_wide_as_its_model_allows_is_compared_with_narrower_ones(grounds):
+    rough = material_named("ggx", {"kd": BRDF.kd, "ks": BRDF.ks, "sigma": 0.9, "mu": 1.5})
+    columns = CAUSES["lobe"].columns(dataclasses.replace(grounds, material=rough))
+    assert columns is not None
+    assert np.isfinite(columns).all()
+
+
+def test_paint_goes_with_each_sample(grounds):
+    """Samples with amplitudes of their own change as each of them would alone."""
+    rng = np.random.default_rng(0)
+    shares = rng.uniform(0.5, 2, (CLEAN.count, 1, 1))
+    whole = np.stack([np.asarray(part) for part in BRDF.amplitudes])
+    painted = dataclasses.replace(grounds, paint=shares * whole)
+    for name in ("lamps", "object"):
+        plain, own = (CAUSES[name].columns(one) for one in (grounds, painted))
+        np.testing.assert_allclose(own, shares * plain, rtol=1e-9, atol=1e-12)

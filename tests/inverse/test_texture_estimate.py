@@ -18,9 +18,11 @@ from jaxrender.geometry import Mesh, Pinhole, Sphere, SurfaceSamples, look_at, o
 from jaxrender.geometry.texels import sphere_coordinates, texel_coordinates
 from jaxrender.inverse import AnyEstimate, Scene, load_capture, unknown
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.photographs import observations_of
 from jaxrender.inverse.texture import (
     LitTexture,
+    RegionLobe,
     TextureSettings,
     UnknownLightSettings,
     estimate_texture,
@@ -90,6 +92,13 @@ def off(estimate):
     good = estimate.seen & ~estimate.texture.kd_marked
     assert good.sum() > 60
     return ((estimate.values["kd"] - truth) / estimate.standard_error["kd"])[good]
+
+
+def test_an_interval_without_an_end_has_none():
+    lobe = RegionLobe(0, "", 10, 0.2, 1.5, 0.01, 100.0, Outcome.NOT_IDENTIFIABLE, (0.005, 50.0))
+    assert lobe.interval90("mu").tolist() == [1.0, np.inf]
+    assert np.isfinite(lobe.interval90("sigma")).all()
+    assert lobe.if_exact().sigma_error == 0.005
 
 
 def test_a_checkered_ball(found):

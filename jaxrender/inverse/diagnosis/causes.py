@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, Microfacet, Parametric, lobe_named
+from jaxrender.brdf import WIDTH_BOUNDS, Glossy, Microfacet, Parametric, lobe_named
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse.diagnosis.blurring import laplacian
 from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
@@ -132,7 +132,9 @@ def _lobe(grounds: Grounds) -> Columns | None:
     if not (isinstance(material, Glossy) and material.has_frequency_view):
         return None
     width, mu = float(material.width), material.mu
-    others: list[Parametric] = [material.with_roughness(f * width, mu) for f in _WIDTHS]
+    # Some models know no width beyond the bounds that they are searched in.
+    widths = np.clip(width * np.array(_WIDTHS), *WIDTH_BOUNDS)
+    others: list[Parametric] = [material.with_roughness(float(w), mu) for w in widths]
     for name in _OTHERS:
         kind = lobe_named(name, metal=mu is None)
         assert isinstance(kind, Glossy)

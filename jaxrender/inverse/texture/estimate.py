@@ -27,7 +27,8 @@ from jaxrender.shapes import Bool, Float
 IDENTIFIABLE_WITHIN = 0.25
 # Where an interval is symmetric in the logarithm of value - origin.
 _ORIGIN = {"sigma": 0.0, "mu": 1.0}
-_LARGEST_LOG = 20.0
+# An interval that reaches beyond this factor above its origin has no end there.
+_ENDLESS = 1e4
 _MAPS = ("kd", "ks", "kd_error", "ks_error")
 # Texels by which saved maps are continued beyond what was seen, so that seams do not show.
 _REACH = 2
@@ -307,9 +308,9 @@ def _interval(
     """Return the 90 % interval, symmetric in the logarithm of sigma or of mu - 1."""
     size = np.asarray(value) - _ORIGIN[name]
     with np.errstate(invalid="ignore", divide="ignore"):
-        # An error beyond all measure need not be said to the digit.
-        log = np.minimum(NORMAL_90 * np.asarray(error) / size, _LARGEST_LOG)
-        factor = np.where(size > 0, np.exp(log), 1.0)
+        log = NORMAL_90 * np.asarray(error) / size
+        factor = np.where(log < np.log(_ENDLESS), np.exp(np.minimum(log, np.log(_ENDLESS))), np.inf)
+        factor = np.where(size > 0, factor, 1.0)
     return np.stack([_ORIGIN[name] + size / factor, _ORIGIN[name] + size * factor], axis=-1)
 
 
