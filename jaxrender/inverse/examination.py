@@ -149,6 +149,8 @@ def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Exam
                 task.settings.seed,
                 examined.freed,
             )
+            if task.settings.interreflection:
+                suspect = suspect._replace(unknown=("interreflection",))
             diagnosis = diagnose(suspect, misfit)
     return examined._replace(misfit=misfit, diagnosis=diagnosis)
 

@@ -19,6 +19,7 @@ from jaxrender.brdf import Lambertian, Parametric
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, Model, Numbers, Rows
+from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.shadowing import hidden_fraction, places_of
 from jaxrender.lighting import LightNodes
@@ -28,6 +29,8 @@ from jaxrender.shapes import AnyArray, Float
 
 # The diffuse part shows no finer detail of the environment than this (radians).
 _CELL = 0.1
+# A rough estimate takes wider cells, and fewer rays a vertex.
+_WIDE_CELL, _FEW_RAYS = 0.25, 64
 # Rounds until kd moves by less than this part of the largest.
 _SETTLED, _MOST_ROUNDS = 1e-4, 12
 # Vertices that meet the light at once.
@@ -159,12 +162,36 @@ def fit_with_bounces(
     return stop, found
 
 
-def direct_irradiance(mesh: Mesh, light: KnownLight) -> Float[np.ndarray, "vertex channel"]:
-    """Sum the light that reaches each vertex from outside, shadows traced."""
+def added_by_bounces(
+    mesh: Mesh,
+    light: KnownLight,
+    observations: Observations,
+    kd: Float[np.ndarray, "channel"],
+) -> Float[np.ndarray, "sample channel"]:
+    """Estimate the radiance that bounces would add to a fit without them, roughly but soon."""
+    exchange = Interreflection.of(mesh, _FEW_RAYS)
+    normals = np.asarray(observations.samples.normals, float)
+    to_samples = exchange.gathering(places_of(observations), normals)
+    albedo, frame = np.clip(np.pi * kd, 0, 1), np.asarray(observations.frame)
+    added = np.zeros(np.asarray(observations.radiance).shape)
+    for number in np.unique(frame) if light.per_frame is not None else [0]:
+        own = frame == number if light.per_frame is not None else np.ones(len(frame), bool)
+        direct = direct_irradiance(mesh, light.of_frame(int(number)), _WIDE_CELL)
+        added[own] = (kd * albedo * (to_samples @ exchange.total(direct, albedo)))[own]
+    return added
+
+
+def direct_irradiance(
+    mesh: Mesh, light: KnownLight, cell: float = _CELL
+) -> Float[np.ndarray, "vertex channel"]:
+    """Sum the light that reaches each vertex from outside, shadows traced.
+
+    The environment is condensed to cells of so many radians.
+    """
     white = Lambertian(np.ones(light.directional.irradiance.shape[1]))
     everywhere = SurfacePlaces.of_vertices(mesh)
     # Of one photograph, so that all of it is in the first part.
-    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, _CELL)
+    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
     assert isinstance(nodes, LightNodes)
     found = []
     for first in range(0, len(mesh.vertices), _PLACES_AT_ONCE):

@@ -6,6 +6,7 @@ reaches every place.
 
 - Without bounces kd is too large by what they add; with them it is within a per cent, which is what
   the bowl's flat facets leave.
+- What a fit leaves without them is named, and what they would add is estimated to a few per cent.
 - The account says what bounces add, and that it has settled; a convex shape has nothing to add.
 """
 
@@ -15,13 +16,16 @@ from inverse_problems import microfacet_unknowns
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh, SurfacePlaces, SurfaceSamples
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import (
     FitSettings,
     KnownLight,
     Observations,
+    Outcome,
     Unknown,
     fit_brdf,
 )
+from jaxrender.inverse.interreflection import added_by_bounces
 from jaxrender.lighting import DirectionalSources
 
 ALBEDO = np.array([0.8, 0.5, 0.1])
@@ -78,6 +82,27 @@ def test_bounces_are_told_from_albedo():
     assert found.part == pytest.approx(ADDED.mean() / cosines.mean(), rel=0.03)
     at_middle = found.at_vertices[0][np.argmin(mesh.vertices[:, 2])]
     np.testing.assert_allclose(at_middle, ADDED, rtol=0.05)
+
+
+def test_what_bounces_would_add_is_estimated_soon():
+    mesh = bowl()
+    found = added_by_bounces(mesh, LIGHT, photographed(mesh), ALBEDO / np.pi)
+    added = ALBEDO / np.pi * ADDED
+    np.testing.assert_allclose(found.mean(axis=0), added, rtol=0.03)
+    np.testing.assert_allclose(found, np.broadcast_to(added, found.shape), rtol=0.15)
+
+
+@pytest.mark.slow
+def test_bounces_that_a_fit_leaves_out_are_named():
+    """In half a sphere they are a black level, which explains as much; nothing else does."""
+    mesh = bowl()
+    observed, settings = photographed(mesh), FitSettings(starts=1, noise=NoiseModel(0.01, 0.0))
+    without = fit_brdf(observed, LIGHT, DIFFUSE, BLACK, settings, shape=mesh)
+    assert without.outcome is Outcome.MISFIT
+    assert {one.cause for one in without.diagnosis[:2]} == {"black", "interreflection"}
+    assert without.diagnosis[1].explains > 0.95
+    whole = settings._replace(interreflection=True)
+    assert not fit_brdf(observed, LIGHT, DIFFUSE, BLACK, whole, shape=mesh).diagnosis
 
 
 def test_a_convex_shape_has_nothing_to_bounce():

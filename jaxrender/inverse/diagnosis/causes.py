@@ -10,11 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import WIDTH_BOUNDS, Glossy, Microfacet, Parametric, lobe_named
+from jaxrender.geometry import Mesh
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse.diagnosis.blurring import laplacian
 from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
+from jaxrender.inverse.interreflection import added_by_bounces
 from jaxrender.inverse.nuisances import NUISANCES, bumps, rotation
 from jaxrender.inverse.rays import center_of, size_of
+from jaxrender.inverse.shadowing import concave
 from jaxrender.shapes import Float
 
 # Smooth changes of paint have harmonics up to this degree.
@@ -150,6 +153,20 @@ def _blur(grounds: Grounds) -> Columns | None:
     return None if found is None else found[:, :, None]
 
 
+def _interreflection(grounds: Grounds) -> Columns | None:
+    """Add what the diffuse parts of a concave object send each other, all of it at once."""
+    mesh, light = concave(grounds.shape), grounds.light.told
+    if not isinstance(mesh, Mesh) or light is None or light.near is not None or grounds.painted:
+        return None
+    if not grounds.placed or not grounds.material.bases:
+        return None
+    kd = np.asarray(grounds.material.base_amplitude, float)
+    return (
+        grounds.gain[:, :, None]
+        * added_by_bounces(mesh, light, grounds.observations, kd)[..., None]
+    )
+
+
 def _sites(grounds: Grounds) -> Columns | None:
     """Let the reflectance change smoothly over the object."""
     if not grounds.placed:
@@ -171,6 +188,7 @@ _ALL = (
     Cause("response", "the response is not linear", _response, of_light=False),
     Cause("normals", "the surface is not quite that of the shape", _normals),
     Cause("lobe", "the lobe has another shape", _lobe),
+    Cause("interreflection", "parts of the object light each other", _interreflection),
     Cause("blur", "the photographs are blurred", _blur),
     Cause("sites", "the material is not the same everywhere", _sites, of_light=False),
 )
@@ -184,7 +202,7 @@ def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray
     if name == "lobe":
         lobe = float(np.mean(np.asarray(grounds.material.lobe_amplitude)))
         return np.full(count, max(lobe, _TYPICAL))
-    return np.full(count, _BLUR if name == "blur" else _TYPICAL)
+    return np.full(count, {"blur": _BLUR, "interreflection": 1.0}.get(name, _TYPICAL))
 
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:

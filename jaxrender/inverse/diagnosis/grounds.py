@@ -255,6 +255,11 @@ class Grounds:
         return self.sources if self.environment is None else (self.environment, *self.sources)
 
     @property
+    def painted(self) -> bool:
+        """Whether samples have amplitudes of their own."""
+        return self.paint is not None
+
+    @property
     def placed(self) -> bool:
         """Whether it is known where the samples lie."""
         return self.observations.places is not None and self.shape is not None

@@ -29,12 +29,15 @@ class SourceNodes(NamedTuple):
 class LightParts(NamedTuple):
     """All that lights the samples: what surrounds the object, and groups of sources.
 
+    ``told`` is the whole light, if it was told.
+
     ``surrounding`` lists point masses in cells of a width (radians); None where there are sources
     alone.  ``sources`` lists those of each group, as the samples' photographs see them.
     """
 
     surrounding: Callable[[float], LightNodes] | None
     sources: Callable[[Int[np.ndarray, "sample"]], tuple[SourceNodes, ...]]
+    told: KnownLight | None = None
 
     @classmethod
     def known(cls, light: KnownLight) -> "LightParts":
@@ -50,7 +53,7 @@ class LightParts(NamedTuple):
         def sources(frame: Int[np.ndarray, "sample"]) -> tuple[SourceNodes, ...]:
             return tuple(SourceNodes(*g.nodes(light, frame)) for g in source_groups(light))
 
-        return cls(None if light.environment is None else surrounding, sources)
+        return cls(None if light.environment is None else surrounding, sources, light)
 
     @classmethod
     def found(
