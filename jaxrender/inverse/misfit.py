@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.saturation import clipped_values
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
 
@@ -77,7 +78,8 @@ class Left(NamedTuple):
 def rows_of_three(pool: Observations, most: int, seed: int) -> Int[np.ndarray, "row 3"]:
     """Find neighbouring pixels of a photograph's row, three and three; at most so many of them.
 
-    None of them overlap.  There are none where nobody says which pixels the samples are.
+    None of them overlap, and none is clipped: clipped values have no noise.  There are none where
+    nobody says which pixels the samples are.
     """
     if pool.pixel is None:
         return np.zeros((0, 3), int)
@@ -91,7 +93,9 @@ def rows_of_three(pool: Observations, most: int, seed: int) -> Int[np.ndarray, "
     first = first[together]
     if len(first) > most:
         first = np.sort(np.random.default_rng(seed).choice(first, most, replace=False))
-    return order[first[:, None] + np.arange(3)]
+    rows = order[first[:, None] + np.arange(3)]
+    clipped = clipped_values(pool.take(rows.ravel()), pool).any(axis=1)
+    return rows[~clipped.reshape(-1, 3).any(axis=1)]
 
 
 def measure_misfit(

@@ -46,6 +46,14 @@ def test_no_rows_where_nobody_says_which_pixels_they_are():
     assert len(rows_of_three(pool._replace(pixel=None), 100, 0)) == 0
 
 
+def test_clipped_pixels_are_in_no_row():
+    pool, _ = photographs()
+    clipped = pool._replace(radiance=np.minimum(pool.radiance, 1.2))
+    rows = rows_of_three(clipped, 10_000, 0)
+    assert 100 < len(rows) < len(rows_of_three(pool, 10_000, 0))
+    assert np.max(np.asarray(clipped.radiance)[rows]) < 1.2
+
+
 def measured(bias, noise=None):
     """Measure the misfit of a prediction that is wrong by a smooth part ``bias``."""
     pool, truth = photographs()
