@@ -35,7 +35,7 @@ _NORMAL_95 = 1.6448536269514722
 # Fewer degrees of freedom of a site say nothing of it, and fewer sites nothing of their spread.
 _LEAST_FREEDOM, _FEWEST_SITES = 1.9, 10
 # The widest and narrowest spread of the sites' excesses that is looked for, in degrees of freedom.
-_FREEDOMS = (1e-2, 1e4)
+_FREEDOMS = (1.0, 1e4)
 
 
 class Groups(NamedTuple):

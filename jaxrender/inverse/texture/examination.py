@@ -31,9 +31,11 @@ from jaxrender.shapes import Float, Int
 # Pixels that tell the noise, and those that say what is left above it.
 _NEIGHBOURS, _FITTED = 6000, 12_000
 # Pixels and sites that causes are tested on, and photographs that must show such a site.
-_TESTED, _MOST_SITES, _FEWEST_VIEWS = 700, 80, 4
+_TESTED, _MOST_SITES, _FEWEST_VIEWS = 700, 80, 3
 # What is darker than this part of the typical site says nothing of relative errors.
 _DARK = 0.1
+# The part of the sites that is within one standard deviation.
+_MOST = 0.68
 # A site's K_d and K_s are found, and its edges of paint look like a blur.
 _NOT_TESTED = ("sites", "blur", "convention")
 
@@ -76,13 +78,11 @@ def examined(painted: Painted, fit: TextureFit, noise_given: bool, diagnosing: b
         diagnosis = diagnose(suspect, misfit)
         fit = _reaching(fit, diagnosis, names)
         deviation = standard_deviations(misfit.noise, np.nan_to_num(predicted))
-        found = mixed(painted.observations, painted.site, radiance - predicted, deviation)
-        # That is of other pixels, so the criteria cannot be compared.
-        first = not diagnosis or (
-            diagnosis[0].cause != CLIPPED
-            and max((one.explains for one in found), default=0.0) > diagnosis[0].explains
-        )
-        diagnosis = (*found, *diagnosis) if first else (*diagnosis, *found)
+        values = len(tested) * radiance.shape[1]
+        left = radiance - predicted
+        found = mixed(painted.observations, painted.site, left, deviation, values)
+        every = (*diagnosis, *found)
+        diagnosis = tuple(sorted(every, key=lambda one: (one.cause != CLIPPED, -one.bic)))
     reasons = [misfit.sentence()] if misfit.found else []
     reasons += [best.reason for best in diagnosis[:1]]
     outcome = fit.outcome
@@ -226,12 +226,14 @@ def _reaching(fit: TextureFit, diagnosis: tuple[Diagnosis, ...], names: _Names) 
     texture, sites = fit.texture, names.sites
     channels = texture.kd.shape[1]
     kd, ks, sigma, mu = np.zeros(channels), 0.0, 0.0, 0.0
+    # Where the photographs do not tell K_s, its prior holds both, and the columns know of none.
+    told = ~texture.ks_marked[sites] | (not names.glossy)
     for shift in shifts:
         of_kd, rest = np.split(shift, [len(sites) * channels])
-        kd += _part(of_kd.reshape(-1, channels), texture.kd[sites]) ** 2
+        kd += _part(of_kd.reshape(-1, channels)[told], texture.kd[sites[told]]) ** 2
         if names.glossy:
             of_ks, numbers = np.split(rest, [len(sites)])
-            ks += float(_part(of_ks[:, None], texture.ks[sites, None])[0]) ** 2
+            ks += float(_part(of_ks[told, None], texture.ks[sites[told], None])[0]) ** 2
             moved = dict(zip(names.numbers, numbers))
             sigma += float(moved.get("sigma", 0)) ** 2
             mu += float(moved.get("mu", 0)) ** 2
@@ -249,7 +251,10 @@ def _reaching(fit: TextureFit, diagnosis: tuple[Diagnosis, ...], names: _Names) 
 def _part(
     shift: Float[np.ndarray, "site channel"], value: Float[np.ndarray, "site channel"]
 ) -> Float[np.ndarray, "channel"]:
-    """Compare shifts with values, rms over the sites that are not dark."""
-    lit = value > _DARK * np.median(value, axis=0)
-    part = np.where(lit, shift / np.where(lit, value, 1), 0)
-    return np.sqrt(np.sum(part**2, axis=0) / np.maximum(np.sum(lit, axis=0), 1))
+    """Compare shifts with values: more than most sites move, of those that are not dark.
+
+    A few sites may move beyond all measure, where one pixel a photograph does not tell K_s.
+    """
+    lit = value > _DARK * np.median(value, axis=0) if len(value) else value > 0
+    parts = [np.abs(by[at] / of[at]) for by, of, at in zip(shift.T, value.T, lit.T)]
+    return np.array([np.quantile(part, _MOST) if len(part) else 0.0 for part in parts])

@@ -26,10 +26,12 @@ def mixed(
     site: Int[np.ndarray, "sample"],
     left: Float[np.ndarray, "sample channel"],
     deviation: Float[np.ndarray, "sample channel"],
+    tested: int,
 ) -> tuple[Diagnosis, ...]:
     """Name paints that are mixed in many sites as the cause of what is left, or nothing.
 
-    ``left`` is NaN where nothing is predicted.  ``deviation`` is that of the pixels' noise.
+    ``left`` is NaN where nothing is predicted.  ``deviation`` is that of the pixels' noise.  The
+    criterion is stated for as many values as other causes are ``tested`` on.
     """
     own = (site >= 0) & np.isfinite(left).all(axis=1)
     if pool.places is None or not own.any():
@@ -65,7 +67,9 @@ def mixed(
         return ()
     share = 100 * float(np.mean(squares[told] > _MIXED * _FREE))
     sentence = f"{share:.0f} % of the sites hold more than one paint, so they are too large"
-    return (Diagnosis("sites", sentence, explains, float(gain), np.zeros(0)),)
+    return (
+        Diagnosis("sites", sentence, explains, float(gain) * tested / values.size, np.zeros(0)),
+    )
 
 
 def _quarters(
