@@ -142,7 +142,10 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     unplaced = grounds.observations._replace(eyes=None, places=None)
     blind = dataclasses.replace(grounds, observations=unplaced)
     without = {name for name, cause in CAUSES.items() if cause.columns(blind) is None}
-    assert without == {"camera", "object", "scale", "nearness", "sites", "blur"}
+    # A ball lights no part of itself.
+    assert CAUSES["interreflection"].columns(grounds) is None
+    places = {"camera", "object", "scale", "nearness", "sites", "blur"}
+    assert without == places | {"interreflection"}
     lamp = dataclasses.replace(grounds, light=LightParts.known(KnownLight(None, KNOWN.directional)))
     assert CAUSES["environment"].columns(lamp) is None
     without_lamps = KnownLight(ENVIRONMENT, DirectionalSources.none())

@@ -1,8 +1,9 @@
 """Score tests: how much of what a fit leaves would be explained by relaxing one assumption.
 
 The columns of a cause are derivatives of the prediction by what it assumes.  Of these only the part
-counts that the fit's own unknowns cannot make.  With q such columns and n values left, the Bayesian
-information criterion prefers the cause where n log(squares before / squares after) > q log n.
+counts that the fit's own unknowns cannot make.  With q such columns, and n more values than the fit
+has unknowns, the Bayesian information criterion prefers the cause where
+n log(squares before / squares after) > q log n.
 """
 
 from typing import NamedTuple
@@ -96,7 +97,8 @@ class Leftover:
         shift: Float[np.ndarray, "unknown"],
         change: Float[np.ndarray, "value"],
     ) -> Score:
-        before, count = float(self.left @ self.left), len(self.left)
+        # What the fit's own unknowns have taken is no longer free to speak.
+        before, count = float(self.left @ self.left), len(self.left) - self._basis.shape[1]
         if not explained > 0:
             return Score(0.0, columns, 0.0, np.zeros_like(shift), np.zeros_like(change))
         after = max(before - explained, np.finfo(float).eps * before)
