@@ -4,7 +4,7 @@
     python experiments/misfit.py --unknown
     python experiments/misfit.py --picture misfit.png
 
-``planted`` takes photographs of a ball with one fault, of sixteen kinds and three sizes each, and
+``planted`` takes photographs of a ball with one fault, of eighteen kinds and three sizes each, and
 tells the fit that nothing is wrong; the light is known.  Printed for each case: what the fit
 leaves, the noise that neighbouring pixels tell (true: 1 %), the misfit, the largest error of kd,
 ks, sigma and mu in standard errors (of the model alone, and as stated), and the causes that it

@@ -45,7 +45,8 @@ class World(NamedTuple):
 
     ``bump`` are coefficients of a displacement whose gradient turns the normals (radians).  A lamp
     of ``nearness`` 0 is infinitely far; else it stands at 1 / nearness.  ``patch`` is another
-    material, and ``where`` says at which points it is.
+    material, and ``where`` says at which points it is.  ``defocus`` is the standard deviation of
+    the blur at the rim, in pixels, where cameras are focused on the nearest point.
     """
 
     cameras: list[Camera]
@@ -61,9 +62,12 @@ class World(NamedTuple):
     clip: float = np.inf
     bump: np.ndarray | None = None
     blur: float = 0.0
+    defocus: float = 0.0
     patch: Parametric | None = None
     where: Callable[[np.ndarray], np.ndarray] = lambda points: points[:, 0] > 0.6
     turn: np.ndarray = np.eye(3)
+    # Of the whole light, in each photograph.
+    moves: np.ndarray | None = None
 
 
 class Case(NamedTuple):
@@ -105,13 +109,18 @@ def photographs(world: World, told: World, seed: int) -> Observations:
         true, given = observe(camera, world.shape), observe(said, told.shape)
         usable = (given.exit_cosines > LOWEST_COSINE) & true.hit
         image = np.zeros((*usable.shape, 3))
-        image[true.hit] = _radiance(
-            world, true.points[true.hit], true.normals[true.hit], true.outgoing[true.hit]
-        )
+        hit, seen = true.hit, (true.points, true.normals, true.outgoing)
+        if world.moves is not None:
+            # To turn the light is to turn all else the other way.
+            seen = tuple(part @ world.moves[frame] for part in seen)
+        image[hit] = _radiance(world, *(part[hit] for part in seen))
         if world.blur:
             image = _blurred(image, world.blur)
             inside = _blurred(np.repeat(true.hit[..., None], 3, -1).astype(float), world.blur)
             usable &= inside[..., 0] > 0.999
+        if world.defocus:
+            image, inside = _defocused(image, true.hit, true.points - camera.position, world)
+            usable &= inside
         image = world.gains[frame] * image + world.black
         image = NoiseModel(NOISE, 0.0).add(image, rng)
         image = np.minimum(np.maximum(image, 0) ** world.exponent, world.clip)
@@ -186,6 +195,28 @@ def _height(bump: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 def _blurred(image: np.ndarray, width: float) -> np.ndarray:
     return gaussian_filter(image, (width, width, 0))
+
+
+def _defocused(
+    image: np.ndarray, hit: np.ndarray, from_camera: np.ndarray, world: World
+) -> tuple[np.ndarray, np.ndarray]:
+    """Blur each pixel by how far it is behind the nearest; interpolate between even blurs."""
+    distance = np.where(hit, np.linalg.norm(from_camera, axis=-1), 0)
+    nearest = distance[hit].min()
+    width = world.defocus * (distance - nearest) / (np.sqrt(DISTANCE**2 - 1) - nearest)
+    widths = np.linspace(0, 1.2 * world.defocus, 9)
+    whole = hit[..., None].astype(float)
+    even = np.stack([_blurred(image, one) for one in widths])
+    inside = np.stack([_blurred(whole, one)[..., 0] for one in widths])
+    at = np.clip(np.searchsorted(widths, width) - 1, 0, len(widths) - 2)
+    part = np.clip((width - widths[at]) / (widths[1] - widths[0]), 0, 1)
+    rows, columns = np.indices(hit.shape)
+    mixed = [
+        (1 - part[..., None]) * one[at, rows, columns]
+        + part[..., None] * one[at + 1, rows, columns]
+        for one in (even, inside[..., None])
+    ]
+    return mixed[0], mixed[1][..., 0] > 0.999
 
 
 def _axes(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -286,6 +317,17 @@ def blur(world: World, size: float, _: np.random.Generator) -> World:
     return world._replace(blur=size)
 
 
+def defocus(world: World, size: float, _: np.random.Generator) -> World:
+    """Focus on the nearest point; at the rim the blur is ``size`` pixels."""
+    return world._replace(defocus=size)
+
+
+def moving(world: World, size: float, rng: np.random.Generator) -> World:
+    """Turn the whole light in each photograph by ``size`` degrees about an axis of its own."""
+    turns = Rotation.from_rotvec(np.radians(size) * _axes(rng, VIEWS)).as_matrix()
+    return world._replace(moves=turns)
+
+
 def paint(world: World, size: float, _: np.random.Generator) -> World:
     """Let a cap of the ball be rougher by a part ``size``, and of another colour."""
     other = Microfacet(
@@ -318,6 +360,8 @@ FAULTS = {
     "faces": Fault(faces, (4, 3, 2)),
     "blur": Fault(blur, (0.5, 1.0, 2.0)),
     "sites": Fault(paint, (0.1, 0.3, 1.0)),
+    "moved_light": Fault(moving, (0.3, 1.0, 3.0)),
+    "defocus": Fault(defocus, (1.0, 2.0, 3.0)),
 }
 
 

@@ -1,6 +1,6 @@
 """How good a recovered light is to relight with: three spheres under the true and the found light.
 
-    python experiments/three_spheres.py [--materials 2] [--probes FILE.hdr ...]
+    python experiments/three_spheres.py [--materials 2] [--first 0] [--probes FILE.hdr ...]
 
 A ball of a random material (``scenes.py``) is photographed from nine sides under a probe, by the
 integral over all texels, with 1 % noise.  Light and material are found from the photographs alone.
@@ -190,14 +190,18 @@ def painted(trials: list[Trial]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--materials", type=int, default=2)
+    parser.add_argument("--first", type=int, default=0, help="the seed of the first material")
     parser.add_argument("--probes", nargs="*", type=Path, default=[])
     asked = parser.parse_args()
     print(f"{'light':16s} sigma  " + "  ".join(f"{kind:>12s}" for kind in SPHERES), flush=True)
     trials = []
-    for seed in range(asked.materials):
-        for name, environment in probes(asked.probes, seed).items():
-            trials.append(trial(name, environment, 10 * seed + len(trials)))
+    for seed in range(asked.first, asked.first + asked.materials):
+        every = probes(asked.probes, seed)
+        for number, (name, environment) in enumerate(every.items()):
+            trials.append(trial(name, environment, (10 + len(every)) * seed + number))
             print(line(trials[-1]), flush=True)
+        # Every case compiles programs of its own; more of them exhaust a process's memory maps.
+        jax.clear_caches()
     for kind in SPHERES:
         rms, degrees = (
             np.array([getattr(one.spheres[kind], name) for one in trials])

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.calibration import Calibrated, calibrate, finish
+from jaxrender.inverse.calibration import Calibrated, calibrate, finish, softened
+from jaxrender.inverse.calibration.equations import State
 from jaxrender.inverse.diagnosis import CLIPPED, Diagnosis, Suspect, diagnose
 from jaxrender.inverse.known_light import DUAL_ERROR
 from jaxrender.inverse.material_task import MaterialTask
@@ -135,7 +136,8 @@ def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Exam
     corrections = Corrections.none(told) if calibrated is None else calibrated.corrections
     light = told.light if calibrated is None else calibrated.light
     with task.stage("misfit"):
-        misfit = _misfit(task, stop, told._replace(observations=pool), corrections)
+        state = State(corrections, light, stop, 0.0)
+        misfit = _misfit(task, state, told._replace(observations=pool), examined.freed)
     diagnosis: tuple[Diagnosis, ...] = ()
     if misfit is not None and task.settings.diagnose:
         with task.stage("diagnosis"):
@@ -155,11 +157,12 @@ def _examined(task: MaterialTask, told: Told, pool: Observations, examined: Exam
     return examined._replace(misfit=misfit, diagnosis=diagnosis)
 
 
-def _misfit(task: MaterialTask, stop: Stop, told: Told, corrections: Corrections) -> Misfit | None:
+def _misfit(task: MaterialTask, state: State, told: Told, freed: tuple[str, ...]) -> Misfit | None:
     """Measure the noise between neighbouring pixels, and what the fit leaves above it.
 
     ``told`` holds all pixels, as they were told.
     """
+    stop, corrections, light = state.stop, state.corrections, state.light
     fitted = Left(stop.observations, np.asarray(stop.fit.predicted))
     # As many as the fit's own samples: the program that predicts them is there already.
     count = min(stop.observations.count, _MOST_NEIGHBOURS)
@@ -168,9 +171,9 @@ def _misfit(task: MaterialTask, stop: Stop, told: Told, corrections: Corrections
     neighbours = None
     if len(rows):
         some = pool.take(np.resize(rows.ravel(), count))
-        some = corrections.observations(told._replace(observations=some))
+        near_by = told._replace(observations=some, softening=None)
+        some = corrections.observations(softened(task, near_by, state, freed))
         frame = np.asarray(some.frame)
-        light = corrections.light(told)
         if light.near is None and isinstance(stop.model, ExactModel):
             nodes = tuple(
                 part._replace(frame_of_sample=frame) if isinstance(part, FrameNodes) else part

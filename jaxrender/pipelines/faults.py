@@ -48,7 +48,7 @@ class Planted(NamedTuple):
     ) -> Float[np.ndarray, "row column channel"]:
         """Add what near sources do, and make pixels of radiance."""
         whole = radiance + near_image(material, view, self.light, number, self.shape)
-        found = self.corrections.photographed(whole, number)
+        found = self.corrections.photographed(whole, number, view.hit)
         return np.where(view.hit[..., None], found, 0)
 
     def truth(self) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def planted(recipe: RecipeConfig, shape: Shape, photographs: int) -> Planted:
     corrections = none
     for name, size in sizes.items():
         nuisance, count = NUISANCES[name], len(none.of(name))
-        if name == "nearness":
+        if nuisance.lowest == 0:
             numbers = np.full(count, size)
         else:
             # As many priors as the size is of the first unit's.

@@ -5,6 +5,7 @@ off by 3 percent.  Lamps are points, so that nothing of the fit's integrals is u
 
 - Freed by name, exposures and nearness are found within their errors, and the material with them;
   without, it is many of its own errors off, and with ``auto`` the diagnosis finds the way.
+- A blur is found with the material, and light and pixels stay as they were told.
 - A capture in which nothing is wrong stays as it is, and its errors hold the priors of what the
   photographs cannot tell.
 - What cannot be freed is refused by its name; what cannot be told apart is said.
@@ -15,6 +16,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import (
@@ -72,7 +74,7 @@ def seen():
 SEEN = seen()
 
 
-def photographed(nearness=NEAR, gains=GAINS):
+def rendered(nearness):
     """Let point lamps shine: rho E cos t / r^2, r relative to the distance of the centre."""
     frames = np.asarray(world_from_local(jnp.asarray(SEEN.samples.normals)))
     outgoing = np.einsum("sji,sj->si", frames, SEEN.samples.outgoing)
@@ -83,7 +85,11 @@ def photographed(nearness=NEAR, gains=GAINS):
         incoming = np.einsum("sji,sj->si", frames, offset / np.sqrt(squared))
         rho = np.asarray(BRDF.evaluate(jnp.asarray(incoming), jnp.asarray(outgoing)))
         total += rho * np.maximum(incoming[:, 2:], 0) * energy / squared
-    pixels = total * gains[SEEN.frame][:, None]
+    return total
+
+
+def photographed(nearness=NEAR, gains=GAINS):
+    pixels = rendered(nearness) * gains[SEEN.frame][:, None]
     return SEEN._replace(radiance=NOISE.add(pixels, np.random.default_rng(1)))
 
 
@@ -142,6 +148,35 @@ def test_auto_frees_what_the_diagnosis_names():
     near = fit.calibrated.corrections.nearness
     assert np.all(np.abs(near - NEAR / 2) < 4 * fit.calibrated.errors["nearness"])
     assert max(off(fit).values()) < 4
+
+
+def blurred(width):
+    """Photograph without noise, blur the whole images, and keep what is far enough from the rim."""
+    clean = photographed(0 * NEAR, np.ones(VIEWS))
+    images, seen = np.zeros((VIEWS, SIZE, SIZE, 3)), np.zeros((VIEWS, SIZE, SIZE))
+    at = (clean.frame, *clean.pixel.T)
+    images[at], seen[at] = rendered(0 * NEAR), 1
+    images, seen = (
+        gaussian_filter(part, (0, width, width, 0)[: part.ndim]) for part in (images, seen)
+    )
+    kept = np.flatnonzero(seen[at] > 0.999)
+    values = NOISE.add(images[at], np.random.default_rng(1))
+    return clean._replace(radiance=values).take(kept)
+
+
+def test_a_blur_is_found_with_the_material():
+    pool = blurred(0.6)
+    assert off(fitted(pool, diagnose=False))["sigma"] > 3
+    fit = fitted(pool, ("blur",))
+    assert fit.outcome is Outcome.CONVERGED
+    # A Gaussian of .6 that is sampled at pixels has the variance .356.
+    assert fit.calibrated.corrections.blur[0] == pytest.approx(0.356, rel=0.06)
+    assert max(off(fit).values()) < 3.5
+
+
+def test_a_blur_of_samples_that_are_no_pixels_is_refused(clean):
+    with pytest.raises(ValueError, match="blur cannot be freed: nobody says which pixels"):
+        fitted(clean._replace(pixel=None), ("blur",), diagnose=False)
 
 
 def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean):

@@ -96,7 +96,21 @@ def blurred():
         # Beside the rim normals turn so far that another part is seen.
         turned = np.sum(np.asarray(moved.samples.normals) * np.asarray(CLEAN.samples.normals), 1)
         total, whole = total + photographed(moved), whole & (turned > 0.9)
-    return PHOTOGRAPHS + STEP * np.where(whole[:, None], total - 4 * PHOTOGRAPHS, 0)
+    return PHOTOGRAPHS + STEP / 2 * np.where(whole[:, None], total - 4 * PHOTOGRAPHS, 0)
+
+
+def moved_light():
+    """Turn the whole light about x in the fourth photograph alone."""
+    lamp = LAMP @ rotation(STEP, [1, 0, 0]).T
+    turned = photographed(CLEAN, turned_environment(), lamp=lamp)
+    return np.where(CLEAN.frame[:, None] == 3, turned, PHOTOGRAPHS)
+
+
+def defocused():
+    """Blur by how much farther than on average a pixel is, in radii."""
+    away = CLEAN.places.points - CLEAN.eyes[CLEAN.frame]
+    distance = np.linalg.norm(away, axis=1)[:, None]
+    return PHOTOGRAPHS + (distance - distance.mean()) * (blurred() - PHOTOGRAPHS)
 
 
 # Black levels are relative to the mean radiance (rms).
@@ -114,6 +128,8 @@ PLANTED = {
     "black": (lambda: PHOTOGRAPHS + STEP * LEVEL * np.eye(3)[2], 2),
     "response": (lambda: PHOTOGRAPHS ** (1 + STEP), 0),
     "blur": (blurred, 0),
+    "moved_light": (moved_light, 9),
+    "defocus": (defocused, 1),
 }
 
 
@@ -123,7 +139,7 @@ def test_columns_are_what_photographs_change_by(grounds, name):
     change = (planted() - PHOTOGRAPHS) / STEP
     column = CAUSES[name].columns(grounds)[:, :, number]
     # The environment of the columns is coarser than that of the photographs.
-    allowed = 0.1 if name == "environment" else 0.04
+    allowed = 0.1 if name in ("environment", "moved_light") else 0.04
     assert np.linalg.norm(change - column) < allowed * np.linalg.norm(change)
 
 
@@ -144,7 +160,7 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     without = {name for name, cause in CAUSES.items() if cause.columns(blind) is None}
     # A ball lights no part of itself.
     assert CAUSES["interreflection"].columns(grounds) is None
-    places = {"camera", "object", "scale", "nearness", "sites", "blur"}
+    places = {"camera", "object", "scale", "nearness", "sites", "blur", "defocus"}
     assert without == places | {"interreflection"}
     lamp = dataclasses.replace(grounds, light=LightParts.known(KnownLight(None, KNOWN.directional)))
     assert CAUSES["environment"].columns(lamp) is None

@@ -34,6 +34,7 @@ from jaxrender.inverse.nuisances import (
     BUMPS,
     NUISANCES,
     Corrections,
+    Softening,
     Told,
     bumps,
     rotation,
@@ -182,6 +183,27 @@ def test_pixels_are_gain_and_black_to_a_power_and_are_undone(names):
         np.testing.assert_allclose(made, pixels[mine])
     mended = corrections.observations(TOLD._replace(observations=told._replace(radiance=pixels)))
     np.testing.assert_allclose(mended.radiance, told.radiance)
+
+
+def test_a_blur_mixes_what_is_seen_and_is_taken_off_inside():
+    rng = np.random.default_rng(5)
+    image, seen = rng.uniform(1, 2, (24, 24, 3)), np.zeros((24, 24), bool)
+    seen[4:, 6:] = True
+    corrections = some(blur=[0.8])
+    # What is seen is as bright everywhere: it stays so up to its rim.
+    even = corrections.photographed(np.where(seen[..., None], np.ones(3), 9), 0, seen)
+    np.testing.assert_allclose(even[seen], 1)
+    made = corrections.photographed(image, 0)
+    assert np.var(made[8:16, 8:16]) < 0.3 * np.var(image)
+    # One photograph, some of whose samples lie beside the rim.
+    told, inside = TOLD.observations, np.arange(TOLD.observations.count) % 3 > 0
+    added = rng.normal(size=told.radiance.shape)
+    soft = told._replace(radiance=told.radiance + 0.8 * added)
+    mended = corrections.observations(
+        TOLD._replace(observations=soft, softening=Softening(added, inside))
+    )
+    np.testing.assert_allclose(mended.radiance, told.radiance)
+    np.testing.assert_array_equal(mended.pixels, told.pixels * inside)
 
 
 def test_pixels_below_black_are_of_no_light():

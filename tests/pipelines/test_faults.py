@@ -10,6 +10,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from small_captures import KD, KS, MU, SIGMA, jaxrender, read_result, reflected
 
 from jaxrender.errors import InputError
@@ -91,6 +92,18 @@ def test_gains_black_levels_and_responses_are_in_the_pixels(tmp_path):
         value = np.maximum(np.exp(gain / 100) * radiance + black, 0) ** exponent
         np.testing.assert_allclose(image.pixels[view.hit], value, rtol=1e-4, atol=FLOAT32)
         assert not image.pixels[~view.hit].any()
+
+
+def test_blurs_mix_what_is_seen(tmp_path):
+    folder = make(recipe_of({"blur": 1.0}), tmp_path / "blurred")
+    assert planted(folder) == {"blur": [1.0]}
+    for camera, image in pictures(folder):
+        view = observe(camera, Sphere())
+        sharp, whole = np.zeros((*view.hit.shape, 3)), view.hit.astype(float)
+        sharp[view.hit] = reflected(view.normals[view.hit], view.outgoing[view.hit], [SUN])
+        mixed = gaussian_filter(sharp, (1, 1, 0)) / gaussian_filter(whole, 1)[..., None]
+        np.testing.assert_allclose(image.pixels[view.hit], mixed[view.hit], rtol=1e-4, atol=FLOAT32)
+        assert np.abs(mixed - sharp)[view.hit].max() > 0.01
 
 
 def test_near_sources_light_every_point_from_elsewhere(tmp_path):

@@ -128,10 +128,12 @@ def _lost(
 
 
 def _at_bound(corrections: Corrections, free: tuple[str, ...]) -> list[str]:
-    """Say which sources are as far as they can be, or as near."""
-    if "nearness" not in free:
-        return []
+    """Say which sources are as far as they can be, or as near, and whether nothing is blurred."""
     found = []
+    if "blur" in free and corrections.blur[0] <= 0:
+        found.append("blur is at its bound 0: the photographs are as sharp as the model")
+    if "nearness" not in free:
+        return found
     for number, near in enumerate(corrections.nearness):
         if near <= 0:
             found.append(f"nearness of source {number + 1} is at its bound 0: it is infinitely far")

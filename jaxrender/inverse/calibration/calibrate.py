@@ -4,6 +4,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.calibration.account import Calibrated, account_of
 from jaxrender.inverse.calibration.capture import Divided, FreeCapture, Weighing
 from jaxrender.inverse.calibration.equations import State
+from jaxrender.inverse.calibration.softened import softened
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.passes import Stop, descend
@@ -29,17 +30,21 @@ def calibrate(
     few = told._replace(observations=told.observations.take(index.some))
     capture = FreeCapture(task, few, free, task.width(begin))
     weighing = Weighing.of(begin, noise)
+    light = corrections.light(told)
+    capture = capture.softened(State(corrections, light, begin, 0.0))
     begun = capture.fitted(corrections, begin, weighing)
     now, settled = capture.searched(begun, weighing)
     others = told._replace(observations=told.observations.take(index.held_out))
     checked = capture._replace(told=others)
-    before, after = (checked.above_noise(state, weighing, noise) for state in (begun, now))
+    before, after = (
+        checked.softened(state).above_noise(state, weighing, noise) for state in (begun, now)
+    )
     absorbed = 1 - after / before if before > 0 else 1.0
     if task.settings.noise is None:
         # Less is left now than what the samples were weighed by.
         again = finish(task, few, account_of(task, few, now, free, settled))
         weighing = Weighing.of(again.stop, noise)
-        begun = capture.fitted(now.corrections, again.stop, weighing)
+        begun = capture.softened(now).fitted(now.corrections, again.stop, weighing)
         now, settled = capture.searched(begun, weighing)
     found = finish(task, few, account_of(task, few, now, free, settled))
     return found._replace(absorbed=absorbed)
@@ -47,11 +52,12 @@ def calibrate(
 
 def finish(task: MaterialTask, told: Told, calibrated: Calibrated) -> Calibrated:
     """Fit the material to all samples, as they are corrected now."""
-    corrections, before = calibrated.corrections, calibrated.stop
+    corrections, before, free = calibrated.corrections, calibrated.stop, calibrated.free
+    told = softened(task, told, State(corrections, calibrated.light, before, 0.0), free)
     observed, light = corrections.observations(told), corrections.light(told)
     nodes = task.nodes(light, observed, task.width(before))
     stop = descend(
         task.problem, task.integral(observed, nodes), observed, before.onward(None), task.settings
     )
     state = State(corrections, light, stop, 0.0)
-    return account_of(task, told, state, calibrated.free, calibrated.settled)
+    return account_of(task, told, state, free, calibrated.settled)

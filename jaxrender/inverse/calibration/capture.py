@@ -6,6 +6,7 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.calibration.equations import Pull, State, Step, equations_of
+from jaxrender.inverse.calibration.softened import softened
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import LinearisedModel
@@ -20,6 +21,9 @@ _SAMPLES, _CELLS = 1500, 0.35
 _WORK, MOST_SAMPLES = 1e5, 6000
 # Rounds, and tries of each with more and more damping.
 _ROUNDS, _TRIES, _DAMPING = 25, 5, 0.03
+# What a blur does is taken so often from the material, until its prediction moves by less than this
+# part of the noise (rms).
+_SOFTENED, _STILL = 30, 0.01
 # A round that gains less of chi-squared is the last: than this, and than this part of what is left.
 _LEAST_GAIN, _SMALL_GAIN = 0.5, 1e-3
 # Sources come no nearer than this.
@@ -76,6 +80,10 @@ class FreeCapture(NamedTuple):
         cost = weighing.strength * float(np.sum(left**2)) + prior
         return State(corrections, light, stop, cost)
 
+    def softened(self, state: State) -> "FreeCapture":
+        """Take what a blur does from a state."""
+        return self._replace(told=softened(self.task, self.told, state, self.free))
+
     def above_noise(self, state: State, weighing: Weighing, pixels: NoiseModel) -> float:
         """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
         task, problem, end = self.task, self.task.problem, state.stop.fit
@@ -91,7 +99,24 @@ class FreeCapture(NamedTuple):
         return float(np.sum(observed.shares[:, None] * squares))
 
     def searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
-        """Correct further until nothing is gained; say whether that was so."""
+        """Correct further until nothing is gained; say whether that was so.
+
+        What a blur does is taken from the material found so far, until that stays as it is.
+        """
+        if "blur" not in self.free:
+            return self._searched(now, weighing)
+        for _ in range(_SOFTENED):
+            here, before = self.softened(now), np.asarray(now.stop.fit.predicted)
+            begun = here.fitted(now.corrections, now.stop, weighing, before)
+            now, settled = here._searched(begun, weighing)
+            moved = np.asarray(now.stop.data.weights) * (
+                np.asarray(now.stop.fit.predicted) - before
+            )
+            if np.sqrt(np.mean(moved**2)) < _STILL:
+                return now, settled
+        return now, False
+
+    def _searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
         damping = 0.0
         for _ in range(_ROUNDS):
             equations = equations_of(self.task, self.told, now, self.free, weighing.strength)

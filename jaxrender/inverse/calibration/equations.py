@@ -88,7 +88,7 @@ def columns_of(
     for name in free:
         columns = CAUSES[name].columns(grounds)
         if columns is None:
-            raise ValueError(f"{name} cannot be freed: {_NO_ROOM.get(name, 'there is none')}")
+            raise ValueError(f"{name} cannot be freed: {NO_ROOM.get(name, 'there is none')}")
         # The last photographs may have no sample among these.
         every = len(state.corrections.of(name))
         columns = np.pad(columns, ((0, 0), (0, 0), (0, every - columns.shape[2])))
@@ -97,12 +97,13 @@ def columns_of(
     return Columns(known, np.hstack(found), np.array(names))
 
 
-_NO_ROOM = {
+NO_ROOM = {
     "camera": "nobody says where the cameras stand",
     "scale": "nobody says where the cameras stand, or their rays are parallel",
     "object": "nobody says where the samples lie",
     "environment": "the light has no environment",
     "lamps": "the light has no sources",
+    "blur": "nobody says which pixels the samples are, or where they lie",
     "nearness": "the light has no source that stands alone, or nobody says where the samples lie",
 }
 

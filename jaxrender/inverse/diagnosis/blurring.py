@@ -1,34 +1,40 @@
-"""What a blur does to a photograph, to first order, by the four neighbours of each pixel.
+"""What a blur does to a photograph, by places around each pixel.
 
-A blur of standard deviation w, in pixels, adds w^2 / 2 times the Laplacian of the photograph.
+A blur of some variance, in pixels squared, is a mean over places with a Gaussian's weights: over
+those of its quadrature by three places along rows and along columns, and by five where it is wide.
+Places are at least a pixel apart, as pixels are.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.diagnosis.grounds import Grounds, same_part
 from jaxrender.inverse.diagnosis.turning import lobes_under
+from jaxrender.inverse.nuisances import Softening
 from jaxrender.inverse.rays import Rays
 from jaxrender.shapes import Float
 
+# Blurs of a larger variance take five places.
+_WIDE = 0.3
+# Places that count less than this are left out.
+_LEAST_WEIGHT = 1e-6
 # Rays of a photograph are linear in row and column, if so many tell how.
 _FEWEST = 6
 
 
-def laplacian(grounds: Grounds) -> Float[np.ndarray, "sample channel"] | None:
-    """Sum up the four neighbours of each pixel, less four times the pixel; per pixel squared.
-
-    A pixel beside the rim of the object, or of a part of it, counts as smooth.  None where nobody
-    knows of pixels or places.
-    """
+def softening(grounds: Grounds, variance: float = 0.0) -> Softening | None:
+    """Say what a blur of some variance adds; None where nobody knows of pixels or places."""
     if not grounds.placed or grounds.observations.pixel is None:
         return None
     assert grounds.shape is not None
     before = grounds.rays.meet(grounds.shape)
-    whole, same = -4 * _seen(grounds, grounds.samples), before.hit
-    for rays in _neighbours(grounds):
+    steps = _pixel_steps(grounds)
+    added, same = np.zeros_like(grounds.predicted), before.hit
+    places = _places(variance)
+    centre = -sum(weight for *_, weight in places) * _seen(grounds, grounds.samples)
+    for row, column, weight in places:
+        rays = _stepped(grounds.rays, row * steps[0] + column * steps[1])
         hits = rays.meet(grounds.shape)
         beside = same_part(before, hits)
         # Normals may have been mended since they were traced: what counts is how they change.
@@ -38,9 +44,27 @@ def laplacian(grounds: Grounds) -> Float[np.ndarray, "sample channel"] | None:
             normals / np.linalg.norm(normals, axis=1, keepdims=True),
             np.where(beside[:, None], -rays.directions, grounds.outgoing),
         )
-        whole = whole + _seen(grounds, turned)
+        added = added + weight * _seen(grounds, turned)
         same = same & beside
-    return np.where(same[:, None], whole, 0.0)
+    return Softening(np.where(same[:, None], added + centre, 0.0), same)
+
+
+def _places(variance: float) -> list[tuple[float, float, float]]:
+    """List places around a pixel: row, column, weight per variance."""
+    variance = max(variance, _LEAST_WEIGHT)
+    if variance > _WIDE:
+        at, weights = hermegauss(5)
+        at, weights = np.sqrt(variance) * at, weights / weights.sum()
+    else:
+        far = max(1.0, float(np.sqrt(3 * variance)))
+        part = variance / (2 * far**2)
+        at, weights = far * np.array([-1.0, 0.0, 1.0]), np.array([part, 1 - 2 * part, part])
+    return [
+        (row, column, by_row * by_column / variance)
+        for row, by_row in zip(at, weights)
+        for column, by_column in zip(at, weights)
+        if (row or column) and by_row * by_column / variance > _LEAST_WEIGHT
+    ]
 
 
 def _seen(grounds: Grounds, samples: SurfaceSamples) -> Float[np.ndarray, "sample channel"]:
@@ -53,18 +77,25 @@ def _seen(grounds: Grounds, samples: SurfaceSamples) -> Float[np.ndarray, "sampl
     return grounds.gain * found
 
 
-def _neighbours(grounds: Grounds) -> Iterator[Rays]:
-    """Move the rays by a pixel up, down, left and right."""
-    rays, pixel = grounds.rays, np.asarray(grounds.observations.pixel, float)
-    both = np.concatenate([rays.origins, rays.directions], axis=1)
-    steps = np.zeros((2, *both.shape))
+def _pixel_steps(grounds: Grounds) -> Float[np.ndarray, "axis sample 6"]:
+    """Say how rays change from row to row and from column to column: origins, then directions."""
+    pixel, every = np.asarray(grounds.observations.pixel, float), _flat(grounds.rays)
+    steps = np.zeros((2, *every.shape))
     for frame in np.unique(grounds.frame):
         own = np.flatnonzero(grounds.frame == frame)
         centred = pixel[own] - pixel[own].mean(axis=0)
         if len(own) >= _FEWEST and np.linalg.matrix_rank(centred) == 2:
-            slopes = np.linalg.lstsq(centred, both[own] - both[own].mean(axis=0), rcond=None)[0]
+            slopes = np.linalg.lstsq(centred, every[own] - every[own].mean(axis=0), rcond=None)[0]
             steps[:, own] = slopes[:, None]
-    for step in (*steps, *-steps):
-        origins, directions = np.split(both + step, 2, axis=1)
-        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        yield rays._replace(origins=origins, directions=directions)
+    return steps
+
+
+def _stepped(rays: Rays, by: Float[np.ndarray, "sample 6"]) -> Rays:
+    """Move rays by a step of origins and directions."""
+    origins, directions = np.split(_flat(rays) + by, 2, axis=1)
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return rays._replace(origins=origins, directions=directions)
+
+
+def _flat(rays: Rays) -> Float[np.ndarray, "sample 6"]:
+    return np.concatenate([rays.origins, rays.directions], axis=1)

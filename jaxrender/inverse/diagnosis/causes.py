@@ -12,7 +12,7 @@ import numpy as np
 from jaxrender.brdf import WIDTH_BOUNDS, Glossy, Microfacet, Parametric, lobe_named
 from jaxrender.geometry import Mesh
 from jaxrender.harmonics import real_basis
-from jaxrender.inverse.diagnosis.blurring import laplacian
+from jaxrender.inverse.diagnosis.blurring import softening
 from jaxrender.inverse.diagnosis.grounds import STEP, Grounds, Movement
 from jaxrender.inverse.interreflection import added_by_bounces
 from jaxrender.inverse.nuisances import NUISANCES, bumps, rotation
@@ -24,8 +24,6 @@ from jaxrender.shapes import Float
 _PAINTS = 3
 # Gains and paints change by about this part, and a lobe that is hardly there by this much.
 _TYPICAL = 0.1
-# Half the variance of a blur of one pixel.
-_BLUR = 0.5
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
 # Models of other tails, of the same numbers.
@@ -38,12 +36,14 @@ class Cause(NamedTuple):
     """One thing that may be wrong: its name, in words, and its columns.
 
     ``of_light`` says that these differentiate the material under the light, which takes a while.
+    ``general`` is the simpler cause of which this one is the general case.
     """
 
     name: str
     sentence: str
     columns: Callable[[Grounds], Columns | None]
     of_light: bool = True
+    general: str | None = None
 
 
 def _exposure(grounds: Grounds) -> Columns:
@@ -149,8 +149,29 @@ def _lobe(grounds: Grounds) -> Columns | None:
 
 
 def _blur(grounds: Grounds) -> Columns | None:
-    found = laplacian(grounds)
-    return None if found is None else found[:, :, None]
+    found = softening(grounds)
+    return None if found is None else found.added[:, :, None]
+
+
+def _defocus(grounds: Grounds) -> Columns | None:
+    """Blur by a variance that is quadratic in the distance: cameras are focused somewhere else."""
+    found = _blur(grounds)
+    if found is None or grounds.rays.eyes is None or grounds.rays.parallel:
+        return None
+    assert grounds.shape is not None
+    assert grounds.observations.places is not None
+    away = np.asarray(grounds.observations.places.points, float) - grounds.rays.eyes
+    distance = np.linalg.norm(away, axis=1) / size_of(grounds.shape)
+    nearer = (distance - distance.mean())[:, None, None]
+    return np.concatenate([found, nearer * found, nearer**2 * found], axis=2)
+
+
+def _moved_light(grounds: Grounds) -> Columns:
+    """Turn the whole light about three axes, in each photograph its own way."""
+    turned = [sum(part.turned(axis) for part in grounds.parts) for axis in np.eye(3)]
+    turns = grounds.gain[:, :, None] * np.stack(turned, axis=2)
+    every = turns[:, :, None, :] * _by_photograph(grounds)[..., None]
+    return every.reshape(*every.shape[:2], -1)
 
 
 def _interreflection(grounds: Grounds) -> Columns | None:
@@ -189,7 +210,14 @@ _ALL = (
     Cause("normals", "the surface is not quite that of the shape", _normals),
     Cause("lobe", "the lobe has another shape", _lobe),
     Cause("interreflection", "parts of the object light each other", _interreflection),
+    Cause("moved_light", "the light moved between photographs", _moved_light),
     Cause("blur", "the photographs are blurred", _blur),
+    Cause(
+        "defocus",
+        "the photographs are out of focus, here more and there less",
+        _defocus,
+        general="blur",
+    ),
     Cause("sites", "the material is not the same everywhere", _sites, of_light=False),
 )
 CAUSES = {cause.name: cause for cause in _ALL}
@@ -202,7 +230,11 @@ def typical_amounts(name: str, grounds: Grounds, count: int) -> Float[np.ndarray
     if name == "lobe":
         lobe = float(np.mean(np.asarray(grounds.material.lobe_amplitude)))
         return np.full(count, max(lobe, _TYPICAL))
-    return np.full(count, {"blur": _BLUR, "interreflection": 1.0}.get(name, _TYPICAL))
+    if name == "defocus":
+        return NUISANCES["blur"].deviations(count)
+    if name == "moved_light":
+        return NUISANCES["environment"].deviations(count)
+    return np.full(count, 1.0 if name == "interreflection" else _TYPICAL)
 
 
 def _by_photograph(grounds: Grounds) -> Float[np.ndarray, "sample 1 photograph"]:

@@ -23,6 +23,8 @@ _NAMED, _LEAST_EFFECT = 10.0, 1e-3
 CLIPPED = "saturation"
 # Where more than this part of the radiance is misfit, other axes of the environment are tried.
 _GROSS = 0.15
+# First order errs by this part of a strong cause: a general one is to gain so much more.
+_FIRST_ORDER = 0.05
 # Causes that explain this part of what the best does may be the right one as well.
 _AS_GOOD = 0.5
 
@@ -117,7 +119,7 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
         score = leftover.compared(others, int(clipped.any(axis=0).sum()))
         found += named([_Tested(CLIPPED, "bright values are clipped", score)])
     if found or misfit.found:
-        found += named(tested(of_light=True))
+        found = _simplest(found + named(tested(of_light=True)))
     told = not {"environment", "convention"} & set(suspect.unknown)
     if misfit.rms > _GROSS and not suspect.freed and told:
         axes = other_axes(grounds)
@@ -128,6 +130,17 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
             found.append(Diagnosis("convention", axes.sentence(), explains, gain, none))
     # Values that pile up at the top are clipped, whatever else they look like.
     return tuple(sorted(found, key=lambda one: (one.cause != CLIPPED, -one.bic)))
+
+
+def _simplest(found: list[Diagnosis]) -> list[Diagnosis]:
+    """Leave out general cases of a cause that does as well."""
+    gains = {one.cause: one.bic for one in found}
+
+    def needed(one: Diagnosis) -> bool:
+        simple = CAUSES[one.cause].general if one.cause in CAUSES else None
+        return simple is None or gains.get(simple, 0.0) < (1 - _FIRST_ORDER) * one.bic
+
+    return [one for one in found if needed(one)]
 
 
 def _some(suspect: Suspect) -> Int[np.ndarray, "sample"]:

@@ -133,12 +133,10 @@ class Suspect(NamedTuple):
         freed: tuple[str, ...] = (),
     ) -> "Suspect":
         """Suspect a fit under known light of where it ended."""
-        gains = np.asarray(values_of(stop).gains)
-        gain = gains[stop.data.frame] if len(gains) > 1 else np.ones(stop.observations.count)
         return cls(
             stop.observations,
             np.asarray(stop.fit.predicted),
-            float(values_of(stop).scale) * gain,
+            gain_of(stop, np.asarray(stop.data.frame)),
             material,
             LightParts.known(light),
             shape,
@@ -323,6 +321,12 @@ class Grounds:
         same = same_part(before, hits)
         changes = (hits.normals - before.normals, -rays.directions - self.outgoing)
         return self.moved(Movement(*(np.where(same[:, None], c, 0) / STEP for c in changes)))
+
+
+def gain_of(stop: Stop, frame: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:
+    """Multiply the unknown scale and the exposures that a fit has found."""
+    gains = np.asarray(values_of(stop).gains)
+    return float(values_of(stop).scale) * (gains[frame] if len(gains) > 1 else np.ones(len(frame)))
 
 
 def same_part(before: Hits, hits: Hits) -> Bool[np.ndarray, "sample"]:

@@ -6,7 +6,7 @@ which sources turn together, ``bumps`` how a smooth displacement turns normals.
 """
 
 from jaxrender.inverse.nuisances.bumps import BUMPS, bumps
-from jaxrender.inverse.nuisances.corrections import Corrections, Told, rotation
+from jaxrender.inverse.nuisances.corrections import Corrections, Softening, Told, rotation
 from jaxrender.inverse.nuisances.nuisances import NUISANCES, Nuisance
 from jaxrender.inverse.nuisances.sources import source_groups
 
@@ -15,6 +15,7 @@ __all__ = [
     "NUISANCES",
     "Corrections",
     "Nuisance",
+    "Softening",
     "Told",
     "bumps",
     "rotation",

@@ -1,13 +1,14 @@
 """Corrections of a capture: numbers of each nuisance, applied to samples and to the light.
 
-Pixels are radiance times the photograph's gain plus a black level, raised to an exponent.  All of
-that is taken off the pixels, so that they are those of the capture as it was told.
+Pixels are blurred radiance times the photograph's gain plus a black level, raised to an exponent.
+All of that is taken off the pixels, so that they are those of the capture as it was told.
 """
 
 from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from jaxrender.geometry import (
@@ -25,18 +26,34 @@ from jaxrender.inverse.nuisances.sources import source_groups
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.rays import Rays, center_of, size_of
 from jaxrender.lighting import DirectionalSources
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Bool, Float
 
 # Samples that a mended camera sees at less than this part of the least exit cosine are left out.
 _LEAST_COSINE = 0.5
 
 
+class Softening(NamedTuple):
+    """What a blur adds to each sample, per variance in pixels squared.
+
+    ``inside`` marks the samples around which the same part of the object is seen.  What a blur adds
+    to the others nobody knows.
+    """
+
+    added: Float[np.ndarray, "sample channel"]
+    inside: Bool[np.ndarray, "sample"]
+
+
 class Told(NamedTuple):
-    """A capture as it was told: samples, the light, the shape."""
+    """A capture as it was told: samples, the light, the shape.
+
+    What a blur does depends on all of what is seen.  Where one is corrected, ``softening`` says it
+    of each sample, by what was found so far.
+    """
 
     observations: Observations
     light: KnownLight
     shape: Shape | None
+    softening: Softening | None = None
 
     @property
     def placed(self) -> bool:
@@ -51,7 +68,8 @@ class Corrections(NamedTuple):
     ``scale`` log of its scale, ``environment`` a rotation vector, ``lamps`` of each group of
     sources a rotation vector and the log of its brightness, ``nearness`` of each of those,
     ``black`` relative to ``level``, the mean radiance (rms), ``response`` log of the exponent,
-    which leaves a value of 1 as it is, ``normals`` a displacement.  Rotations are in radians.
+    which leaves a value of 1 as it is, ``normals`` a displacement, ``blur`` a variance in pixels
+    squared.  Rotations are in radians.
     """
 
     exposure: Float[np.ndarray, "frame"]
@@ -64,6 +82,7 @@ class Corrections(NamedTuple):
     black: Float[np.ndarray, "channel"]
     response: Float[np.ndarray, "1"]
     normals: Float[np.ndarray, "harmonic"]
+    blur: Float[np.ndarray, "1"]
     level: float = 1.0
 
     @classmethod
@@ -83,6 +102,7 @@ class Corrections(NamedTuple):
             np.zeros(radiance.shape[1]),
             np.zeros(1),
             np.zeros(BUMPS),
+            np.zeros(1),
             float(np.sqrt(np.mean(radiance**2))),
         )
 
@@ -104,14 +124,27 @@ class Corrections(NamedTuple):
         return self._replace(**{name: moved})
 
     def observations(self, told: Told) -> Observations:
-        """Correct samples; those that a mended camera does not see stand for no pixel."""
-        observed = told.observations
+        """Correct samples; those that a mended camera does not see stand for no pixel.
+
+        Neither do those beside a rim, where a blur is taken off.
+        """
+        observed = self.geometry(told)
         frame = np.asarray(observed.frame)
         values = np.asarray(observed.radiance, float)
         if np.any(self.response):
             values = np.maximum(values, 0) ** np.exp(-self.response[0])
         values = (values - self.level * self.black) / np.exp(self.exposure)[frame, None]
-        observed = observed._replace(radiance=values)
+        if not np.any(self.blur):
+            return observed._replace(radiance=values)
+        assert told.softening is not None
+        return observed._replace(
+            radiance=values - self.blur * told.softening.added,
+            stands_for=np.where(told.softening.inside, observed.pixels, 0.0),
+        )
+
+    def geometry(self, told: Told) -> Observations:
+        """Correct what samples see, and leave their values."""
+        observed = told.observations
         if self._moves_rays:
             observed = self._retraced(told, observed)
         if np.any(self.normals):
@@ -188,9 +221,18 @@ class Corrections(NamedTuple):
         return seen._replace(normals=normals, exit_cosines=exits)
 
     def photographed(
-        self, radiance: Float[np.ndarray, "*any channel"], frame: int
-    ) -> Float[np.ndarray, "*any channel"]:
-        """Say which pixels radiance makes in a photograph: what ``observations`` takes off."""
+        self,
+        radiance: Float[np.ndarray, "*image channel"],
+        frame: int,
+        seen: Bool[np.ndarray, "*image"] | None = None,
+    ) -> Float[np.ndarray, "*image channel"]:
+        """Say which pixels radiance makes in a photograph: what ``observations`` takes off.
+
+        A blur mixes what is ``seen`` of the object, and nothing else; None is all of an image.
+        """
+        if np.any(self.blur):
+            seen = np.ones(radiance.shape[:2], bool) if seen is None else seen
+            radiance = _blurred(radiance, seen, float(np.sqrt(self.blur[0])))
         values = radiance * np.exp(self.exposure[frame]) + self.level * self.black
         return np.maximum(values, 0) ** np.exp(self.response[0])
 
@@ -232,6 +274,15 @@ class Corrections(NamedTuple):
 def rotation(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """Make the matrix of a rotation vector (radians)."""
     return Rotation.from_rotvec(vector).as_matrix()
+
+
+def _blurred(
+    image: Float[np.ndarray, "row column channel"], seen: Bool[np.ndarray, "row column"], by: float
+) -> Float[np.ndarray, "row column channel"]:
+    """Blur what is seen by a Gaussian of a standard deviation in pixels."""
+    part = gaussian_filter(seen.astype(float), by)[..., None]
+    mixed = gaussian_filter(np.where(seen[..., None], image, 0.0), (by, by, 0))
+    return np.where(seen[..., None], mixed / np.where(part > 0, part, 1), image)
 
 
 def _turned_further(

@@ -74,5 +74,6 @@ NUISANCES = {
             "displacement of the surface, by harmonics",
             (Unit("degrees", float(np.degrees(1)), _PER_BUMP),),
         ),
+        Nuisance("blur", "variance of a blur", (Unit("pixels squared", 1.0, 0.5),), 0.0),
     )
 }

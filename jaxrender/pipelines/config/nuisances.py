@@ -19,6 +19,7 @@ NuisanceName = Literal[
     "black",
     "response",
     "normals",
+    "blur",
 ]
 
 
@@ -56,3 +57,5 @@ class FaultsConfig(Section):
     """Standard deviation of the response's exponent, percent."""
     normals: NonNegative = 0.0
     """Smooth bumps that turn normals by so many degrees (rms)."""
+    blur: NonNegative = 0.0
+    """Variance of a blur, pixels squared."""

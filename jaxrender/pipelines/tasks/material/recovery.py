@@ -127,7 +127,8 @@ class MaterialRecovery(Recovery):
             return images
         for k, view in enumerate(views):
             near = near_image(material, view, finding.light, k, finding.shape)
-            found = calibrated.corrections.photographed(images[k] + scale * gain[k] * near, k)
+            whole = images[k] + scale * gain[k] * near
+            found = calibrated.corrections.photographed(whole, k, view.hit)
             images[k] = np.where(view.hit[..., None], found, 0)
         return images
 
