@@ -142,10 +142,14 @@ def compare_factorizations(
     *,
     gauge: str = "per-channel",
     shape: Shape | None = None,
+    pool: Observations | None = None,
     stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
     watch: Callable[[Round], None] = lambda round_: None,
 ) -> Comparison:
-    """Compare models under unknown light; raises the same, and what ``factorize`` refuses."""
+    """Compare models under unknown light; raises the same, and what ``factorize`` refuses.
+
+    ``pool`` are all pixels: they tell every fit its noise, and are not fitted to.
+    """
     _check_several(candidates)
     training, rest = divided(observations, held_out, seed)
     fits = [
@@ -156,6 +160,7 @@ def compare_factorizations(
             c.known,
             gauge=gauge,
             shape=shape,
+            pool=pool,
             stage=stage,
             watch=watch,
         )
@@ -163,7 +168,7 @@ def compare_factorizations(
     ]
     with stage("compare"):
         judged = [
-            _Judged(candidate.name, fit, predict(fit, rest, shape), fit.noise)
+            _Judged(candidate.name, fit, predict(fit.brdf, fit.scene, rest, shape), fit.noise)
             for candidate, fit in zip(candidates, fits)
         ]
         return _ranked(judged, rest, settings.loss)

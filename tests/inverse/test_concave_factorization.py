@@ -101,8 +101,8 @@ def test_prediction_knows_of_the_shadows(photographs, found):
         return np.sqrt(np.mean((predicted - some.radiance) ** 2) / np.mean(some.radiance**2))
 
     own = off(found.predicted[::2])
-    assert 0.009 < off(predict(found, some, STATUE)) < 0.8 * own
-    assert off(predict(found, some)) > 3 * own
+    assert 0.009 < off(predict(found.brdf, found.scene, some, STATUE)) < 0.8 * own
+    assert off(predict(found.brdf, found.scene, some)) > 3 * own
 
 
 @pytest.mark.slow

@@ -227,5 +227,5 @@ def test_brushed_metal_on_a_concave_object_under_unknown_light(statue):
     assert float(own.value.of("roughness")) == pytest.approx(0.15, rel=0.05)
     assert float(own.value.of("roughness_y")) == pytest.approx(0.35, rel=0.05)
     assert fit.relative_rms < 0.02
-    again = predict(fit, noisy, STATUE)
+    again = predict(fit.brdf, fit.scene, noisy, STATUE)
     np.testing.assert_allclose(again, fit.predicted, rtol=2e-3, atol=2e-3 * again.mean())

@@ -1,6 +1,6 @@
 """Predict other samples by the light and the material that a factorization has found."""
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,27 +26,15 @@ from jaxrender.reflection import (
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 
-@runtime_checkable
-class Found(Protocol):
-    """A material and the light that was found with it."""
-
-    @property
-    def brdf(self) -> Parametric:
-        """The material."""
-        ...
-
-    @property
-    def scene(self) -> RecoveredScene:
-        """The light."""
-        ...
-
-
 def predict(
-    found: Found, observations: Observations, shape: Shape | None = None
+    brdf: Parametric,
+    scene: RecoveredScene,
+    observations: Observations,
+    shape: Shape | None = None,
 ) -> Float[np.ndarray, "sample channel"]:
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
-    brdf, slow = found.brdf, jnp.asarray(found.scene.slow)
-    sources, samples = found.scene.sources.nodes(), observations.samples
+    slow, sources = jnp.asarray(scene.slow), scene.sources.nodes()
+    samples = observations.samples
     hiding = concave(shape)
     sight = None if hiding is None else Sight(hiding, places_of(observations))
     seen = None if sight is None else sight.of(sources.directions)

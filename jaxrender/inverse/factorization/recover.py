@@ -179,9 +179,7 @@ def _account(task: Task, state: State, told: _Told) -> _End:
     if told.pool is None:
         return end
     with told.stage("misfit"):
-        found = _Pair(brdf, account.scene)
-        misfit = _misfit(found, Left(task.observations, end.predicted), told.pool, told.shape)
-    return end._replace(misfit=misfit)
+        return end._replace(misfit=_misfit(end, told.pool, told.shape))
 
 
 def _judged(end: _End, told: _Told) -> Factorization:
@@ -243,20 +241,14 @@ class _Wrong(NamedTuple):
         return (*found, *(best.reason for best in self.diagnosis[:1]))
 
 
-class _Pair(NamedTuple):
-    """A material and the light that was found with it."""
-
-    brdf: Parametric
-    scene: RecoveredScene
-
-
-def _misfit(found: _Pair, fitted: Left, pool: Observations, shape: Shape | None) -> Misfit | None:
+def _misfit(end: _End, pool: Observations, shape: Shape | None) -> Misfit | None:
     """Measure the noise between neighbouring pixels, and what is left above it."""
     rows = rows_of_three(pool, _ROWS, 0)
     neighbours = None
     if len(rows):
         some = pool.take(rows.ravel())
-        neighbours = Left(some, predict(found, some, shape))
+        neighbours = Left(some, predict(end.brdf, end.account.scene, some, shape))
+    fitted = Left(end.task.observations, end.predicted)
     return measure_misfit(fitted, neighbours, None, least=_LEAST_MISFIT)
 
 

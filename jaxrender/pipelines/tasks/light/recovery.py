@@ -126,7 +126,8 @@ class LightRecovery(Recovery):
         # On a concave object each pixel has its own visibility of thousands of nodes.
         for first in range(0, count, _PIXELS_AT_ONCE):
             part = np.arange(first, min(first + _PIXELS_AT_ONCE, count))
-            shown[part] = predict(self.found, unseen.take(part), self.shape)
+            some = unseen.take(part)
+            shown[part] = predict(self.found.brdf, self.found.scene, some, self.shape)
         image = np.zeros((*view.hit.shape, channels))
         image[view.hit] = shown
         return image
@@ -155,6 +156,7 @@ def recover_light(
     options = {
         "gauge": "per-channel" if known else config.brdf.gauge,
         "shape": shape,
+        "pool": evidence.pool,
         "stage": clock.stage,
         "watch": lambda round_: progress.note(_sentence(round_, known or model == "lambertian")),
     }
@@ -173,9 +175,7 @@ def recover_light(
     else:
         with fault_of(str(config.capture.transforms)):
             (asked,) = models
-            found = factorize(
-                observations, asked.variant, settings, asked.known, pool=evidence.pool, **options
-            )
+            found = factorize(observations, asked.variant, settings, asked.known, **options)
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = in_given_units(config, found)
