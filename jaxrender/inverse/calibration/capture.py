@@ -12,7 +12,7 @@ from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
 from jaxrender.inverse.passes import Begin, Stop, descend
-from jaxrender.inverse.weights import standard_deviations
+from jaxrender.inverse.weights import robust_weights, standard_deviations
 from jaxrender.shapes import Float, Int
 
 # So many samples are calibrated on; the light is condensed to cells of so many widths of the lobe.
@@ -93,9 +93,11 @@ class FreeCapture(NamedTuple):
         near = LinearisedModel.about(task.integral(observed, nodes), physical.numbers)
         data = Data(observed.radiance, np.ones_like(observed.radiance), np.asarray(observed.frame))
         predicted = np.asarray(problem.columns(near, data, physical).times(end.linear.amplitudes))
-        squares = (np.asarray(observed.radiance) - predicted) ** 2
-        squares -= standard_deviations(pixels, predicted) ** 2
-        squares /= standard_deviations(weighing.noise, predicted) ** 2
+        deviations = standard_deviations(weighing.noise, predicted)
+        left = (np.asarray(observed.radiance) - predicted) / deviations
+        # Edges of highlights, where hardly anything is predicted, do not decide alone.
+        robust = robust_weights(left, "huber") ** 2
+        squares = robust * (left**2 - (standard_deviations(pixels, predicted) / deviations) ** 2)
         return float(np.sum(observed.shares[:, None] * squares))
 
     def searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
