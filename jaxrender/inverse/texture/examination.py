@@ -240,7 +240,7 @@ def _reaching(fit: TextureFit, diagnosis: tuple[Diagnosis, ...], names: _Names) 
     wider = texture._replace(
         kd_error=np.hypot(texture.kd_error, np.sqrt(kd) * texture.kd),
         ks_error=np.hypot(texture.ks_error, np.sqrt(ks) * texture.ks),
-    ).judged()
+    ).marked()
     return fit._replace(
         surface=fit.surface._replace(texture=wider),
         sigma_error=float(np.hypot(fit.sigma_error, np.sqrt(sigma))),

@@ -88,5 +88,5 @@ def judged(
         texture=texture._replace(
             ks_marked=~(NORMAL_90 * texture.ks_error <= IDENTIFIABLE_WITHIN * texture.ks),
             relative_rms=left,
-        ).judged(),
+        ).marked(),
     )

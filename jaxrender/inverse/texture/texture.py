@@ -44,7 +44,7 @@ class Texture(NamedTuple):
         """Take the model to be exact."""
         return self._replace(kd_error=self.kd_exact_error, ks_error=self.ks_exact_error)
 
-    def judged(self) -> "Texture":
+    def marked(self) -> "Texture":
         """Mark K_d where its error is large, or where observations contradict each other."""
         large = ~(self.relative_error <= _TRUSTED_ERROR)
         return self._replace(kd_marked=large | ~(self.misfit <= TRUSTED_MISFIT))

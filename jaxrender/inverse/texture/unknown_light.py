@@ -163,7 +163,7 @@ def _glossy(
     )
     return TextureEstimate(
         material,
-        _unjudged(found.kd, found.ks, found.kd_error, found.ks_error, seen),
+        _unmarked(found.kd, found.ks, found.kd_error, found.ks_error, seen),
         (lobe,),
         sites,
         noise,
@@ -240,7 +240,7 @@ def _diffuse(
     sentence = _ambiguity(found, prior)
     return TextureEstimate(
         material,
-        _unjudged(found.texture, none, _errors(problem, found), none, seen),
+        _unmarked(found.texture, none, _errors(problem, found), none, seen),
         (lobe,),
         sites,
         noise,
@@ -270,7 +270,7 @@ def _errors(problem: DiffuseProblem, found: DiffuseFactors) -> Float[np.ndarray,
         return np.where(total > 0, np.nan_to_num(found.texture) / np.sqrt(total), np.inf)
 
 
-def _unjudged(
+def _unmarked(
     kd: Float[np.ndarray, "site channel"],
     ks: Float[np.ndarray, "site"],
     kd_error: Float[np.ndarray, "site channel"],

@@ -214,7 +214,7 @@ def _texture(
         kd_exact,
         ks_exact,
         float(np.sqrt(unexplained / energy)) if energy > 0 else 0.0,
-    ).judged()
+    ).marked()
 
 
 @stored(effort="less")
