@@ -177,6 +177,10 @@ def test_a_blur_is_found_with_the_material():
 def test_a_blur_of_samples_that_are_no_pixels_is_refused(clean):
     with pytest.raises(ValueError, match="blur cannot be freed: nobody says which pixels"):
         fitted(clean._replace(pixel=None), ("blur",), diagnose=False)
+    # As in pictures of a few pixels: from one to the next is far beyond the rim.
+    coarse = clean._replace(pixel=clean.pixel // 12)
+    with pytest.raises(ValueError, match="mixes every sample with what lies beside the object"):
+        fitted(coarse, ("blur",), diagnose=False)
 
 
 def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean):

@@ -26,4 +26,10 @@ def softened(task: MaterialTask, told: Told, state: State, free: tuple[str, ...]
     found = softening(grounds, float(state.corrections.blur[0]))
     if found is None:
         raise ValueError(f"blur cannot be freed: {NO_ROOM['blur']}")
+    if not found.inside.any():
+        width = float(np.sqrt(state.corrections.blur[0]))
+        raise ValueError(
+            f"blur cannot be freed: a blur of {width:.1f} pixels mixes every sample with what lies "
+            "beside the object; give photographs of more pixels"
+        )
     return told._replace(softening=found)
