@@ -31,6 +31,7 @@ from jaxrender.brdf import material_named
 from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, world_from_local
 from jaxrender.harmonics import evaluate
 from jaxrender.inverse import FitSettings, KnownLight, Outcome, fit_brdf, unknowns_of
+from jaxrender.inverse.diagnosis import Suspect, diagnose
 from jaxrender.inverse.diagnosis.axes import other_axes
 from jaxrender.inverse.diagnosis.causes import CAUSES
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
@@ -319,6 +320,21 @@ def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
     assert fit.diagnosis[0].explains > 0.7
     assert any(fit.diagnosis[0].sentence in reason for reason in fit.reasons)
     assert off(fit) < 3.5
+
+
+def test_a_blur_is_named_rather_than_its_general_case_and_neither_where_it_is_not_asked_for():
+    blur = (blurred() - PHOTOGRAPHS) / STEP
+    fit = fitted(PHOTOGRAPHS + 0.5 * blur)
+    assert fit.diagnosis[0].cause == "blur"
+    assert "defocus" not in [one.cause for one in fit.diagnosis]
+    told = fit.final.observations
+    suspect = Suspect.of(fit.final, fit.brdf, KNOWN, Sphere(), told, told)
+    others = diagnose(suspect._replace(unknown=("blur",)), fit.misfit)
+    assert not {"blur", "defocus"} & {one.cause for one in others}
+    away = CLEAN.places.points - CLEAN.eyes[CLEAN.frame]
+    distance = np.linalg.norm(away, axis=1)[:, None]
+    part = (distance - distance.min()) / np.ptp(distance)
+    assert fitted(PHOTOGRAPHS + part**2 * blur).diagnosis[0].cause == "defocus"
 
 
 def test_no_diagnosis_where_none_is_wanted():

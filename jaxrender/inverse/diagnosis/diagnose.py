@@ -95,6 +95,9 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
         for cause in CAUSES.values():
             if cause.of_light != of_light or cause.name in (*suspect.freed, *suspect.unknown):
                 continue
+            # What is not taken for granted is not in its general cases either.
+            if cause.general in suspect.unknown:
+                continue
             columns = cause.columns(grounds)
             if columns is not None:
                 typical = typical_amounts(cause.name, grounds, columns.shape[2])
