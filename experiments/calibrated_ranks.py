@@ -98,7 +98,7 @@ def main() -> None:
         begun = time.perf_counter()
         one = ranked(seed)
         found.append(one)
-        freed = () if one.fit.calibrated is None else one.fit.calibrated.free
+        freed = () if one.fit.calibration is None else one.fit.calibration.free
         off = "  ".join(f"{name} {value:5.1f}" for name, value in one.off.items())
         print(
             f"{seed:4d} {one.fit.outcome.value:16s} {off}  {time.perf_counter() - begun:4.0f} s  "

@@ -73,8 +73,8 @@ class Row(NamedTuple):
     @property
     def freed(self) -> tuple[str, ...]:
         """What was freed."""
-        calibrated = None if isinstance(self.fit, Factorization) else self.fit.calibrated
-        return () if calibrated is None else calibrated.free
+        calibration = None if isinstance(self.fit, Factorization) else self.fit.calibration
+        return () if calibration is None else calibration.free
 
     def true(self, name: str) -> np.ndarray:
         """The true value of a number, in the gauge of the fit."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
-from jaxrender.inverse.calibration import Calibrated
+from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.diagnosis import Diagnosis, reaching
@@ -45,17 +45,10 @@ class Account(NamedTuple):
         parameters = reaching(self.parameters, diagnosis)
         return self._replace(parameters=parameters, misfit=misfit, diagnosis=diagnosis)
 
-    def with_calibration(self, calibrated: Calibrated) -> "Account":
+    def with_calibration(self, calibration: Calibration) -> "Account":
         """Let the error bars hold those of the nuisances that were freed."""
-        parameters, spread = self.parameters, calibrated.spread
-        exact = parameters.if_exact
-        if parameters.covariance is None:
-            return self
-        wider = parameters.with_covariance(parameters.covariance + spread)
-        if exact is not None and exact.covariance is not None:
-            exact = exact.with_covariance(exact.covariance + spread)._replace(if_exact=None)
-        wider = wider._replace(if_exact=exact)
-        return self._replace(parameters=wider, notes=calibrated.sentences)
+        wider = self.parameters.spread_by(calibration.spread)
+        return self._replace(parameters=wider, notes=calibration.sentences)
 
     def with_note(self, note: str) -> "Account":
         """Say one thing more."""

@@ -30,12 +30,12 @@ from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.account import account_for, error_bars, judge
 from jaxrender.inverse.bounds import checked_at_bound
-from jaxrender.inverse.calibration import Calibrated
+from jaxrender.inverse.calibration import Calibration, check_free
 from jaxrender.inverse.coarse_fit import fit_coarsely
 from jaxrender.inverse.conditioning import WidthEvidence
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.examination import check_free, examine
+from jaxrender.inverse.examination import examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.known_light import (
@@ -80,7 +80,7 @@ class BRDFFit(NamedTuple):
     bounced: Bounced | None = None
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
-    calibrated: Calibrated | None = None
+    calibration: Calibration | None = None
 
     @property
     def noise(self) -> NoiseModel:
@@ -152,17 +152,14 @@ def fit_brdf(
     stop = quick if exact is None else exact
     told = Told(stop.observations, light, shape)
     examined = examine(task, told, observations if pool is None else pool, stop)
-    final, calibrated = examined.stop, examined.calibrated
+    final, calibration = examined.end, examined.calibration
     with stage("account"):
         account = account_for(final, variant, prepared, settings, task.shape)
         account = account.with_misfit(examined.misfit, examined.diagnosis)
-        if calibrated is not None:
-            account = account.with_calibration(calibrated)
-        if examined.unsettled:
-            account = account.with_note(
-                f"free: auto has freed {', '.join(examined.freed)} one after the other, and the "
-                "diagnosis still names something that could be freed"
-            )
+        if calibration is not None:
+            account = account.with_calibration(calibration)
+        if settings.free == "auto" and examined.unsettled:
+            account = account.with_note(examined.unsettled_sentence)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
         task.material(final),
@@ -171,13 +168,13 @@ def fit_brdf(
         identifiable,
         account.evidence,
         quick,
-        exact if calibrated is None else final,
+        exact if calibration is None else final,
         prepared,
         reasons,
         bounced,
         examined.misfit,
         examined.diagnosis,
-        calibrated,
+        calibration,
     )
 
 

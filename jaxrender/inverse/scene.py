@@ -230,8 +230,8 @@ def _under_known_light(
         pool=pool,
     )
     light = scene.light or known.directional
-    if found.calibrated is not None and _OF_THE_LIGHT & set(found.calibrated.free):
-        light = found.calibrated.light.shared
+    if found.calibration is not None and _OF_THE_LIGHT & set(found.calibration.free):
+        light = found.calibration.light.shared
     return _estimate(material, found, light, found.noise, found.final.relative_rms)
 
 

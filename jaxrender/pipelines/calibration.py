@@ -10,7 +10,7 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import BRDFFit, KnownLight
-from jaxrender.inverse.calibration import Calibrated
+from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.models import columns_under
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
@@ -22,26 +22,26 @@ from jaxrender.shapes import Float
 CAMERAS = "capture.json"
 
 
-def calibration_of(calibrated: Calibrated, photographs: list[Photograph]) -> dict[str, Any]:
+def calibration_of(calibration: Calibration, photographs: list[Photograph]) -> dict[str, Any]:
     """Lay out what was freed: for each nuisance its numbers, errors and priors, in units."""
     found = {}
-    for name in calibrated.free:
-        nuisance, numbers = NUISANCES[name], calibrated.corrections.of(name)
+    for name in calibration.free:
+        nuisance, numbers = NUISANCES[name], calibration.corrections.of(name)
         every = len(numbers)
         found[name] = {
             "meaning": nuisance.meaning,
             "value": nuisance.in_units(numbers).tolist(),
-            "standard_error": nuisance.in_units(calibrated.errors[name]).tolist(),
+            "standard_error": nuisance.in_units(calibration.errors[name]).tolist(),
             "prior": nuisance.in_units(nuisance.deviations(every)).tolist(),
             "unit": [unit.name for unit in nuisance.units],
         }
         if name in ("exposure", "camera"):
             found[name]["photographs"] = [p.frame.name for p in photographs]
     return {
-        "free": list(calibrated.free),
-        "settled": calibrated.settled,
+        "free": list(calibration.free),
+        "settled": calibration.settled,
         "nuisances": found,
-        "sentences": list(calibrated.sentences),
+        "sentences": list(calibration.sentences),
     }
 
 
@@ -50,7 +50,7 @@ def by_photograph(fit: BRDFFit, photographs: list[Photograph]) -> list[dict[str,
 
     And its gain and how far its camera was turned, where these were freed.
     """
-    stop, calibrated = fit.final, fit.calibrated
+    stop, calibration = fit.final, fit.calibration
     radiance, frame = np.asarray(stop.data.radiance, float), np.asarray(stop.data.frame)
     left, found = radiance - np.asarray(stop.fit.predicted), []
     pixels = stop.observations.pixels[:, None]
@@ -62,18 +62,20 @@ def by_photograph(fit: BRDFFit, photographs: list[Photograph]) -> list[dict[str,
         row: dict[str, Any] = {"name": photograph.frame.name, "relative_rms": rms}
         if len(gains) > 1:
             row["gain"] = float(gains[number])
-        if calibrated is not None and "exposure" in calibrated.free:
-            row["gain"] = float(np.exp(calibrated.corrections.exposure[number]))
-        if calibrated is not None and "camera" in calibrated.free:
-            turned = float(np.linalg.norm(calibrated.corrections.camera[number]))
+        if calibration is not None and "exposure" in calibration.free:
+            row["gain"] = float(np.exp(calibration.corrections.exposure[number]))
+        if calibration is not None and "camera" in calibration.free:
+            turned = float(np.linalg.norm(calibration.corrections.camera[number]))
             row["turned_degrees"] = float(np.degrees(turned))
         found.append(row)
     return found
 
 
-def mended(photographs: list[Photograph], calibrated: Calibrated, shape: Shape) -> list[Photograph]:
+def mended(
+    photographs: list[Photograph], calibration: Calibration, shape: Shape
+) -> list[Photograph]:
     """See the object as the mended cameras do; pixels stay those of the files."""
-    corrections = calibrated.corrections
+    corrections = calibration.corrections
     return [
         photograph._replace(view=corrections.view(photograph.frame.camera, number, shape))
         for number, photograph in enumerate(photographs)
@@ -81,10 +83,14 @@ def mended(photographs: list[Photograph], calibrated: Calibrated, shape: Shape) 
 
 
 def write_cameras(
-    folder: Path, calibrated: Calibrated, photographs: list[Photograph], shape: Shape, source: Path
+    folder: Path,
+    calibration: Calibration,
+    photographs: list[Photograph],
+    shape: Shape,
+    source: Path,
 ) -> None:
     """Write mended cameras and exposures, for another fit to start from."""
-    corrections, frames = calibrated.corrections, []
+    corrections, frames = calibration.corrections, []
     for number, photograph in enumerate(photographs):
         frame, gain = photograph.frame, float(np.exp(corrections.exposure[number]))
         exposure = frame.exposure

@@ -9,6 +9,7 @@ off by 3 percent.  Lamps are points, so that nothing of the fit's integrals is u
 - A capture in which nothing is wrong stays as it is, and its errors hold the priors of what the
   photographs cannot tell.
 - What cannot be freed is refused by its name; what cannot be told apart is said.
+- A few pixels far off hardly count in what is left above the noise.
 """
 
 import dataclasses
@@ -30,7 +31,7 @@ from jaxrender.geometry import (
 )
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf, unknowns_of
-from jaxrender.inverse.examination import check_free
+from jaxrender.inverse.calibration import Weighing, check_free
 from jaxrender.inverse.unknowns import Stated
 from jaxrender.lighting import DirectionalSources
 
@@ -122,31 +123,32 @@ def test_nuisances_are_found_with_the_material(wrong):
     assert max(without["sigma"], without["ks"]) > 5
     fit = fitted(wrong, ("exposure", "nearness"))
     assert fit.outcome is Outcome.CONVERGED
-    calibrated = fit.calibrated
-    assert calibrated.free == ("exposure", "nearness")
-    assert calibrated.settled
+    calibration = fit.calibration
+    assert calibration.free == ("exposure", "nearness")
+    assert calibration.settled
     assert max(off(fit).values()) < 4
-    near = calibrated.corrections.nearness
-    assert np.all(np.abs(near - NEAR) < 4 * calibrated.errors["nearness"])
+    near = calibration.corrections.nearness
+    assert np.all(np.abs(near - NEAR) < 4 * calibration.errors["nearness"])
     assert near[0] == pytest.approx(NEAR[0], rel=0.02)
-    assert np.all(calibrated.errors["nearness"] < 0.002)
+    assert np.all(calibration.errors["nearness"] < 0.002)
     # Exposures are known but for the one factor that the material takes.
-    found = np.exp(calibrated.corrections.exposure)
+    found = np.exp(calibration.corrections.exposure)
     np.testing.assert_allclose(found / found.mean(), GAINS / GAINS.mean(), atol=0.005)
-    np.testing.assert_array_equal(calibrated.light.near.of_sources, near)
-    assert not any(calibrated.corrections.of(other).any() for other in ("camera", "lamps", "black"))
-    assert fit.final is calibrated.stop
-    mended = calibrated.corrections.observations(calibrated.told)
-    np.testing.assert_array_equal(calibrated.stop.observations.radiance, mended.radiance)
+    np.testing.assert_array_equal(calibration.light.near.of_sources, near)
+    assert not any(
+        calibration.corrections.of(other).any() for other in ("camera", "lamps", "black")
+    )
+    mended = calibration.corrections.observations(calibration.told)
+    np.testing.assert_array_equal(fit.final.observations.radiance, mended.radiance)
 
 
 def test_auto_frees_what_the_diagnosis_names():
     fit = fitted(photographed(NEAR / 2), "auto")
     assert fit.outcome is Outcome.CONVERGED
     assert not fit.diagnosis
-    assert set(fit.calibrated.free) == {"nearness", "exposure"}
-    near = fit.calibrated.corrections.nearness
-    assert np.all(np.abs(near - NEAR / 2) < 4 * fit.calibrated.errors["nearness"])
+    assert set(fit.calibration.free) == {"nearness", "exposure"}
+    near = fit.calibration.corrections.nearness
+    assert np.all(np.abs(near - NEAR / 2) < 4 * fit.calibration.errors["nearness"])
     assert max(off(fit).values()) < 4
 
 
@@ -170,7 +172,7 @@ def test_a_blur_is_found_with_the_material():
     fit = fitted(pool, ("blur",))
     assert fit.outcome is Outcome.CONVERGED
     # A Gaussian of .6 that is sampled at pixels has the variance .356.
-    assert fit.calibrated.corrections.blur[0] == pytest.approx(0.356, rel=0.06)
+    assert fit.calibration.corrections.blur[0] == pytest.approx(0.356, rel=0.06)
     assert max(off(fit).values()) < 3.5
 
 
@@ -186,11 +188,11 @@ def test_a_blur_of_samples_that_are_no_pixels_is_refused(clean):
 def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean):
     before = fitted(clean, "auto")
     assert before.outcome is Outcome.CONVERGED
-    assert before.calibrated is None
+    assert before.calibration is None
     fit = fitted(clean, ("exposure", "nearness"))
-    calibrated = fit.calibrated
-    for name in calibrated.free:
-        assert np.all(np.abs(calibrated.corrections.of(name)) < 4 * calibrated.errors[name])
+    calibration = fit.calibration
+    for name in calibration.free:
+        assert np.all(np.abs(calibration.corrections.of(name)) < 4 * calibration.errors[name])
     before, after = (one.parameters.standard_error for one in (before, fit))
     for name in ("kd", "ks"):
         assert np.all(after.of(name) > 3 * before.of(name))
@@ -203,12 +205,12 @@ def test_what_cannot_be_told_apart_is_said(clean):
     """Of a known material, all exposures together are the brightness of all lamps."""
     stated = {"kd": Stated(tuple(BRDF.kd.tolist())), "ks": Stated(tuple(BRDF.ks.tolist()))}
     both = fitted(clean, ("exposure", "lamps"), stated, diagnose=False)
-    (sentence,) = both.calibrated.sentences
+    (sentence,) = both.calibration.sentences
     assert sentence.startswith("exposure and lamps cannot be told apart by these photographs")
     assert sentence in both.reasons
     alone = fitted(clean, ("exposure",), stated, diagnose=False)
-    assert alone.calibrated.sentences == ()
-    narrow, wide = (one.calibrated.errors["exposure"] for one in (alone, both))
+    assert alone.calibration.sentences == ()
+    narrow, wide = (one.calibration.errors["exposure"] for one in (alone, both))
     assert np.all(narrow < 0.002)
     assert np.all(wide > 0.01)
 
@@ -218,7 +220,7 @@ def test_a_photograph_without_samples_keeps_its_number(wrong):
     some = wrong.take(np.flatnonzero(wrong.frame != 2))
     fit = fitted(some, ("exposure", "nearness"))
     assert fit.outcome is Outcome.CONVERGED
-    found = fit.calibrated.corrections.exposure
+    found = fit.calibration.corrections.exposure
     assert found.shape == (VIEWS,)
     assert abs(found[2]) < 1e-12
     ratio = np.exp(found[[0, 1, 3, 4, 5]]) / GAINS[[0, 1, 3, 4, 5]]
@@ -234,3 +236,20 @@ def test_what_cannot_be_freed_is_refused_by_name(wrong):
     unplaced = wrong._replace(places=None, eyes=None)
     with pytest.raises(ValueError, match=r"nearness cannot be freed: .* where the samples lie"):
         fitted(unplaced, ("nearness",), diagnose=False)
+
+
+def test_a_few_pixels_far_off_do_not_decide_what_is_left_above_the_noise(clean):
+    rng = np.random.default_rng(3)
+    pool = clean.take(np.arange(1000))
+    predicted = np.ones((1000, 3))
+    weighing = Weighing.of(NOISE, NOISE, predicted)
+    own = NOISE.add(predicted, rng)
+    far, everywhere = own.copy(), own + 3 * NOISE.relative * np.ones((1000, 3))
+    far[:5] += 200 * NOISE.relative
+    nothing, few, all_of_them = (
+        weighing.above_noise(pool._replace(radiance=values), predicted)
+        for values in (own, far, everywhere)
+    )
+    # Squares of the five alone would be 600,000, and 27,000 of all that are off by three.
+    assert abs(nothing) < 500
+    assert few < 5000 < 8000 < all_of_them

@@ -322,6 +322,7 @@ def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
     assert off(fit) < 3.5
 
 
+@pytest.mark.slow
 def test_a_blur_is_named_rather_than_its_general_case_and_neither_where_it_is_not_asked_for():
     blur = (blurred() - PHOTOGRAPHS) / STEP
     fit = fitted(PHOTOGRAPHS + 0.5 * blur)

@@ -1,43 +1,31 @@
-"""How well nuisances are known, what of it is in the material's errors, and what is not told."""
+"""How well nuisances are known, what of it is in a fit's own errors, and what is not told."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.calibration.capture import MOST_SAMPLES, NEAREST
-from jaxrender.inverse.calibration.equations import (
-    Pull,
-    State,
-    columns_of,
-    deviations_of,
-    unit_columns,
-)
+from jaxrender.inverse.calibration.equations import Columns, Pull, deviations_of, unit_columns
+from jaxrender.inverse.calibration.search import NEAREST
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.nuisances import Corrections, Told
-from jaxrender.inverse.parameters import slopes_of_parameters
-from jaxrender.inverse.passes import Stop
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import Float
 
 # Two nuisances are alike where both together leave less than their priors say, of something that
 # one alone would tell so many times as well (variances).
 _ALIKE = 100.0
 
 
-class Calibrated(NamedTuple):
-    """A material and the corrections that go with it.
+class Calibration(NamedTuple):
+    """Corrections of a capture as it was ``told``, found together with a material.
 
-    ``stop`` is of corrected samples, under the corrected ``light``; ``told`` is what was corrected.
-    ``errors`` are the standard errors of what is ``free``.  ``spread`` is what the material's
-    covariance has for their sake.  ``sentences`` say what cannot be told apart or is at a bound.
-    ``absorbed`` is the part of chi-squared above the noise that they do away with.
+    ``errors`` are the standard errors of what is ``free``.  ``spread`` is what the covariance of
+    the fit's parameters has for their sake.  ``sentences`` say what cannot be told apart or is at a
+    bound.  ``absorbed`` is the part of chi-squared above the noise that they do away with.
     """
 
-    stop: Stop
     told: Told
     corrections: Corrections
-    light: KnownLight
     free: tuple[str, ...]
     errors: dict[str, Float[np.ndarray, "number"]]
     spread: Float[np.ndarray, "parameter parameter"]
@@ -45,70 +33,55 @@ class Calibrated(NamedTuple):
     sentences: tuple[str, ...]
     absorbed: float = 0.0
 
+    @property
+    def light(self) -> KnownLight:
+        """The light that was told, corrected."""
+        return self.corrections.light(self.told)
 
-def account_of(
-    task: MaterialTask, told: Told, state: State, free: tuple[str, ...], settled: bool
-) -> Calibrated:
-    """Say how well the nuisances are known, and what of that goes into the material's errors."""
-    stop = state.stop
-    index = _some(stop.observations.count, task.settings.seed)
-    known, columns, names = columns_of(task, told, state, free, index)
-    jacobian = known.jacobian
-    # How the material answers to each nuisance, and what of the nuisance the material cannot make.
-    answer = np.linalg.lstsq(unit_columns(jacobian), columns, rcond=1e-9)[0]
-    own = columns - unit_columns(jacobian) @ answer
-    pull = Pull.of(state.corrections, *free)
+
+def calibration_of(
+    told: Told, corrections: Corrections, columns: Columns, clusters: Clusters, settled: bool
+) -> Calibration:
+    """Say how well nuisances are known, and what of that goes into the fit's own errors.
+
+    ``clusters`` are those of the samples that were differentiated.
+    """
+    known, each, names = columns
+    free = tuple(dict.fromkeys(names.tolist()))
+    size = np.linalg.norm(known.jacobian, axis=0)
+    jacobian = unit_columns(known.jacobian)
+    # How the fit's unknowns answer to each nuisance, and what of the nuisance they cannot make.
+    answer = np.linalg.lstsq(jacobian, each, rcond=1e-9)[0]
+    own = each - jacobian @ answer
+    pull = Pull.of(corrections, *free)
     covariance = np.linalg.inv(own.T @ own + np.diag(pull.weights))
     left = known.left - own @ (covariance @ (own.T @ known.left))
     channels = known.weights.shape[1]
     scores = np.sum((left[:, None] * own).reshape(-1, channels, len(names)), axis=1)
-    clusters = Clusters.of(stop.observations.take(index))
     covariance = widened(covariance, clusters.covariance(scores @ covariance))
-    size = np.linalg.norm(jacobian, axis=0)
     answer = answer / np.where(size > 0, size, 1)[:, None]
-    end = stop.fit.solution.point, stop.fit.linear.eliminated
-    moves = np.asarray(slopes_of_parameters(stop.problem, *end)) @ answer
+    moves = np.stack([known.moved(-by, change) for by, change in zip(answer.T, own.T)], axis=1)
     errors = np.sqrt(np.diag(covariance))
     by_name = {name: errors[names == name] * deviations_of(name, names) for name in free}
-    sentences = [*_alike(columns, own, names), *_at_bound(state.corrections, free)]
+    sentences = [*_alike(columns, own), *_at_bound(corrections, free)]
     if not settled:
         sentences.append(f"the calibration of {' and '.join(free)} did not settle")
-    return Calibrated(
-        stop,
-        told,
-        state.corrections,
-        state.light,
-        free,
-        by_name,
-        moves @ covariance @ moves.T,
-        settled,
-        tuple(sentences),
-    )
+    spread = moves @ covariance @ moves.T
+    return Calibration(told, corrections, free, by_name, spread, settled, tuple(sentences))
 
 
-def _some(count: int, seed: int) -> Int[np.ndarray, "sample"]:
-    if count <= MOST_SAMPLES:
-        return np.arange(count)
-    return np.sort(np.random.default_rng(seed).choice(count, MOST_SAMPLES, replace=False))
-
-
-def _alike(
-    columns: Float[np.ndarray, "value nuisance"],
-    own: Float[np.ndarray, "value nuisance"],
-    names: np.ndarray,
-) -> list[str]:
-    """Name what cannot be told apart: pairs of nuisances, and a nuisance and the material."""
-    found = []
-    free = list(dict.fromkeys(names))
-    for at, name in enumerate(free):
-        mine = own[:, names == name]
-        if _lost(columns[:, names == name], mine):
+def _alike(columns: Columns, own: Float[np.ndarray, "value nuisance"]) -> list[str]:
+    """Name what cannot be told apart: pairs of nuisances, and a nuisance and the fit's unknowns."""
+    found, names = [], columns.names
+    apart = {name: own[:, names == name] for name in dict.fromkeys(names.tolist())}
+    for at, (name, mine) in enumerate(apart.items()):
+        if _lost(columns.columns[:, names == name], mine):
             found.append(
                 f"{name} and the material cannot be told apart by these photographs alone: the "
                 f"prior of {name} decides"
             )
-        for other in free[at + 1 :]:
-            theirs = own[:, names == other]
+        for other in list(apart)[at + 1 :]:
+            theirs = apart[other]
             basis = np.linalg.svd(theirs, full_matrices=False)[0]
             if _lost(mine, mine - basis @ (basis.T @ mine)):
                 found.append(

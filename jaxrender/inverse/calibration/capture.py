@@ -1,90 +1,118 @@
-"""A capture of which something is free: the material that fits, and the search for corrections."""
+"""A capture under known light of which something is free, and the material that fits."""
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.calibration.equations import Pull, State, Step, equations_of
+from jaxrender.inverse.calibration.equations import Columns, Pull
+from jaxrender.inverse.calibration.search import Capture, Corrected, Weighing
 from jaxrender.inverse.calibration.softened import softened
+from jaxrender.inverse.diagnosis.grounds import Grounds, Suspect, gain_of
+from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.elimination import Data
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import LinearisedModel
-from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
+from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.passes import Begin, Stop, descend
-from jaxrender.inverse.weights import robust_weights, standard_deviations
 from jaxrender.shapes import Float, Int
 
 # So many samples are calibrated on; the light is condensed to cells of so many widths of the lobe.
 _SAMPLES, _CELLS = 1500, 0.35
 # Of light of few sources so many pairs of a sample and a node, and no more samples than that.
 _WORK, MOST_SAMPLES = 1e5, 6000
-# Rounds, and tries of each with more and more damping.
-_ROUNDS, _TRIES, _DAMPING = 25, 5, 0.03
-# What a blur does is taken so often from the material, until its prediction moves by less than this
-# part of the noise (rms).
-_SOFTENED, _STILL = 30, 0.01
-# A round that gains less of chi-squared is the last: than this, and than this part of what is left.
-_LEAST_GAIN, _SMALL_GAIN = 0.5, 1e-3
-# Sources come no nearer than this.
-NEAREST = 0.95
 
 
-class Weighing(NamedTuple):
-    """How samples count: by the noise and what a wrong model leaves above it.
+@dataclasses.dataclass(frozen=True)
+class State(Corrected):
+    """Corrections, and the material that fits best with them."""
 
-    So a wrong model does not chase the darkest pixels.  Beside the priors they count as if all of
-    it were noise of single pixels: by ``strength``, the ratio of the two variances.
-    """
+    corrections: Corrections
+    light: KnownLight
+    stop: Stop
+    cost: float
 
-    noise: NoiseModel
-    strength: float
+    @property
+    def predicted(self) -> Float[np.ndarray, "sample channel"]:
+        """What the samples should be."""
+        return np.asarray(self.stop.fit.predicted)
 
-    @classmethod
-    def of(cls, stop: Stop, pixels: NoiseModel) -> "Weighing":
-        """Weigh by the noise that a fit has ended with."""
-        predicted = np.asarray(stop.fit.predicted)
-        of_fit, own = (
-            float(np.mean(standard_deviations(noise, predicted) ** 2))
-            for noise in (stop.noise, pixels)
+    @property
+    def weights(self) -> Float[np.ndarray, "sample channel"]:
+        """What their residuals are multiplied by."""
+        return np.asarray(self.stop.data.weights)
+
+    def columns(
+        self, task: MaterialTask, told: Told, free: tuple[str, ...], index: Int[np.ndarray, "kept"]
+    ) -> Columns:
+        """Differentiate some samples by the material and by all that is free."""
+        every = told.observations
+        material = task.material(self.stop)
+        suspect = Suspect.of(self.stop, material, self.light, told.shape, every, every)
+        grounds, known = Grounds.of(suspect, index), suspect.derivatives(index)
+        return Columns.of(grounds, known, self.corrections, free)
+
+    def softened(self, task: MaterialTask, told: Told, free: tuple[str, ...]) -> Told:
+        """Say what a blur does to samples, as these are predicted; nothing where none is free."""
+        if "blur" not in free:
+            return told
+        observed = told.observations
+        grounds = Grounds(
+            observed,
+            np.zeros(np.shape(observed.radiance)),
+            gain_of(self.stop, np.asarray(observed.frame))[:, None],
+            task.material(self.stop),
+            LightParts.known(self.light),
+            told.shape,
         )
-        return cls(stop.noise, max(of_fit / own, 1.0))
+        return softened(told, self.corrections, grounds)
 
 
-class FreeCapture(NamedTuple):
-    """Some samples of a capture, what is free of it, and the width of the lobe."""
+@dataclasses.dataclass(frozen=True)
+class FreeCapture(Capture[State]):
+    """Some samples of a capture, what is free of it, the width of the lobe, and how they count."""
 
     task: MaterialTask
     told: Told
     free: tuple[str, ...]
     width: float
+    weighing: Weighing
+
+    def corrected(self, corrections: Corrections, before: State) -> State:
+        """Fit the material to samples as they are corrected."""
+        return self.fitted(corrections, before.stop, before.predicted)
 
     def fitted(
         self,
         corrections: Corrections,
         before: Stop,
-        weighing: Weighing,
         predicted: Float[np.ndarray, "sample channel"] | None = None,
     ) -> State:
         """Fit the material to corrected samples, under corrected light."""
-        task, told = self.task, self.told
+        task, told, noise = self.task, self.told, self.weighing.noise
         observed, light = corrections.observations(told), corrections.light(told)
         model = task.integral(observed, task.nodes(light, observed, self.width, _CELLS))
-        start = Begin(weighing.noise, predicted, np.asarray(before.fit.solution.point)[None])
-        settings = task.settings._replace(noise=weighing.noise)
+        start = Begin(noise, predicted, np.asarray(before.fit.solution.point)[None])
+        settings = task.settings._replace(noise=noise)
         stop = descend(task.problem, model, observed, start, settings)
         left = np.asarray(stop.data.weights) * (
             np.asarray(stop.data.radiance) - np.asarray(stop.fit.predicted)
         )
-        prior = sum(Pull.of(corrections, name).cost for name in self.free)
-        cost = weighing.strength * float(np.sum(left**2)) + prior
-        return State(corrections, light, stop, cost)
+        cost = self.weighing.strength * float(np.sum(left**2))
+        return State(corrections, light, stop, cost + Pull.of(corrections, *self.free).cost)
+
+    def columns(self, state: State) -> Columns:
+        """Differentiate by the material and by all that is free."""
+        every = np.arange(state.stop.observations.count)
+        return state.columns(self.task, self.told, self.free, every)
 
     def softened(self, state: State) -> "FreeCapture":
         """Take what a blur does from a state."""
-        return self._replace(told=softened(self.task, self.told, state, self.free))
+        told = state.softened(self.task, self.told, self.free)
+        return dataclasses.replace(self, told=told)
 
-    def above_noise(self, state: State, weighing: Weighing, pixels: NoiseModel) -> float:
+    def above_noise(self, state: State) -> float:
         """Say what the end of a search leaves of these samples above noise: part of chi-squared."""
         task, problem, end = self.task, self.task.problem, state.stop.fit
         observed = state.corrections.observations(self.told)
@@ -93,54 +121,7 @@ class FreeCapture(NamedTuple):
         near = LinearisedModel.about(task.integral(observed, nodes), physical.numbers)
         data = Data(observed.radiance, np.ones_like(observed.radiance), np.asarray(observed.frame))
         predicted = np.asarray(problem.columns(near, data, physical).times(end.linear.amplitudes))
-        deviations = standard_deviations(weighing.noise, predicted)
-        left = (np.asarray(observed.radiance) - predicted) / deviations
-        # Edges of highlights, where hardly anything is predicted, do not decide alone.
-        robust = robust_weights(left, "huber") ** 2
-        squares = robust * (left**2 - (standard_deviations(pixels, predicted) / deviations) ** 2)
-        return float(np.sum(observed.shares[:, None] * squares))
-
-    def searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
-        """Correct further until nothing is gained; say whether that was so.
-
-        What a blur does is taken from the material found so far, until that stays as it is.
-        """
-        if "blur" not in self.free:
-            return self._searched(now, weighing)
-        for _ in range(_SOFTENED):
-            here, before = self.softened(now), np.asarray(now.stop.fit.predicted)
-            begun = here.fitted(now.corrections, now.stop, weighing, before)
-            now, settled = here._searched(begun, weighing)
-            moved = np.asarray(now.stop.data.weights) * (
-                np.asarray(now.stop.fit.predicted) - before
-            )
-            if np.sqrt(np.mean(moved**2)) < _STILL:
-                return now, settled
-        return now, False
-
-    def _searched(self, now: State, weighing: Weighing) -> tuple[State, bool]:
-        damping = 0.0
-        for _ in range(_ROUNDS):
-            equations = equations_of(self.task, self.told, now, self.free, weighing.strength)
-            predicted, further = np.asarray(now.stop.fit.predicted), None
-            # Where much is left that is no noise, small gains are the price of coarse derivatives.
-            least = max(_LEAST_GAIN, _SMALL_GAIN * (now.cost - predicted.size))
-            for _ in range(_TRIES):
-                step = equations.step(damping)
-                if step.gain < least:
-                    return now, True
-                tried = _moved(now.corrections, step)
-                further = self.fitted(tried, now.stop, weighing, predicted)
-                if further.cost < now.cost:
-                    break
-                further, damping = None, max(10 * damping, _DAMPING)
-            if further is None:
-                return now, True
-            gained, now = now.cost - further.cost, further
-            damping = damping / 10 if damping > _DAMPING else 0.0
-            if gained < least:
-                return now, True
-        return now, False
+        return self.weighing.above_noise(observed, predicted)
 
 
 class Divided(NamedTuple):
@@ -159,14 +140,3 @@ class Divided(NamedTuple):
         order = np.random.default_rng(task.settings.seed).permutation(told.observations.count)
         some, others = np.sort(order[:count]), np.sort(order[count : 2 * count])
         return cls(some, others if len(others) >= _SAMPLES // 2 else some)
-
-
-def _moved(corrections: Corrections, step: Step) -> Corrections:
-    """Take a step, no further than bounds allow."""
-    for name, by in step.by.items():
-        before = corrections.of(name)
-        highest = NEAREST if name == "nearness" else np.inf
-        after = np.clip(before + by, NUISANCES[name].lowest, highest)
-        # Rotations follow upon each other, so they are not clipped but turned.
-        corrections = corrections.moved(name, after - before)
-    return corrections

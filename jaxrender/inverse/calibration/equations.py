@@ -1,4 +1,4 @@
-"""Normal equations of material and nuisances, the nuisances held by their priors."""
+"""Normal equations of a fit and of nuisances, the nuisances held by their priors."""
 
 from typing import NamedTuple
 
@@ -6,24 +6,12 @@ import numpy as np
 
 from jaxrender.inverse.diagnosis.causes import CAUSES
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
-from jaxrender.inverse.diagnosis.grounds import Grounds, Suspect
-from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.material_task import MaterialTask
-from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
-from jaxrender.inverse.passes import Stop
-from jaxrender.shapes import Float, Int
+from jaxrender.inverse.diagnosis.grounds import Grounds
+from jaxrender.inverse.nuisances import NUISANCES, Corrections
+from jaxrender.shapes import Float
 
 # Degrees of freedom of the priors: a fault is many deviations off more often than Gauss says.
 _FREEDOM = 4.0
-
-
-class State(NamedTuple):
-    """Corrections, and the material that fits best with them."""
-
-    corrections: Corrections
-    light: KnownLight
-    stop: Stop
-    cost: float
 
 
 class Step(NamedTuple):
@@ -62,7 +50,7 @@ class Pull(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Derivatives of what is left by the material's unknowns and by what is free, weighted.
+    """Derivatives of what is left by the fit's own unknowns and by what is free, weighted.
 
     Nuisances are in standard deviations of their priors; ``names`` says whose each column is.
     """
@@ -71,30 +59,25 @@ class Columns(NamedTuple):
     columns: Float[np.ndarray, "value nuisance"]
     names: np.ndarray
 
+    @classmethod
+    def of(
+        cls, grounds: Grounds, known: Derivatives, corrections: Corrections, free: tuple[str, ...]
+    ) -> "Columns":
+        """Differentiate by all that is free; ``known`` are the same samples' own derivatives.
 
-def columns_of(
-    task: MaterialTask,
-    told: Told,
-    state: State,
-    free: tuple[str, ...],
-    index: Int[np.ndarray, "sample"],
-) -> Columns:
-    """Differentiate by the material and by all that is free."""
-    stop, light = state.stop, state.light
-    every = told.observations
-    suspect = Suspect.of(stop, task.material(stop), light, told.shape, every, every)
-    grounds, known = Grounds.of(suspect, index), suspect.derivatives(index)
-    found, names = [], []
-    for name in free:
-        columns = CAUSES[name].columns(grounds)
-        if columns is None:
-            raise ValueError(f"{name} cannot be freed: {NO_ROOM.get(name, 'there is none')}")
-        # The last photographs may have no sample among these.
-        every = len(state.corrections.of(name))
-        columns = np.pad(columns, ((0, 0), (0, 0), (0, every - columns.shape[2])))
-        found.append(known.weighted(columns * NUISANCES[name].deviations(every)))
-        names += [name] * every
-    return Columns(known, np.hstack(found), np.array(names))
+        Raises ``ValueError`` for a nuisance that photographs or light leave no room for.
+        """
+        found, names = [], []
+        for name in free:
+            columns = CAUSES[name].columns(grounds)
+            if columns is None:
+                raise ValueError(f"{name} cannot be freed: {NO_ROOM.get(name, 'there is none')}")
+            # The last photographs may have no sample among these.
+            every = len(corrections.of(name))
+            columns = np.pad(columns, ((0, 0), (0, 0), (0, every - columns.shape[2])))
+            found.append(known.weighted(columns * NUISANCES[name].deviations(every)))
+            names += [name] * every
+        return cls(known, np.hstack(found), np.array(names))
 
 
 NO_ROOM = {
@@ -130,16 +113,15 @@ class Equations(NamedTuple):
 
 
 def equations_of(
-    task: MaterialTask, told: Told, state: State, free: tuple[str, ...], strength: float
+    columns: Columns, corrections: Corrections, free: tuple[str, ...], strength: float
 ) -> Equations:
-    """Set up material and nuisances at once, to first order.
+    """Set up the fit's own unknowns and nuisances at once, to first order.
 
     Samples count ``strength`` times as much as their weights say, beside the priors.
     """
-    every = np.arange(state.stop.observations.count)
-    known, columns, names = columns_of(task, told, state, free, every)
-    both = np.hstack([unit_columns(known.jacobian), columns])
-    pull = Pull.of(state.corrections, *free)
+    known, columns_of_free, names = columns
+    both = np.hstack([unit_columns(known.jacobian), columns_of_free])
+    pull = Pull.of(corrections, *free)
     prior = np.zeros(both.shape[1])
     prior[-len(names) :] = pull.weights
     right = strength * both.T @ known.left

@@ -9,9 +9,9 @@ number of samples, and hardly on that of the coefficients.
 
 import dataclasses
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 
 from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.models import LinearisedModel
@@ -73,14 +73,10 @@ class Derivatives:
 
     def expected(self, deviation: Float[np.ndarray, "sample channel"]) -> float:
         """Say what squares noise of a standard deviation would leave."""
-        own = self.weights * deviation
-        if not self.prior:
-            return float(np.sum(own**2))
-        parts = (
-            scipy.linalg.solve_triangular(root, np.diag(of_channel), lower=True)
-            for root, of_channel in zip(self._roots, own.T)
-        )
-        return float(sum(np.sum(part**2) for part in parts))
+        squares = (self.weights * deviation) ** 2
+        for shared, of_channel in zip(self._shared, squares.T):
+            of_channel -= of_channel * (shared.along**2 @ (1 - shared.kept**2))
+        return float(np.sum(squares))
 
     def without(self, values: Bool[np.ndarray, "sample channel"]) -> "Derivatives":
         """Let some values say nothing."""
@@ -103,22 +99,38 @@ class Derivatives:
         """
         by_channel = change.reshape(self.weights.shape).T
         answers = [
-            -part.T @ scipy.linalg.solve_triangular(root.T, of_channel)
-            for root, part, of_channel in zip(self._roots, self.prior, by_channel)
+            -part.T @ shared.white(of_channel)
+            for shared, part, of_channel in zip(self._shared, self.prior, by_channel)
         ]
         return self.parameters @ np.concatenate([shift[: self.by_unknown.shape[2]], *answers])
 
     @cached_property
-    def _roots(self) -> tuple[Float[np.ndarray, "sample sample"], ...]:
-        return tuple(np.linalg.cholesky(np.eye(len(part)) + part @ part.T) for part in self.prior)
+    def _shared(self) -> tuple["_Shared", ...]:
+        return tuple(_Shared.of(part) for part in self.prior)
 
     def _white(
         self, weighted: Float[np.ndarray, "sample channel column"]
     ) -> Float[np.ndarray, "value column"]:
         if self.prior:
-            parts = (
-                scipy.linalg.solve_triangular(root, weighted[:, channel], lower=True)
-                for channel, root in enumerate(self._roots)
-            )
+            parts = (one.white(weighted[:, c]) for c, one in enumerate(self._shared))
             weighted = np.stack(list(parts), axis=1)
         return weighted.reshape(self.weights.size, -1)
+
+
+class _Shared(NamedTuple):
+    """Noise that samples share: along which directions, and what whitening keeps of each.
+
+    With P = U S V' the symmetric root of the inverse of 1 + P P' is 1 - U (1 - (1 + S^2)^-1/2) U'.
+    """
+
+    along: Float[np.ndarray, "sample part"]
+    kept: Float[np.ndarray, "part"]
+
+    @classmethod
+    def of(cls, prior: Float[np.ndarray, "sample part"]) -> "_Shared":
+        along, size, _ = np.linalg.svd(prior, full_matrices=False)
+        return cls(along, 1 / np.sqrt(1 + size**2))
+
+    def white(self, values: Float[np.ndarray, "sample *any"]) -> Float[np.ndarray, "sample *any"]:
+        """Whiten values, or columns of them."""
+        return values - (self.along * (1 - self.kept)) @ (self.along.T @ values)

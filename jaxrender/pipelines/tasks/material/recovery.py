@@ -71,9 +71,9 @@ class MaterialRecovery(Recovery):
             write_environment(folder / "lighting.exr", finding.light.environment)
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
-        calibrated = finding.fit.calibrated
-        if calibrated is not None:
-            write_cameras(folder, calibrated, finding.photographs, finding.shape, self.source)
+        calibration = finding.fit.calibration
+        if calibration is not None:
+            write_cameras(folder, calibration, finding.photographs, finding.shape, self.source)
 
     def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
         """Lay out the report."""
@@ -85,10 +85,11 @@ class MaterialRecovery(Recovery):
     def predict(self) -> list[np.ndarray]:
         """Render every photograph again, by the dual model if the material has it."""
         finding = self.finding
-        material, prepared, calibrated = finding.fit.brdf, finding.fit.light, finding.fit.calibrated
-        if calibrated is not None and isinstance(material, Glossy) and prepared.split is not None:
+        material, prepared = finding.fit.brdf, finding.fit.light
+        calibration = finding.fit.calibration
+        if calibration is not None and isinstance(material, Glossy) and prepared.split is not None:
             # Light that was mended is split as finely as before.
-            observations, settings = calibrated.stop.observations, self.finding.settings
+            observations, settings = finding.fit.final.observations, self.finding.settings
             prepared = prepare_light(
                 finding.light, observations, material, settings.split, settings.band_limit
             )
@@ -123,12 +124,12 @@ class MaterialRecovery(Recovery):
                 images[k][view.hit] += np.asarray(material.kd) * more
         gain = gains if len(gains) > 1 else np.ones(len(images))
         images = [scale * gain[k] * image for k, image in enumerate(images)]
-        if calibrated is None:
+        if calibration is None:
             return images
         for k, view in enumerate(views):
             near = near_image(material, view, finding.light, k, finding.shape)
             whole = images[k] + scale * gain[k] * near
-            found = calibrated.corrections.photographed(whole, k, view.hit)
+            found = calibration.corrections.photographed(whole, k, view.hit)
             images[k] = np.where(view.hit[..., None], found, 0)
         return images
 
@@ -165,10 +166,10 @@ def recover_material(
             found = fit_brdf(
                 observations, light, unknowns, lobe, settings, clock.stage, shape=shape, pool=pool
             )
-    calibrated = found.calibrated
-    if calibrated is not None:
-        light, photographs = calibrated.light.upright, mended(photographs, calibrated, shape)
-        progress.note(f"freed: {', '.join(calibrated.free)}")
+    calibration = found.calibration
+    if calibration is not None:
+        light, photographs = calibration.light.upright, mended(photographs, calibration, shape)
+        progress.note(f"freed: {', '.join(calibration.free)}")
     variants = ()
     if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):

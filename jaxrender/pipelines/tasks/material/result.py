@@ -112,8 +112,8 @@ def _own(finding: Finding) -> dict[str, Any]:
         gains = np.asarray(fit.parameters.value.gains)
         own["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
     own["photographs"] = by_photograph(fit, finding.photographs)
-    if fit.calibrated is not None:
-        own["calibration"] = calibration_of(fit.calibrated, finding.photographs)
+    if fit.calibration is not None:
+        own["calibration"] = calibration_of(fit.calibration, finding.photographs)
     if unknowns.free_scale:
         own["scale"] = float(fit.parameters.value.scale)
     return own
