@@ -128,7 +128,7 @@ def trace(seen, config):
     )
     of = record.of
     fit, found = (
-        mock.NonCallableMock(spec=BRDFFit, calibrated=None),
+        mock.NonCallableMock(spec=BRDFFit, calibration=None),
         mock.NonCallableMock(spec=Factorization),
     )
     best, brightest = (
