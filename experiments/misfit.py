@@ -1,7 +1,7 @@
 """Captures with one thing wrong: is it noticed and named, and do the error bars know?
 
     python experiments/misfit.py [--seeds 2] [--clean 6] [--only camera lamps ...] [--free]
-    python experiments/misfit.py --unknown
+    python experiments/misfit.py --unknown [--free]
     python experiments/misfit.py --picture misfit.png
 
 ``planted`` takes photographs of a ball with one fault, of eighteen kinds and three sizes each, and
@@ -32,6 +32,7 @@ from planted import FAULTS, TRUE, planted  # noqa: E402
 from jaxrender.inverse import (  # noqa: E402
     BRDFFit,
     Factorization,
+    FactorSettings,
     FitSettings,
     Outcome,
     factorize,
@@ -73,7 +74,7 @@ class Row(NamedTuple):
     @property
     def freed(self) -> tuple[str, ...]:
         """What was freed."""
-        calibration = None if isinstance(self.fit, Factorization) else self.fit.calibration
+        calibration = self.fit.calibration
         return () if calibration is None else calibration.free
 
     def true(self, name: str) -> np.ndarray:
@@ -145,12 +146,14 @@ def fitted(fault: str | None, size: float, seed: int, free: bool = False) -> Row
     return Row(fault, size, fit)
 
 
-def factorized(fault: str | None, size: float, seed: int) -> Row:
-    """Plant a fault and recover material and light as if there were none."""
+def factorized(fault: str | None, size: float, seed: int, free: bool = False) -> Row:
+    """Plant a fault and recover material and light as if there were none, or free what is named."""
     case = planted(fault, size, seed)
     index = np.random.default_rng(seed).choice(case.pool.count, SAMPLES_UNKNOWN, replace=False)
     some, pool = case.pool.take(np.sort(index)), case.pool
-    return Row(fault, size, factorize(some, TRUE, gauge="dielectric", shape=case.shape, pool=pool))
+    settings = FactorSettings(free="auto" if free else ())
+    fit = factorize(some, TRUE, settings, gauge="dielectric", shape=case.shape, pool=pool)
+    return Row(fault, size, fit)
 
 
 def sum_up(rows: list[Row]):
@@ -277,8 +280,7 @@ def main():
     parser.add_argument("--unknown", action="store_true")
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
-    if options.unknown and options.free:
-        parser.error("nothing is freed under unknown light: leave out --free or --unknown")
+    fit = factorized if options.unknown else fitted
     print(f"{'fault':12s}{'size':>7s}{'left %':>8s}{'noise':>7s}{'misfit':>8s}", end="")
     print(f"{'exact':>8s}{'z':>7s}{'off %':>8s}  {'outcome':17s}causes")
     cases: list[tuple[str | None, float, int]]
@@ -289,10 +291,10 @@ def main():
         cases += [(name, s, seed) for s in FAULTS[name].sizes for seed in range(options.seeds)]
     rows, freed = [], []
     for number, case in enumerate(cases):
-        rows.append(factorized(*case) if options.unknown else fitted(*case))
+        rows.append(fit(*case))
         print(rows[-1].line(), flush=True)
         if options.free:
-            freed.append(fitted(*case, free=True))
+            freed.append(fit(*case, free=True))
             print(freed[-1].line(), flush=True)
         if number % CASES_A_PROCESS == CASES_A_PROCESS - 1:
             jax.clear_caches()

@@ -47,7 +47,7 @@ class Account(NamedTuple):
 
     def with_calibration(self, calibration: Calibration) -> "Account":
         """Let the error bars hold those of the nuisances that were freed."""
-        wider = self.parameters.spread_by(calibration.spread)
+        wider = self.parameters.spread_by(calibration.shifts)
         return self._replace(parameters=wider, notes=calibration.sentences)
 
     def with_note(self, note: str) -> "Account":

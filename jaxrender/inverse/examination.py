@@ -74,7 +74,7 @@ def _examined(
     """Measure what a fit leaves, and say what would explain it."""
     stop, calibration = examined.end, examined.calibration
     corrections = Corrections.none(told) if calibration is None else calibration.corrections
-    light = told.light if calibration is None else calibration.light
+    light = task.light if calibration is None else calibration.light
     with task.stage("misfit"):
         state = State(corrections, light, stop, 0.0)
         misfit = _misfit(task, state, told._replace(observations=pool), examined.freed)

@@ -68,10 +68,14 @@ class Uncertain(NamedTuple):
         found = intervals(self.value, error, self.origins, covariance)
         return found._replace(disagreement=self.disagreement, if_exact=self.if_exact or self)
 
-    def spread_by(self, more: Float[np.ndarray, "number number"]) -> "Uncertain":
-        """Add a covariance to both: to these intervals, and to those if the model were exact."""
+    def spread_by(self, shifts: Float[np.ndarray, "number cause"]) -> "Uncertain":
+        """Let these intervals reach as far as causes shift the values, a column each.
+
+        So do those if the model were exact.
+        """
         if self.covariance is None:
             return self
+        more = shifts @ shifts.T
         wider, exact = self.with_covariance(self.covariance + more), self.if_exact
         if exact is not None and exact.covariance is not None:
             exact = exact.with_covariance(exact.covariance + more)._replace(if_exact=None)

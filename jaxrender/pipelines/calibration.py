@@ -1,7 +1,5 @@
 """What a fit has freed, as a result states it: values, errors, mended cameras, pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +7,9 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse import KnownLight
 from jaxrender.inverse.calibration import Calibration
+from jaxrender.inverse.misfit import Left
 from jaxrender.inverse.models import columns_under
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
@@ -22,7 +21,7 @@ from jaxrender.shapes import Float
 CAMERAS = "capture.json"
 
 
-def calibration_of(calibration: Calibration, photographs: list[Photograph]) -> dict[str, Any]:
+def calibration_document(calibration: Calibration, photographs: list[Photograph]) -> dict[str, Any]:
     """Lay out what was freed: for each nuisance its numbers, errors and priors, in units."""
     found = {}
     for name in calibration.free:
@@ -45,25 +44,30 @@ def calibration_of(calibration: Calibration, photographs: list[Photograph]) -> d
     }
 
 
-def by_photograph(fit: BRDFFit, photographs: list[Photograph]) -> list[dict[str, Any]]:
-    """Sum up what the fit leaves of each photograph, relative to its radiance (rms).
+def by_photograph(
+    fitted: Left,
+    photographs: list[Photograph],
+    calibration: Calibration | None,
+    gains: Float[np.ndarray, "frame"] | None = None,
+) -> list[dict[str, Any]]:
+    """Sum up what a fit leaves of each photograph, relative to its radiance (rms).
 
-    And its gain and how far its camera was turned, where these were freed.
+    And its gain and how far its camera was turned, where these were free.
     """
-    stop, calibration = fit.final, fit.calibration
-    radiance, frame = np.asarray(stop.data.radiance, float), np.asarray(stop.data.frame)
-    left, found = radiance - np.asarray(stop.fit.predicted), []
-    pixels = stop.observations.pixels[:, None]
-    gains = np.asarray(fit.parameters.value.gains)
+    observed, found = fitted.observations, []
+    radiance, frame = np.asarray(observed.radiance, float), np.asarray(observed.frame)
+    pixels = observed.pixels[:, None]
+    if calibration is not None and "exposure" in calibration.free:
+        gains = np.exp(calibration.corrections.exposure)
     for number, photograph in enumerate(photographs):
         own = frame == number
-        squares, level = (float(np.sum((pixels * part**2)[own])) for part in (left, radiance))
+        squares, level = (
+            float(np.sum((pixels * part**2)[own])) for part in (fitted.residual, radiance)
+        )
         rms = float(np.sqrt(squares / level)) if level > 0 else None
         row: dict[str, Any] = {"name": photograph.frame.name, "relative_rms": rms}
-        if len(gains) > 1:
+        if gains is not None:
             row["gain"] = float(gains[number])
-        if calibration is not None and "exposure" in calibration.free:
-            row["gain"] = float(np.exp(calibration.corrections.exposure[number]))
         if calibration is not None and "camera" in calibration.free:
             turned = float(np.linalg.norm(calibration.corrections.camera[number]))
             row["turned_degrees"] = float(np.degrees(turned))

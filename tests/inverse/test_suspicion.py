@@ -3,6 +3,7 @@
 - The derivatives are differences of the prediction, and of the parameters, of moved unknowns.
 - A wrong lobe and differing exposures are named, and the error bars contain them; no cause is
   named where nothing is wrong.
+- The errors of light, sources and their clusters reach as far as causes shift them.
 - What light can make by itself, a gain in each channel, is no cause.
 """
 
@@ -16,11 +17,12 @@ from jaxrender.geometry import Sphere
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization import FactorSettings, factorize
-from jaxrender.inverse.factorization.account import account_of, gauge_factors
+from jaxrender.inverse.factorization.account import account_of, gauge_factors, widened_light
 from jaxrender.inverse.factorization.band_limits import task_of
 from jaxrender.inverse.factorization.projection import mixed
 from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.rounds import light_the_scene
+from jaxrender.inverse.factorization.source_clusters import SourceCluster
 from jaxrender.inverse.factorization.state import NOTHING_KNOWN, response_of
 from jaxrender.inverse.factorization.suspicion import derivatives_of
 from jaxrender.lighting import DirectionalSources
@@ -97,6 +99,33 @@ def test_parameters_move_as_those_of_moved_unknowns(ended):
     column = 3 + 2 + 2 * int(state.active.sum()) + 2
     expected = np.concatenate([(1 - share) * slope, share * slope])
     np.testing.assert_allclose(found.parameters[:6, column], expected, rtol=1e-3)
+
+
+def test_errors_of_the_light_reach_as_far_as_it_is_shifted(ended):
+    task, state = ended
+    scene = account_of(task, state, "per-channel").scene
+    light = np.asarray(state.joint.solved.light)
+    slow, on = task.response.slow_count, np.flatnonzero(state.active)
+    brightest = on[np.argmax(light[slow + on].sum(axis=1))]
+    of_light = np.zeros((*light.T.shape, 2))
+    of_light[1, 2, 0] = 0.3
+    of_light[:, slow + brightest, 1] = 0.04, 0.03, 0.02
+    steps = np.zeros((2, len(state.active), 2))
+    steps[:, brightest, 1] = 0.03, 0.04
+    shifts = np.concatenate([of_light.reshape(-1, 2), steps.reshape(-1, 2)])
+    alone = SourceCluster(np.array([0]), np.eye(3)[2], 0.01, 0.0, 0.0, np.ones(3), np.full(3, 0.1))
+    before = scene._replace(clusters=(alone,))
+    after = widened_light(task, state, before, "per-channel", shifts)
+    slow_error = scene.slow_error.copy()
+    slow_error[2, 1] = np.hypot(slow_error[2, 1], 0.3)
+    np.testing.assert_allclose(after.slow_error, slow_error)
+    energy = np.hypot(scene.energy_error[0], [0.04, 0.03, 0.02])
+    np.testing.assert_allclose(after.energy_error[0], energy)
+    np.testing.assert_allclose(after.direction_error[0], np.hypot(scene.direction_error[0], 0.05))
+    np.testing.assert_allclose(after.direction_error[1:], scene.direction_error[1:])
+    (one,) = after.clusters
+    assert one.direction_error == pytest.approx(np.hypot(0.01, 0.05))
+    np.testing.assert_allclose(one.irradiance_error, np.hypot(0.1, [0.04, 0.03, 0.02]))
 
 
 def test_the_brightest_sources_stand_by_themselves():

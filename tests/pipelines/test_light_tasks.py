@@ -7,6 +7,8 @@
 - A diffuse ball's sources are found, too, and which degrees of the light it cannot tell is said.
 - ``result.json`` has the keys of the contract; the light is written as an image of that energy, the
   slow part with the coefficients that were found.
+- Exposures that differ are found with light and material, if they are freed: stated, written with
+  the cameras, and in the predicted photographs.
 - A source's texels have their middle where it stands; it is rendered as it stands beside the
   picture.
 - The result renders again, and under another environment.
@@ -28,7 +30,7 @@ from jaxrender.brdf import BlinnPhong, material_named
 from jaxrender.errors import InputError
 from jaxrender.harmonics import LatLongGrid, analyse, degrees, real_basis
 from jaxrender.inverse.factorization import RecoveredScene
-from jaxrender.io import read_environment, read_image, write_environment
+from jaxrender.io import read_capture, read_environment, read_image, write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.render import Scene, render_config
@@ -96,6 +98,34 @@ def test_factorize_finds_material_and_sources(factorized):
     energies = [result["lighting"]["directional"][k]["irradiance"] for k in which]
     truth = np.array([energy for _, energy in SOURCES]) * (kd + KS)
     np.testing.assert_allclose(energies, truth, rtol=0.03)
+
+
+def test_exposures_are_freed_with_light_and_material(tmp_path):
+    gains = 1 + 0.04 * np.array([1.0, -0.6, 0.3, -1.1, 0.8, -0.4])
+    write_ball(tmp_path / "capture", BALL._replace(gains=tuple(gains.tolist())))
+    path = tmp_path / "capture/freed.yaml"
+    text = CONFIG.format(task="factorize", brdf="", count=1200)
+    path.write_text(text.replace("solve: {", "solve: {free: [exposure], "))
+    folder = tmp_path / "freed"
+    fit(load_run_config(path).model_copy(update={"output": folder}))
+    result = json.loads((folder / "result.json").read_text())
+    assert result["outcome"] == "converged"
+    assert result["brdf"]["sigma"] == pytest.approx(SIGMA, rel=0.01)
+    exposure = result["calibration"]["nuisances"]["exposure"]
+    logarithms = 100 * np.log(gains)
+    np.testing.assert_allclose(exposure["value"], logarithms - logarithms.mean(), atol=0.3)
+    found = [row["gain"] for row in result["photographs"]]
+    np.testing.assert_allclose(found, np.exp(np.array(exposure["value"]) / 100))
+    frames = read_capture(folder / "capture.json", images=tmp_path / "capture").frames
+    np.testing.assert_allclose([frame.exposure for frame in frames], found)
+    # Predicted are the photographs as they were taken.
+    for number in (0, 3):
+        predicted = read_image(folder / "images" / f"{number}_predicted.exr").pixels
+        photograph = read_image(frames[number].image_path).pixels[..., :3]
+        inside = predicted.sum(axis=-1) > 0.05
+        ratio = predicted[inside].sum() / photograph[inside].sum()
+        assert ratio == pytest.approx(1, abs=0.003)
+    assert "What was freed" in (folder / "report.html").read_text()
 
 
 @pytest.mark.slow

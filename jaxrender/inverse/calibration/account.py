@@ -9,6 +9,7 @@ from jaxrender.inverse.calibration.search import NEAREST
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.nuisances import Corrections, Told
+from jaxrender.inverse.observations import Observations
 from jaxrender.shapes import Float
 
 # Two nuisances are alike where both together leave less than their priors say, of something that
@@ -19,16 +20,17 @@ _ALIKE = 100.0
 class Calibration(NamedTuple):
     """Corrections of a capture as it was ``told``, found together with a material.
 
-    ``errors`` are the standard errors of what is ``free``.  ``spread`` is what the covariance of
-    the fit's parameters has for their sake.  ``sentences`` say what cannot be told apart or is at a
-    bound.  ``absorbed`` is the part of chi-squared above the noise that they do away with.
+    ``errors`` are the standard errors of what is ``free``.  ``shifts`` are how far the fit's
+    parameters move for their sake: the products of its columns sum up to a covariance.
+    ``sentences`` say what cannot be told apart or is at a bound.  ``absorbed`` is the part of
+    chi-squared above the noise that they do away with.
     """
 
     told: Told
     corrections: Corrections
     free: tuple[str, ...]
     errors: dict[str, Float[np.ndarray, "number"]]
-    spread: Float[np.ndarray, "parameter parameter"]
+    shifts: Float[np.ndarray, "parameter nuisance"]
     settled: bool
     sentences: tuple[str, ...]
     absorbed: float = 0.0
@@ -38,13 +40,27 @@ class Calibration(NamedTuple):
         """The light that was told, corrected."""
         return self.corrections.light(self.told)
 
+    @property
+    def observations(self) -> Observations:
+        """The samples that were told, corrected."""
+        return self.corrections.observations(self.told)
+
 
 def calibration_of(
-    told: Told, corrections: Corrections, columns: Columns, clusters: Clusters, settled: bool
+    told: Told,
+    corrections: Corrections,
+    columns: Columns,
+    clusters: Clusters,
+    settled: bool,
+    *,
+    found: str = "the material",
+    relative: tuple[str, ...] = (),
 ) -> Calibration:
     """Say how well nuisances are known, and what of that goes into the fit's own errors.
 
-    ``clusters`` are those of the samples that were differentiated.
+    ``clusters`` are those of the samples that were differentiated.  ``found`` is what the fit finds
+    itself, in words.  Of nuisances that are ``relative`` only differences count: what all
+    photographs share, what is found makes as well.
     """
     known, each, names = columns
     free = tuple(dict.fromkeys(names.tolist()))
@@ -63,21 +79,31 @@ def calibration_of(
     moves = np.stack([known.moved(-by, change) for by, change in zip(answer.T, own.T)], axis=1)
     errors = np.sqrt(np.diag(covariance))
     by_name = {name: errors[names == name] * deviations_of(name, names) for name in free}
-    sentences = [*_alike(columns, own), *_at_bound(corrections, free)]
+    sentences = [*_alike(columns, own, found, relative), *_at_bound(corrections, free)]
     if not settled:
         sentences.append(f"the calibration of {' and '.join(free)} did not settle")
-    spread = moves @ covariance @ moves.T
-    return Calibration(told, corrections, free, by_name, spread, settled, tuple(sentences))
+    shifts = moves @ np.linalg.cholesky(covariance)
+    return Calibration(told, corrections, free, by_name, shifts, settled, tuple(sentences))
 
 
-def _alike(columns: Columns, own: Float[np.ndarray, "value nuisance"]) -> list[str]:
+def _alike(
+    columns: Columns,
+    own: Float[np.ndarray, "value nuisance"],
+    of_fit: str,
+    relative: tuple[str, ...],
+) -> list[str]:
     """Name what cannot be told apart: pairs of nuisances, and a nuisance and the fit's unknowns."""
     found, names = [], columns.names
-    apart = {name: own[:, names == name] for name in dict.fromkeys(names.tolist())}
+
+    def of(name: str, every: Float[np.ndarray, "value nuisance"]) -> Float[np.ndarray, "value own"]:
+        some = every[:, names == name]
+        return some - some.mean(axis=1, keepdims=True) if name in relative else some
+
+    apart = {name: of(name, own) for name in dict.fromkeys(names.tolist())}
     for at, (name, mine) in enumerate(apart.items()):
-        if _lost(columns.columns[:, names == name], mine):
+        if _lost(of(name, columns.columns), mine):
             found.append(
-                f"{name} and the material cannot be told apart by these photographs alone: the "
+                f"{name} and {of_fit} cannot be told apart by these photographs alone: the "
                 f"prior of {name} decides"
             )
         for other in list(apart)[at + 1 :]:

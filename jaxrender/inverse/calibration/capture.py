@@ -134,7 +134,7 @@ class Divided(NamedTuple):
     def of(cls, task: MaterialTask, told: Told, begin: Stop) -> "Divided":
         """Take more samples where the light is a few sources."""
         few = told.observations.take(np.zeros(1, int))
-        nodes = task.nodes(told.light, few, task.width(begin), _CELLS)
+        nodes = task.nodes(task.light, few, task.width(begin), _CELLS)
         each = sum(part.directions.shape[-2] for part in nodes)
         count = int(np.clip(_WORK / each, _SAMPLES, MOST_SAMPLES))
         order = np.random.default_rng(task.settings.seed).permutation(told.observations.count)

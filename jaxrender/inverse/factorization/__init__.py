@@ -16,6 +16,9 @@
 ``account`` ``recovered_scene`` ``source_clusters`` ``chroma``
     gauges and error bars; the light with its own; sources that the lobe does not tell apart;
     colours tied together
+``suspicion`` ``free_capture`` ``calibrate`` ``examination``
+    what would explain the rest; a capture of which something is free; its corrections found on some
+    samples and then on all; all of that in order
 ``recover`` ``prediction`` ``given``
     the whole recovery; its prediction of other samples; what is known beforehand
 ``gram`` ``stream``
@@ -26,6 +29,7 @@
 
 from jaxrender.inverse.factorization.account import GAUGES
 from jaxrender.inverse.factorization.band_limits import FIRST_DEGREE
+from jaxrender.inverse.factorization.calibrate import OF_LIGHT
 from jaxrender.inverse.factorization.chroma import tied
 from jaxrender.inverse.factorization.given import in_units_of, known_of, reflectances_of
 from jaxrender.inverse.factorization.prediction import predict
@@ -36,6 +40,7 @@ from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
 __all__ = [
     "FIRST_DEGREE",
     "GAUGES",
+    "OF_LIGHT",
     "FactorSettings",
     "Factorization",
     "Known",

@@ -202,31 +202,66 @@ def parameter_slopes(
 ) -> tuple[Float[np.ndarray, "parameter unknown"], Float[np.ndarray, "parameter channel part"]]:
     """Differentiate material and light in the gauge by the nonlinear unknowns, and by the light.
 
-    The parameters of the material come first, then the light, channel by channel.
+    The parameters of the material come first, then the light, channel by channel, and then how far
+    every source moves along either axis of its tangent frame.
     """
     assert state.joint is not None
     light = np.asarray(state.joint.solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     slopes = np.asarray(_carried(unknown, task.response.variant, gauge, light.shape)[1])
-    aside = np.zeros((len(slopes), 2 * len(state.active)))
     by_material, by_light = np.split(slopes, [len(unknown) - light.size], axis=1)
-    return np.hstack([by_material, aside]), by_light.reshape(-1, *light.T.shape)
+    steps = np.eye(2 * len(state.active))
+    by_light = np.pad(by_light, ((0, len(steps)), (0, 0)))
+    return np.asarray(scipy.linalg.block_diag(by_material, steps)), by_light.reshape(
+        -1, *light.T.shape
+    )
 
 
 def widened_light(
-    task: Task, state: State, account: Account, gauge: str, shifts: list[Float[np.ndarray, "light"]]
+    task: Task,
+    state: State,
+    scene: RecoveredScene,
+    gauge: str,
+    shifts: Float[np.ndarray, "row cause"],
 ) -> RecoveredScene:
-    """Let the errors of the light reach as far as it would shift, channel by channel."""
+    """Let the errors of the light reach as far as causes shift it, a column each.
+
+    The rows are those of ``parameter_slopes`` after the material's.
+    """
     assert state.joint is not None
     light = np.asarray(state.joint.solved.light)
     share = np.asarray(specular_share(state.guess))
     order = _brightest_first(state, light / gauge_factors(share, light[0], gauge))
     slow = len(light) - len(state.active)
-    covariance = account.scene.covariance
-    for shift in shifts:
-        own = shift.reshape(light.T.shape)[:, np.r_[:slow, slow + order]]
-        covariance = covariance + own[:, :, None] * own[:, None, :]
-    return account.scene._replace(covariance=covariance)
+    of_light, steps = np.split(shifts, [light.size])
+    own = of_light.reshape(*light.T.shape, -1)[:, np.r_[:slow, slow + order]]
+    frames = np.asarray(tangent_frames(jnp.asarray(state.guess.directions)))[order]
+    moves = np.einsum("sxa,asc->sxc", frames, steps.reshape(2, len(state.active), -1)[:, order])
+    aside = np.sqrt(scene.direction_error**2 + np.sum(moves**2, axis=(1, 2)))
+    energies = np.asarray(scene.sources.irradiance, float).sum(axis=1)
+    return scene._replace(
+        covariance=scene.covariance + own @ np.swapaxes(own, 1, 2),
+        direction_error=aside,
+        clusters=tuple(
+            _widened(one, moves[one.members], own[:, slow + one.members], energies[one.members])
+            for one in scene.clusters
+        ),
+    )
+
+
+def _widened(
+    cluster: SourceCluster,
+    moves: Float[np.ndarray, "member 3 cause"],
+    changes: Float[np.ndarray, "channel member cause"],
+    energies: Float[np.ndarray, "member"],
+) -> SourceCluster:
+    """Let the errors of a cluster reach as far as its members move and change together."""
+    moved = np.einsum("m,mxc->xc", energies / energies.sum(), moves)
+    changed = np.sum(changes.sum(axis=1) ** 2, axis=1)
+    return cluster._replace(
+        direction_error=float(np.sqrt(cluster.direction_error**2 + np.sum(moved**2))),
+        irradiance_error=np.sqrt(cluster.irradiance_error**2 + changed),
+    )
 
 
 @stored(effort="least")

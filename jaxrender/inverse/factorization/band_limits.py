@@ -29,7 +29,7 @@ _SIGMA_TIMES_DEGREE = 4.0
 # Sources that are looked for at once beside finer light.
 _SOURCES = 16
 # So many samples for each coefficient leave the light well determined.
-_SAMPLES_PER_COEFFICIENT = 4
+SAMPLES_PER_COEFFICIENT = 4
 
 
 def task_of(
@@ -48,6 +48,18 @@ def task_of(
     stated = FIRST_DEGREE if settings.band_limit is None else settings.band_limit
     band_limit = stated if degree is None else degree
     _check_enough(observations.count, band_limit)
+    return with_samples(observations, variant, settings, known, hiding, band_limit)
+
+
+def with_samples(
+    observations: Observations,
+    variant: Parametric,
+    settings: FactorSettings,
+    known: Known,
+    hiding: Shape | None,
+    band_limit: int,
+) -> Task:
+    """Make a task of other samples, few or many; the rest is that of ``task_of``."""
     if hiding is not None and isinstance(variant, Glossy):
         observations = with_transfer(observations, hiding, band_limit)
     samples, sources = observations.samples, settings.most_sources
@@ -75,7 +87,7 @@ def followed_farther(task: Task, state: State, hiding: Shape | None) -> tuple[Ta
     """
     if task.settings.band_limit is not None or not isinstance(task.response, MirrorResponse):
         return None
-    enough = int(np.sqrt(task.observations.count / _SAMPLES_PER_COEFFICIENT)) - 1
+    enough = int(np.sqrt(task.observations.count / SAMPLES_PER_COEFFICIENT)) - 1
     shown = int(np.ceil(_SIGMA_TIMES_DEGREE / np.exp(float(state.guess.sigma))))
     degree = min(shown, _LAST_DEGREE, enough)
     if degree <= task.band_limit:
@@ -105,7 +117,7 @@ def _criterion(task: Task, state: State) -> float:
 
 def _check_enough(samples: int, band_limit: int) -> None:
     unknowns = coefficient_count(band_limit)
-    if samples < _SAMPLES_PER_COEFFICIENT * unknowns:
+    if samples < SAMPLES_PER_COEFFICIENT * unknowns:
         raise ValueError(
             f"{samples} samples for light of {unknowns} coefficients: use more photographs or "
             "samples, or a lower band_limit"

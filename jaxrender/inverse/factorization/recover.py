@@ -9,14 +9,14 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.blas import one_blas_thread
+from jaxrender.inverse.calibration import Calibration, Examined, check_free
 from jaxrender.inverse.diagnosis import Diagnosis, likeliest, reaching
-from jaxrender.inverse.factorization.account import Account, account_of, widened_light
-from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
-from jaxrender.inverse.factorization.prediction import predict
+from jaxrender.inverse.factorization.account import widened_light
+from jaxrender.inverse.factorization.band_limits import task_of
+from jaxrender.inverse.factorization.calibrate import check_free_of_light
+from jaxrender.inverse.factorization.examination import Asked, End, examine
 from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
-from jaxrender.inverse.factorization.rounds import light_the_scene, settle, taken_up
-from jaxrender.inverse.factorization.sight import Sight
+from jaxrender.inverse.factorization.rounds import find_both
 from jaxrender.inverse.factorization.state import (
     DEFAULTS,
     NOTHING_KNOWN,
@@ -28,8 +28,8 @@ from jaxrender.inverse.factorization.state import (
     free_unknowns,
     in_deviations,
 )
-from jaxrender.inverse.factorization.suspicion import Found, explanations
-from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
+from jaxrender.inverse.misfit import Misfit
+from jaxrender.inverse.nuisances import Told
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.reasons import (
@@ -39,27 +39,22 @@ from jaxrender.inverse.reasons import (
     out_of_reach_by_misfit,
 )
 from jaxrender.inverse.saturation import saturation_sentence
-from jaxrender.inverse.shadowing import concave, places_of
+from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
 
-# The search for sources, and the fits along with it, use about this many samples; the last steps
-# use all.
-_ROUND_SAMPLES = 2000
 # A logarithm this close to its bound is at it.
 _AT_BOUND = 0.01
 # Above this relative residual, several times the noise of usual photographs, the reasons say that
 # the light is only sketched, unless something else would explain it.
 _SKETCHED = 0.05
-# So many rows of three neighbouring pixels tell the noise.  The light is a sum of few degrees and
-# sources: less of the radiance than this it may leave without being wrong.
-_ROWS, _LEAST_MISFIT = 1000, 0.01
-# Where more of chi-squared than this is no noise, slow light is tried to more degrees.
-_WORTH_FOLLOWING = 0.1
 
 
 class Factorization(NamedTuple):
-    """A recovered material and light, with all that is known about how well they are known."""
+    """A recovered material and light, with all that is known about how well they are known.
+
+    ``observations`` are the samples as they were fitted, and ``predicted`` what they should be.
+    """
 
     brdf: Parametric
     scene: RecoveredScene
@@ -68,11 +63,13 @@ class Factorization(NamedTuple):
     identifiable: dict[str, bool]
     reasons: tuple[str, ...]
     rounds: tuple[Round, ...]
+    observations: Observations
     predicted: Float[np.ndarray, "sample channel"]
     noise: NoiseModel
     gauge: str
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
+    calibration: Calibration | None = None
 
     @property
     def relative_rms(self) -> float:
@@ -102,106 +99,43 @@ def factorize(
     modelled, its interreflections are not.  ``pool`` are all pixels, whose neighbours tell the
     noise, and whose highest values tell whether they are clipped.  What is left above the noise is
     then diagnosed, and the error bars of material and light reach as far as it may have moved them;
-    whether things lie elsewhere is asked where the ``shape`` is known.
+    whether things lie elsewhere is asked where the ``shape`` is known.  Nuisances that the settings
+    free are found along with material and light.
 
-    Raises ``ValueError`` for too few samples, and for a model of more numbers than a width and an
-    index.
+    Raises ``ValueError`` for too few samples, for a model of more numbers than a width and an
+    index, and for nuisances that there are none of, that are the light's own, or that the
+    photographs leave no room for.
     """
     _check_numbers(variant)
-    hiding = concave(shape)
-    task = task_of(observations, variant, settings, known, hiding)
-    observations = task.observations
-    step = max(1, observations.count // _ROUND_SAMPLES)
-    few = task
-    if step > 1:
-        thinned = observations.take(np.arange(0, observations.count, step))
-        sight = None if hiding is None else Sight(hiding, places_of(thinned))
-        few = Task(thinned, task.response.thinned(step), sight, known, settings)
-    with stage("light"), one_blas_thread():
-        state = light_the_scene(few, watch)
-        if step > 1:
-            state = taken_up(task, state)
-    with stage("refine"), one_blas_thread():
-        state = settle(task, state, watch)
-    told = _Told(gauge, pool, shape, stage)
-    end = _account(task, state, told)
-    if end.misfit is not None and end.misfit.share >= _WORTH_FOLLOWING:
-        with stage("refine"), one_blas_thread():
-            farther = followed_farther(task, state, hiding)
-            if farther is not None:
-                farther = farther[0], settle(*farther, watch)
-        if farther is not None:
-            again = _account(*farther, told)
-            end = again if again.relative_rms < end.relative_rms else end
-    return _judged(end, told)
+    check_free_of_light(check_free(settings.free))
+    task = task_of(observations, variant, settings, known, concave(shape))
+    state = find_both(task, watch, stage)
+    told = Told(task.observations, None, shape)
+    return _judged(examine(task, state, Asked(gauge, told, pool, stage, watch)), pool)
 
 
-class _Told(NamedTuple):
-    """What else is told: the gauge, all pixels, the shape, and how stages are announced."""
-
-    gauge: str
-    pool: Observations | None
-    shape: Shape | None
-    stage: Callable[[str], AbstractContextManager]
-
-
-class _End(NamedTuple):
-    """Where a search ended, material and light in a gauge, and what they leave beside noise."""
-
-    task: Task
-    state: State
-    account: Account
-    brdf: Parametric
-    misfit: Misfit | None
-
-    @property
-    def predicted(self) -> Float[np.ndarray, "sample channel"]:
-        """What the samples should be."""
-        assert self.state.joint is not None
-        return np.asarray(self.state.joint.solved.predicted)
-
-    @property
-    def relative_rms(self) -> float:
-        """What is left, relative to the photographs."""
-        return self.state.rounds[-1].relative_rms
-
-
-def _account(task: Task, state: State, told: _Told) -> _End:
-    """Put material and light into the gauge, and measure what they leave."""
-    with told.stage("account"):
-        account = account_of(task, state, told.gauge)
-    value = account.parameters.value
-    lobe = task.response.variant.with_numbers(
-        {name: float(number) for name, number in value.numbers.items()}
-    )
-    brdf = lobe.with_amplitudes(*value.in_order(lobe.amplitude_names))
-    end = _End(task, state, account, brdf, None)
-    if told.pool is None:
-        return end
-    with told.stage("misfit"):
-        return end._replace(misfit=_misfit(end, told.pool, told.shape))
-
-
-def _judged(end: _End, told: _Told) -> Factorization:
-    """Say what would explain the rest, what is identifiable, and how it ended."""
-    task, state, misfit, scene = end.task, end.state, end.misfit, end.account.scene
-    diagnosis: tuple[Diagnosis, ...] = ()
-    clipped = None
-    if told.pool is not None:
-        clipped = saturation_sentence(told.pool)
-        if misfit is not None and task.settings.diagnose:
-            with told.stage("diagnosis"):
-                found = Found(end.brdf, scene, told.gauge, misfit)
-                diagnosis = explanations(task, state, found, told.pool, told.shape)
-    parameters = end.account.parameters
-    if diagnosis and parameters.covariance is not None:
-        shifts = [shift[len(parameters.covariance) :] for shift in likeliest(diagnosis)]
-        scene = widened_light(task, state, end.account, told.gauge, shifts)
+def _judged(examined: Examined[End], pool: Observations | None) -> Factorization:
+    """Say what is identifiable, and how it ended."""
+    end, calibration, diagnosis = examined.end, examined.calibration, examined.diagnosis
+    task, state, parameters = end.task, end.state, end.account.parameters
+    shifts = [] if calibration is None else [calibration.shifts]
+    if diagnosis:
+        shifts.append(np.stack(likeliest(diagnosis), axis=1))
+    scene = end.account.scene
+    if shifts:
+        assert parameters.covariance is not None
+        own, of_light = np.split(np.hstack(shifts), [len(parameters.covariance)])
+        scene = widened_light(task, state, scene, end.gauge, of_light)
+        if calibration is not None:
+            parameters = parameters.spread_by(own[:, : calibration.shifts.shape[1]])
         parameters = reaching(parameters, diagnosis)
-    wrong = _Wrong(misfit, clipped, diagnosis)
+    clipped = None if pool is None else saturation_sentence(pool)
+    notes = () if calibration is None else calibration.sentences
+    if task.settings.free == "auto" and examined.unsettled:
+        notes = (*notes, examined.unsettled_sentence)
+    wrong = _Wrong(examined.misfit, clipped, diagnosis, notes)
     outcome, identifiable, reasons = _judge(task, state, parameters, wrong)
-    assert state.joint is not None
-    noise = in_deviations(task, state, state.joint.solved).noise if misfit is None else misfit.noise
+    misfit = examined.misfit
     return Factorization(
         end.brdf,
         scene,
@@ -210,20 +144,26 @@ def _judged(end: _End, told: _Told) -> Factorization:
         identifiable,
         reasons,
         state.rounds,
+        task.observations,
         end.predicted,
-        noise,
-        told.gauge,
+        in_deviations(task, state).noise if misfit is None else misfit.noise,
+        end.gauge,
         misfit,
         diagnosis,
+        calibration,
     )
 
 
 class _Wrong(NamedTuple):
-    """What is wrong: more than noise, clipped values (in words), and what would explain it."""
+    """What is wrong: more than noise, clipped values (in words), and what would explain it.
+
+    ``notes`` say what is not known of nuisances that were freed.
+    """
 
     misfit: Misfit | None
     clipped: str | None
     diagnosis: tuple[Diagnosis, ...]
+    notes: tuple[str, ...]
 
     @property
     def found(self) -> bool:
@@ -238,18 +178,7 @@ class _Wrong(NamedTuple):
         if self.misfit is not None and self.misfit.found:
             part = "" if self.diagnosis else "; the intervals contain it only in part"
             found.append(self.misfit.sentence() + part)
-        return (*found, *(best.reason for best in self.diagnosis[:1]))
-
-
-def _misfit(end: _End, pool: Observations, shape: Shape | None) -> Misfit | None:
-    """Measure the noise between neighbouring pixels, and what is left above it."""
-    rows = rows_of_three(pool, _ROWS, 0)
-    neighbours = None
-    if len(rows):
-        some = pool.take(rows.ravel())
-        neighbours = Left(some, predict(end.brdf, end.account.scene, some, shape))
-    fitted = Left(end.task.observations, end.predicted)
-    return measure_misfit(fitted, neighbours, None, least=_LEAST_MISFIT)
+        return (*found, *(best.reason for best in self.diagnosis[:1]), *self.notes)
 
 
 def _check_numbers(variant: Parametric) -> None:

@@ -8,9 +8,11 @@
 """
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
+from jaxrender.inverse.blas import one_blas_thread
 from jaxrender.inverse.factorization.correction import change, corrected
 from jaxrender.inverse.factorization.joint import Joint
 from jaxrender.inverse.factorization.projection import reduced_system
@@ -33,7 +35,11 @@ from jaxrender.inverse.factorization.state import (
     round_of,
     weigh_by_noise,
 )
+from jaxrender.shapes import Int
 
+# The search for sources, and the fits along with it, use about this many samples; the last steps
+# use all.
+_ROUND_SAMPLES = 2000
 # Sources added in each round, until there are as many as allowed or they no longer pay.  A few come
 # first: what a fit leaves that lacks them looks like more sources than there are.
 _ROUNDS = (2, 6, 8, 16, 16, 16, 16, 16, 16)
@@ -45,6 +51,26 @@ _LAST_STEPS, _LAST_SOURCES = 4, 8
 _REFINEMENTS, _STILL, _SAME = 8, 3e-4, 0.005
 # Where they end earlier, this much is too little for any error bar to show.
 _NEARLY_STILL, _NEARLY_SAME = 2e-3, 0.2
+
+
+def find_both(
+    task: Task,
+    watch: Callable[[Round], None],
+    stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
+) -> State:
+    """Find light and material: by rounds on some samples, and by the last steps on all."""
+    few = some_samples(task)
+    with stage("light"), one_blas_thread():
+        state = light_the_scene(task.take(few), watch)
+        if len(few) < task.observations.count:
+            state = taken_up(task, state)
+    with stage("refine"), one_blas_thread():
+        return settle(task, state, watch)
+
+
+def some_samples(task: Task, least: int = _ROUND_SAMPLES) -> Int[np.ndarray, "kept"]:
+    """Choose about so many samples, evenly."""
+    return np.arange(0, task.observations.count, max(1, task.observations.count // least))
 
 
 def light_the_scene(task: Task, watch: Callable[[Round], None]) -> State:

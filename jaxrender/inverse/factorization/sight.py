@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.geometry import Shape, SurfacePlaces, visible
 from jaxrender.harmonics import LatLongGrid
-from jaxrender.shapes import AnyArray, Bool, Float
+from jaxrender.shapes import AnyArray, Bool, Float, Int
 
 # Light that a concave object hides from itself is summed over this grid, and no other light.
 _HIDDEN_GRID = LatLongGrid(48, 96)
@@ -25,6 +25,10 @@ class Sight:
     def __init__(self, shape: Shape, places: SurfacePlaces):
         self._shape, self._places = shape, places
         self._known: dict[bytes, Bool[np.ndarray, "sample direction"]] = {}
+
+    def take(self, index: Int[np.ndarray, "kept"]) -> "Sight":
+        """Keep the samples of the given indices."""
+        return Sight(self._shape, SurfacePlaces(*(np.asarray(a)[index] for a in self._places)))
 
     def of(self, towards: Float[AnyArray, "direction 3"]) -> Bool[np.ndarray, "sample direction"]:
         """Trace which of the directions each sample sees."""

@@ -6,7 +6,7 @@ the light is still crude.  They end as those of the noise found in the residuals
 less from the start (Huber's loss): else pixels on shadows' edges would add sources of their own.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -28,7 +28,7 @@ from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import deviations, robust_weights
-from jaxrender.shapes import Array, Bool, Float, as_jax
+from jaxrender.shapes import Array, Bool, Float, Int, as_jax
 
 # Where the search begins when nothing is known: both lobes of the same albedo, a wide lobe.
 START_SIGMA, _START_MU = 0.25, 1.5
@@ -47,7 +47,8 @@ class FactorSettings(NamedTuple):
 
     ``band_limit`` is the degree to which slow light is followed.  None: 10, and farther where the
     photographs hold more than the model and it pays.  ``diagnose`` asks what would explain what is
-    left beyond noise, where all pixels are given.
+    left beyond noise, where all pixels are given.  ``free`` names nuisances of the capture that are
+    found along with material and light; ``auto`` frees what the diagnosis names.
     """
 
     band_limit: int | None = None
@@ -57,6 +58,7 @@ class FactorSettings(NamedTuple):
     noise: NoiseModel | None = None
     loss: str = "huber"
     diagnose: bool = True
+    free: tuple[str, ...] | Literal["auto"] = ()
 
 
 class Known(NamedTuple):
@@ -98,6 +100,14 @@ class Task(NamedTuple):
     sight: Sight | None = None
     known: Known = NOTHING_KNOWN
     settings: FactorSettings = DEFAULTS
+
+    def take(self, index: Int[np.ndarray, "kept"]) -> "Task":
+        """Keep the samples of the given indices."""
+        return self._replace(
+            observations=self.observations.take(index),
+            response=self.response.take(index),
+            sight=None if self.sight is None else self.sight.take(index),
+        )
 
     @property
     def radiance(self) -> Float[np.ndarray, "sample channel"]:
@@ -268,14 +278,19 @@ def weigh_evenly(task: Task, state: State) -> State:
 
 def weigh_by_noise(task: Task, state: State) -> State:
     """Weigh by the noise given, or by that found in the residuals, and by the loss."""
-    assert state.joint is not None
-    found = in_deviations(task, state, state.joint.solved)
+    found = in_deviations(task, state)
     weights = robust_weights(found.left, task.settings.loss) / found.deviation
     return state._replace(weights=weights)
 
 
-def in_deviations(task: Task, state: State, solved: Solved) -> Deviations:
-    """Express residuals in standard deviations of the noise given, or else found in them."""
+def in_deviations(task: Task, state: State, solved: Solved | None = None) -> Deviations:
+    """Express residuals in standard deviations of the noise given, or else found in them.
+
+    They are those of ``solved``, or of where the search stands.
+    """
+    if solved is None:
+        assert state.joint is not None
+        solved = state.joint.solved
     predicted = np.asarray(solved.predicted)
     left, even = task.radiance - predicted, as_pixels(task.observations)
     noise = task.settings.noise or estimate_noise(left[even], predicted[even])

@@ -14,17 +14,16 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
-from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
+from jaxrender.inverse.diagnosis import Suspect
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
-from jaxrender.inverse.factorization.account import parameter_slopes
+from jaxrender.inverse.factorization.account import amplitudes_of, parameter_slopes
 from jaxrender.inverse.factorization.projection import mixed
-from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
-from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.response import Guess, Response, specular_share
 from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
 from jaxrender.inverse.factorization.state import State, Task, free_unknowns, measured, response_of
-from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.observations import Observations
+from jaxrender.lighting import DirectionalSources
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float, Int
 
@@ -33,35 +32,54 @@ _UNKNOWN = ("gain", "environment", "lamps")
 
 
 class Found(NamedTuple):
-    """A material and a light in one gauge, and what they leave."""
+    """A material and a light that were found, in one gauge."""
 
     brdf: Parametric
-    scene: RecoveredScene
+    light: LightParts
     gauge: str
-    misfit: Misfit
+
+    @classmethod
+    def per_channel(cls, task: Task, state: State) -> "Found":
+        """Take both where a search stands, kd + ks = 1 in each channel."""
+        assert state.joint is not None
+        variant, guess, slow = task.response.variant, state.guess, task.response.slow_count
+        share, light = np.asarray(specular_share(guess)), np.asarray(state.joint.solved.light)
+        amplitudes = amplitudes_of(variant, 1 - share, share).values()
+        brdf = task.response.lobe(guess).with_amplitudes(*amplitudes)
+        on = state.active
+        sources = DirectionalSources(np.asarray(guess.directions)[on], light[slow:][on])
+        return cls(brdf, LightParts.found(light[:slow], sources), "per-channel")
 
 
-def explanations(
-    task: Task, state: State, found: Found, pool: Observations, shape: Shape | None
-) -> tuple[Diagnosis, ...]:
-    """Name what would explain what a factorization leaves, the best first; ``pool`` is all pixels.
+class Photographs(NamedTuple):
+    """What was photographed: samples as they were told, all pixels, and the shape if it is known.
 
-    ``shape`` is what the cameras see, concave or not; None where nobody knows.
+    ``freed`` are nuisances by which the samples of a task are corrected.
     """
+
+    told: Observations
+    pool: Observations
+    shape: Shape | None
+    freed: tuple[str, ...] = ()
+
+
+def suspect_of(task: Task, state: State, found: Found, photographs: Photographs) -> Suspect:
+    """Suspect a factorization of where it stands."""
     assert state.joint is not None
-    suspect = Suspect(
+    told, pool, shape, freed = photographs
+    return Suspect(
         task.observations,
         np.asarray(state.joint.solved.predicted),
         np.ones(task.observations.count),
         found.brdf,
-        LightParts.found(found.scene.slow, found.scene.sources),
+        found.light,
         shape,
-        task.observations,
+        told,
         pool,
         partial(derivatives_of, task, state, found.gauge),
+        freed=freed,
         unknown=_UNKNOWN,
     )
-    return diagnose(suspect, found.misfit)
 
 
 def derivatives_of(

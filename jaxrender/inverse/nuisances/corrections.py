@@ -30,6 +30,8 @@ from jaxrender.shapes import AnyArray, Bool, Float
 
 # Samples that a mended camera sees at less than this part of the least exit cosine are left out.
 _LEAST_COSINE = 0.5
+# Values below this part of the level say no more of a response than those at it.
+_DARK = 1e-3
 
 
 class Softening(NamedTuple):
@@ -44,14 +46,14 @@ class Softening(NamedTuple):
 
 
 class Told(NamedTuple):
-    """A capture as it was told: samples, the light, the shape.
+    """A capture as it was told: samples, the light (None where it is unknown), the shape.
 
     What a blur does depends on all of what is seen.  Where one is corrected, ``softening`` says it
     of each sample, by what was found so far.
     """
 
     observations: Observations
-    light: KnownLight
+    light: KnownLight | None
     shape: Shape | None
     softening: Softening | None = None
 
@@ -89,7 +91,7 @@ class Corrections(NamedTuple):
     def none(cls, told: Told) -> "Corrections":
         """Make those of a capture in which nothing is wrong."""
         frames = told.observations.frames
-        groups = len(source_groups(told.light))
+        groups = 0 if told.light is None else len(source_groups(told.light))
         radiance = np.asarray(told.observations.radiance, float)
         return cls(
             np.zeros(frames),
@@ -141,6 +143,15 @@ class Corrections(NamedTuple):
             radiance=values - self.blur * told.softening.added,
             stands_for=np.where(told.softening.inside, observed.pixels, 0.0),
         )
+
+    def slopes(self, told: Told) -> Float[np.ndarray, "sample channel"]:
+        """Say how much farther apart corrected values lie than those that were told."""
+        values = np.asarray(told.observations.radiance, float)
+        slopes = np.ones_like(values)
+        if np.any(self.response):
+            exponent = np.exp(-self.response[0])
+            slopes = exponent * np.maximum(values, _DARK * self.level) ** (exponent - 1)
+        return slopes / np.exp(self.exposure)[np.asarray(told.observations.frame), None]
 
     def geometry(self, told: Told) -> Observations:
         """Correct what samples see, and leave their values."""
@@ -242,8 +253,9 @@ class Corrections(NamedTuple):
         return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
     def light(self, told: Told) -> KnownLight:
-        """Correct the light."""
+        """Correct the light that was told."""
         light = told.light
+        assert light is not None
         directional = light.directional
         directions = np.array(directional.directions, float)
         irradiance = np.array(directional.irradiance, float)

@@ -54,13 +54,14 @@ class TaskEntry:
 
 _NO_GAUGE = "knows the light, so no gauge is open"
 _RECOVERS_LIGHT = "recovers the light itself"
+# Nuisances of a light that is told.
+_OF_LIGHT = ("environment", "lamps", "nearness")
 _OF_KNOWN_LIGHT = {
     "solve.model": "has one frequency model",
     "solve.view_degree": "has one frequency model",
     "solve.transfer": "always filters by exit cosine",
     "solve.free_exposure": "needs known exposures",
     "solve.variants": "compares no variants of a model",
-    "solve.free": "takes the capture as it is told",
     "solve.interreflection": "leaves out bounced light",
 }
 _NO_PRIORS = {
@@ -84,6 +85,7 @@ _UNKNOWN_LIGHT = (
 _TEXTURE = {
     **_OF_KNOWN_LIGHT,
     **_NO_PRIORS,
+    "solve.free": "takes the capture as it is told",
     "solve.loss": "counts squared residuals",
     "solve.most_sources": "looks for no sources",
     "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
@@ -103,7 +105,17 @@ def _given(config: RunConfig) -> dict[str, bool]:
     return {name: value is None or not value.free for name, value in known.items()}
 
 
+def _frees_no_light(config: RunConfig) -> None:
+    light = [name for name in config.solve.free if name in _OF_LIGHT]
+    if light:
+        raise ValueError(
+            f"solve.free: {', '.join(light)} cannot be freed, because the light is not told but "
+            "found; leave it out, or give the light"
+        )
+
+
 def _knows_material(config: RunConfig) -> None:
+    _frees_no_light(config)
     given = _given(config)
     if not all(given.values()):
         missing = ", ".join(name for name, is_given in given.items() if not is_given)
@@ -113,6 +125,7 @@ def _knows_material(config: RunConfig) -> None:
 
 
 def _leaves_a_ratio(config: RunConfig) -> None:
+    _frees_no_light(config)
     given = _given(config)
     if given["kd"] and not MODELS[config.brdf.model].has_specular:
         raise ValueError(

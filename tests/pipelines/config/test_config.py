@@ -147,6 +147,12 @@ LIGHT_TASKS = {
         "task lighting needs a known material; fix ks, mu, or choose task: factorize"
     ),
     "task: lighting\nbrdf: {kd: 0.1, ks: 0.2, sigma: 0.1, mu: none}\n": None,
+    "task: factorize\nsolve: {free: [exposure, camera]}\n": None,
+    "task: factorize\nsolve: {free: auto}\n": None,
+    "task: factorize\nsolve: {free: [lamps, exposure, nearness]}\n": (
+        "solve.free: lamps, nearness cannot be freed, because the light is not told but found; "
+        "leave it out, or give the light"
+    ),
 }
 
 

@@ -16,6 +16,7 @@ def factor_settings(config: RunConfig) -> FactorSettings:
         noise=settings_of(config).noise,
         loss="huber" if config.solve.loss == "auto" else config.solve.loss,
         diagnose=config.solve.diagnose,
+        free=config.solve.free,
     )
 
 

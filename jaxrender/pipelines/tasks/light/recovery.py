@@ -12,12 +12,13 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import Factorization, Observations, factorize
-from jaxrender.inverse.comparison import compare_factorizations, divided
+from jaxrender.inverse.comparison import compare_factorizations
 from jaxrender.inverse.factorization import Round, predict
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
 from jaxrender.lighting import Environment
 from jaxrender.pipelines.arrays import light_group, sample_arrays
+from jaxrender.pipelines.calibration import mended, write_cameras
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import covariance_groups
@@ -54,15 +55,18 @@ _PIXELS_AT_ONCE = 2**14
 
 
 class LightRecovery(Recovery):
-    """A recovered light with its material, known beforehand or recovered along with it."""
+    """A recovered light with its material, known beforehand or recovered along with it.
+
+    ``source`` is the file that named the cameras.
+    """
 
     def __init__(
         self,
         recovered: Recovered,
-        observations: Observations,
         shape: Shape,
+        source: Path,
     ):
-        self.recovered, self.observations, self.shape = recovered, observations, shape
+        self.recovered, self.shape, self.source = recovered, shape, source
         self.found, self.photographs = recovered.found, recovered.photographs
 
     @property
@@ -83,7 +87,14 @@ class LightRecovery(Recovery):
         else:
             images = [self._integrated(view) for view in views]
         # A sum of few degrees may dip below zero where the light is dark.
-        return [np.maximum(image, 0) for image in images]
+        images = [np.maximum(image, 0) for image in images]
+        if self.found.calibration is None:
+            return images
+        corrections = self.found.calibration.corrections
+        for number, view in enumerate(views):
+            shown = corrections.photographed(np.asarray(images[number]), number, view.hit)
+            images[number] = np.where(view.hit[..., None], shown, 0)
+        return images
 
     def arrays(self) -> dict[str, Group]:
         """Lay out the light, the samples that it explains and the material's covariance."""
@@ -97,7 +108,7 @@ class LightRecovery(Recovery):
             irradiance_error=scene.energy_error,
             direction_error=scene.direction_error,
         )
-        samples = Group(sample_arrays(self.observations, self.found.predicted))
+        samples = Group(sample_arrays(self.found.observations, self.found.predicted))
         covariance = covariance_groups(self.found.parameters)
         return {"light": light, "samples": samples, **covariance}
 
@@ -106,6 +117,9 @@ class LightRecovery(Recovery):
         write_environment(folder / "lighting.exr", Environment(self._images.whole))
         write_environment(folder / "lighting_slow.exr", Environment(self._images.slow))
         write_environment(folder / "lighting_deviation.exr", Environment(self._images.deviation))
+        calibration = self.found.calibration
+        if calibration is not None:
+            write_cameras(folder, calibration, self.photographs, self.shape, self.source)
 
     def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
         """Lay out the report."""
@@ -169,20 +183,22 @@ def recover_light(
             )
         found, model = comparison.best.fit, comparison.best.name
         assert isinstance(found, Factorization)
-        # The samples that the best model was fitted to and predicts.
-        observations, _ = divided(observations, held_out, seed)
         progress.note(sentence_of(comparison))
     else:
-        with fault_of(str(config.capture.transforms)):
+        key = "solve.free" if config.solve.free else str(config.capture.transforms)
+        with fault_of(key):
             (asked,) = models
             found = factorize(observations, asked.variant, settings, asked.known, **options)
     gauge = "given" if known else config.brdf.gauge
     if known:
         found = in_given_units(config, found)
-    recovered = Recovered(
-        config.task, model, gauge, found, observations.count, evidence.photographs, comparison
-    )
-    return LightRecovery(recovered, observations, shape)
+    photographs, calibration = evidence.photographs, found.calibration
+    if calibration is not None:
+        photographs = mended(photographs, calibration, shape)
+        progress.note(f"freed: {', '.join(calibration.free)}")
+    recovered = Recovered(config.task, model, gauge, found, photographs, comparison)
+    assert config.capture.transforms is not None
+    return LightRecovery(recovered, shape, config.capture.transforms)
 
 
 def _sentence(round_: Round, width_is_known: bool) -> str:

@@ -5,12 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of
-from jaxrender.inverse import Factorization
+from jaxrender.inverse import Factorization, factorization
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.factorization import RecoveredScene
+from jaxrender.inverse.misfit import Left
+from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.lighting import DirectionalSources
+from jaxrender.pipelines.calibration import by_photograph, calibration_document
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result, causes_of
 from jaxrender.shapes import Float
@@ -18,7 +21,9 @@ from jaxrender.shapes import Float
 # A degree is identifiable if the photographs determine more than this share of it.
 _MOSTLY = 0.5
 # Keys of a config that make up for a cause.
-_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.compare"}
+_KEYS = {
+    name: f"solve.free: [{name}]" for name in NUISANCES if name not in factorization.OF_LIGHT
+} | {"saturation": "capture.saturation", "lobe": "brdf.compare"}
 _GAUGES = {
     "per-channel": "kd + ks = 1 in each channel; light scaled to match",
     "dielectric": "one ks for all channels, mean of kd + ks = 1; light scaled to match",
@@ -28,13 +33,12 @@ _GAUGES = {
 
 
 class Recovered(NamedTuple):
-    """A finished recovery: the task, the model's name, the gauge, the fit and what it used."""
+    """A finished recovery: the task, the model's name, the gauge and the fit."""
 
     task: str
     model: str
     gauge: str
     found: Factorization
-    samples: int
     photographs: list[Photograph]
     comparison: Comparison | None = None
 
@@ -63,6 +67,10 @@ def result_of(recovered: Recovered, shown: DirectionalSources) -> Result:
             for one in found.rounds
         ],
     }
+    fitted = Left(found.observations, found.predicted)
+    own["photographs"] = by_photograph(fitted, recovered.photographs, found.calibration)
+    if found.calibration is not None:
+        own["calibration"] = calibration_document(found.calibration, recovered.photographs)
     if recovered.comparison is not None:
         own["comparison"] = ranking_of(recovered.comparison)
     return Result(
@@ -78,7 +86,7 @@ def result_of(recovered: Recovered, shown: DirectionalSources) -> Result:
         standard_error=words.values(parameters.standard_error),
         identifiable=found.identifiable,
         relative_rms=found.relative_rms,
-        samples=recovered.samples,
+        samples=found.observations.count,
         noise=found.noise,
         lighting=_lighting(recovered, shown),
         photographs=recovered.photographs,

@@ -9,6 +9,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.forecast import MaterialForecast
+from jaxrender.inverse.misfit import Left
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, values_of
@@ -17,7 +18,7 @@ from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.inverse.variants import Variant, model_sensitive, preferred
 from jaxrender.io.netcdf import Group, Variable
 from jaxrender.pipelines.arrays import light_group, sample_arrays
-from jaxrender.pipelines.calibration import by_photograph, calibration_of
+from jaxrender.pipelines.calibration import by_photograph, calibration_document
 from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result, causes_of
@@ -108,12 +109,13 @@ def _own(finding: Finding) -> dict[str, Any]:
     if bounced:
         own["interreflection"] = {**bounced, "sentence": sentence_on(bounced)}
     unknowns = fit.final.problem.unknowns
-    if unknowns.free_gains:
-        gains = np.asarray(fit.parameters.value.gains)
+    gains = np.asarray(fit.parameters.value.gains) if unknowns.free_gains else None
+    if gains is not None:
         own["gains"] = {p.frame.name: float(g) for p, g in zip(finding.photographs, gains)}
-    own["photographs"] = by_photograph(fit, finding.photographs)
+    fitted = Left(fit.final.observations, np.asarray(fit.final.fit.predicted))
+    own["photographs"] = by_photograph(fitted, finding.photographs, fit.calibration, gains)
     if fit.calibration is not None:
-        own["calibration"] = calibration_of(fit.calibration, finding.photographs)
+        own["calibration"] = calibration_document(fit.calibration, finding.photographs)
     if unknowns.free_scale:
         own["scale"] = float(fit.parameters.value.scale)
     return own
