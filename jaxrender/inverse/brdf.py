@@ -94,14 +94,18 @@ class BRDFFit(NamedTuple):
 
     @property
     def bias(self) -> dict[str, Float[np.ndarray, "..."]]:
-        """How far the refinement moved each parameter, relative to its refined value."""
+        """How far the refinement moved each parameter, relative to its refined value.
+
+        Of a value of zero that is not finite.
+        """
         if self.exact is None:
             return {}
         before, after = values_of(self.frequency), values_of(self.exact)
-        return {
-            name: np.asarray(before.of(name)) / np.asarray(after.of(name)) - 1
-            for name in (*after.amplitudes, *after.numbers)
-        }
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return {
+                name: np.asarray(before.of(name)) / np.asarray(after.of(name)) - 1
+                for name in (*after.amplitudes, *after.numbers)
+            }
 
 
 def fit_brdf(

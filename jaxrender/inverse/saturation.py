@@ -30,6 +30,14 @@ def clipped_values(
     return found
 
 
+def clipped_share(pool: Observations) -> float:
+    """Say which part of all values is clipped: all of them where they are one and the same."""
+    radiance = np.asarray(pool.radiance, float)
+    if radiance.size and np.ptp(radiance) <= _SAME * radiance.max():
+        return 1.0
+    return float(np.mean(clipped_values(pool, pool))) if radiance.size else 0.0
+
+
 def saturation_sentence(pool: Observations) -> str | None:
     """Say that values are clipped, and what to do about it; None where none are."""
     share = float(np.mean(clipped_values(pool, pool).any(axis=1))) if pool.count else 0.0

@@ -296,7 +296,7 @@ def _bound(
 ) -> Parameters:
     """Move each value by the 90 % half width, the lobe's numbers by a factor above their origin.
 
-    What the photographs do not bound is infinite, or at the origin.
+    What the photographs do not bound is infinite, or at the origin.  No amplitude is below zero.
     """
     moved = {}
     for name, centre in value.numbers.items():
@@ -307,7 +307,7 @@ def _bound(
         factor = np.where(spread < np.log(_ENDLESS), factor, endless)
         moved[name] = np.asarray(origins[name] + above * factor)
     amplitudes = {
-        name: centre + sign * _NORMAL_90 * error.amplitudes[name]
+        name: np.maximum(centre + sign * _NORMAL_90 * error.amplitudes[name], np.minimum(centre, 0))
         for name, centre in value.amplitudes.items()
     }
     gains, scale = (

@@ -14,6 +14,7 @@ from jaxrender.inverse.photographs import (
     read_photographs,
     trace_photographs,
 )
+from jaxrender.inverse.saturation import clipped_share
 from jaxrender.io import Capture, write_image
 from jaxrender.io.netcdf import Group, write
 from jaxrender.pipelines.caches import capture_folder, is_whole
@@ -49,6 +50,8 @@ from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
+# Photographs of which more than this part of the values is clipped tell nothing.
+_CLIPPED = 0.9
 
 
 class FitReport(NamedTuple):
@@ -85,6 +88,7 @@ def fit(
             return FitReport(found["outcome"], folder, summary_of(found))
         evidence = _load(config, capture, clock, progress)
         _check_not_black(config, evidence)
+        _check_not_clipped(config, evidence)
         task = task_named(config.task)
         task.check(config, evidence)
         if dry_run:
@@ -159,6 +163,16 @@ def _check_not_black(config: RunConfig, evidence: Evidence) -> None:
         raise InputError(
             f"{config.capture.transforms}: every usable pixel is black; check the photographs and "
             "the position of capture.geometry"
+        )
+
+
+def _check_not_clipped(config: RunConfig, evidence: Evidence) -> None:
+    share = clipped_share(evidence.pool)
+    if share > _CLIPPED:
+        raise InputError(
+            f"{config.capture.transforms}: {100 * share:.3g} % of the usable values are clipped: "
+            "they stand at the highest value of their photograph; take the photographs with a "
+            "shorter exposure"
         )
 
 

@@ -10,7 +10,7 @@ import pytest
 from inverse_problems import ball_samples
 
 from jaxrender.inverse import Observations
-from jaxrender.inverse.saturation import clipped_values, saturation_sentence
+from jaxrender.inverse.saturation import clipped_share, clipped_values, saturation_sentence
 
 
 @pytest.fixture
@@ -43,6 +43,16 @@ def test_each_photograph_is_clipped_at_a_value_of_its_own(plain):
     level = np.array([0.7, 0.8, 5.0])[plain.frame, None] * np.array([1.0, 0.9, 1.0])
     clipped = plain._replace(radiance=np.minimum(plain.radiance, level))
     np.testing.assert_array_equal(clipped_values(clipped, clipped), plain.radiance >= level)
+
+
+def test_the_share_of_clipped_values_is_all_where_there_is_one_value(plain):
+    level = np.array([0.7, 0.8, 0.9])[plain.frame, None]
+    clipped = plain._replace(radiance=np.minimum(plain.radiance, level))
+    assert clipped_share(clipped) == pytest.approx(np.mean(plain.radiance >= level))
+    assert clipped_share(plain) == clipped_share(plain.take(np.arange(0))) == 0
+    assert clipped_share(plain._replace(radiance=np.full((600, 3), 0.7))) == 1
+    coloured = np.tile([0.7, 0.6, 0.5], (600, 1))
+    assert clipped_share(plain._replace(radiance=coloured)) == 0
 
 
 def test_it_is_said_with_the_key_to_set(plain):

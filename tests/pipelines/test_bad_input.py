@@ -149,6 +149,13 @@ def black(folder):
         pixel((..., slice(0, 3)), 0, f"images/{number}.exr")(folder)
 
 
+def clipped(folder):
+    for path in sorted((folder / "images").glob("*.exr")):
+        image = read_image(path)
+        values = np.minimum(image.pixels, 0.01)
+        write_any(path, np.concatenate([values, image.alpha[..., None]], axis=-1))
+
+
 MESH = "capture.geometry={mesh: cap/m.obj}"
 TRIANGLE = "v 0 0 0\nv {} 0 0\nv 0 1 0\n"
 LIT_BY = "lighting={environment: {path: cap/e.exr}}"
@@ -220,6 +227,11 @@ CASES = {
         r"images/0\.exr: frame 0: the picture is 16 x 16 pixels, its camera says 20 x 20; scale",
     ),
     "all black": (black, [], r"transforms\.json: every usable pixel is black; check"),
+    "all clipped": (
+        clipped,
+        [],
+        r"transforms\.json: 100 % of the usable values are clipped: they stand at the highest",
+    ),
     "no usable pixel": (
         nothing,
         ["capture.erode=40"],

@@ -114,18 +114,15 @@ def examine(task: Task, state: State, asked: Asked) -> Examined[End]:
     Raises ``ValueError`` for a nuisance that there is none of, or that the photographs leave no
     room for.
     """
-    free = task.settings.free
-    examined = _followed(Examined(End.of(task, state, asked), refused=OF_LIGHT), asked)
+    free, begun = task.settings.free, Examined(End.of(task, state, asked), refused=OF_LIGHT)
     if free == "auto":
-        examined = free_what_is_named(
-            _explained(examined, asked),
+        return free_what_is_named(
+            _explained(_followed(begun, asked), asked),
             lambda now, names: _explained(_freed(now, asked, names), asked),
         )
-    elif free:
-        examined = _explained(_freed(examined, asked, check_free(free)), asked)
-    else:
-        examined = _explained(examined, asked)
-    return examined
+    if free:
+        return _explained(_freed(_measured(begun, asked), asked, check_free(free)), asked)
+    return _explained(_followed(begun, asked), asked)
 
 
 def _freed(examined: Examined[End], asked: Asked, free: tuple[str, ...]) -> Examined[End]:
