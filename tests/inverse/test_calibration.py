@@ -32,6 +32,9 @@ from jaxrender.geometry import (
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf, unknowns_of
 from jaxrender.inverse.calibration import Weighing, check_free
+from jaxrender.inverse.diagnosis.blurring import softening
+from jaxrender.inverse.diagnosis.grounds import Grounds
+from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.unknowns import Stated
 from jaxrender.lighting import DirectionalSources
 
@@ -183,6 +186,18 @@ def test_a_blur_of_samples_that_are_no_pixels_is_refused(clean):
     coarse = clean._replace(pixel=clean.pixel // 12)
     with pytest.raises(ValueError, match="mixes every sample with what lies beside the object"):
         fitted(coarse, ("blur",), diagnose=False)
+
+
+def test_what_a_blur_does_to_a_photograph_of_few_samples_nobody_knows(clean):
+    first = np.flatnonzero(clean.frame == 0)
+    few = clean.take(np.concatenate([first[::50][:5], np.flatnonzero(clean.frame > 0)]))
+    values, one = np.zeros((few.count, 3)), np.ones((few.count, 1))
+    grounds = Grounds(few, values, one, BRDF, LightParts.known(LIGHT), Sphere())
+    found = softening(grounds, 0.2)
+    assert not found.inside[:5].any()
+    assert not found.added[:5].any()
+    assert np.mean(found.inside[5:]) > 0.8
+    assert softening(dataclasses.replace(grounds, observations=few.take(np.arange(5)))) is None
 
 
 def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean):

@@ -86,7 +86,7 @@ NO_ROOM = {
     "object": "nobody says where the samples lie",
     "environment": "the light has no environment",
     "lamps": "the light has no sources",
-    "blur": "nobody says which pixels the samples are, or where they lie",
+    "blur": "nobody says which pixels the samples are, or where they lie, or they are too few",
     "nearness": "the light has no source that stands alone, or nobody says where the samples lie",
 }
 

@@ -24,13 +24,19 @@ _FEWEST = 6
 
 
 def softening(grounds: Grounds, variance: float = 0.0) -> Softening | None:
-    """Say what a blur of some variance adds; None where nobody knows of pixels or places."""
+    """Say what a blur of some variance adds; None where nobody knows of pixels or places.
+
+    Of photographs with a few samples alone nobody knows how far pixels are apart.
+    """
     if not grounds.placed or grounds.observations.pixel is None:
         return None
     assert grounds.shape is not None
-    before = grounds.rays.meet(grounds.shape)
     steps = _pixel_steps(grounds)
-    added, same = np.zeros_like(grounds.predicted), before.hit
+    known = np.any(steps, axis=(0, 2))
+    if not known.any():
+        return None
+    before = grounds.rays.meet(grounds.shape)
+    added, same = np.zeros_like(grounds.predicted), before.hit & known
     places = _places(variance)
     centre = -sum(weight for *_, weight in places) * _seen(grounds, grounds.samples)
     for row, column, weight in places:
@@ -78,7 +84,10 @@ def _seen(grounds: Grounds, samples: SurfaceSamples) -> Float[np.ndarray, "sampl
 
 
 def _pixel_steps(grounds: Grounds) -> Float[np.ndarray, "axis sample 6"]:
-    """Say how rays change from row to row and from column to column: origins, then directions."""
+    """Say how rays change from row to row and from column to column: origins, then directions.
+
+    Zero where too few samples tell.
+    """
     pixel, every = np.asarray(grounds.observations.pixel, float), _flat(grounds.rays)
     steps = np.zeros((2, *every.shape))
     for frame in np.unique(grounds.frame):
