@@ -35,6 +35,7 @@ RUNS = {
     "texture by simplex": f"{_TEXTURE}solve: {{method: simplex}}\n{_LIT}",
     "texture of a known lobe": f"{_TEXTURE}brdf: {{sigma: 0.1, mu: 1.5}}\n{_LIT}",
     "texture of varying sigma": f"task: texture\ntexture: {{size: 8, sigma: varying}}\n{_LIT}",
+    "texture of regions": f"task: texture\ntexture: {{size: 8, regions: regions.png}}\n{_LIT}",
     "texture of lambertian": f"{_TEXTURE}brdf: {{model: lambertian}}\n{_LIT}",
     "texture in the dark": _TEXTURE,
     "texture of lambertian in the dark": _TEXTURE + "brdf: {model: lambertian}\n",

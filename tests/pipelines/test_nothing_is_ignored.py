@@ -129,7 +129,7 @@ def trace(seen, config):
     of = record.of
     fit, found = (
         mock.NonCallableMock(spec=BRDFFit, calibration=None),
-        mock.NonCallableMock(spec=Factorization),
+        mock.NonCallableMock(spec=Factorization, calibration=None),
     )
     best, brightest = (
         mock.NonCallableMock(spec=Comparison, best=SimpleNamespace(fit=one, name="ggx"))
@@ -184,7 +184,9 @@ def trace(seen, config):
             run.fit(config)
         if config.task == "texture":
             written, dark = object.__new__(texture.TextureRecovery), SimpleNamespace(light=None)
-            maps = mock.NonCallableMock(TextureEstimate, light=None, write_maps=of("write_maps"))
+            maps = mock.NonCallableMock(
+                TextureEstimate, light=None, calibration=None, write_maps=of("write_maps")
+            )
             lit = SimpleNamespace(estimate=maps)
             vars(written).update(config=config, lit=lit, evidence=dark)
             written.write_images(Path())

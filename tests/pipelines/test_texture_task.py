@@ -9,9 +9,11 @@
   said; a specular lobe that is not there is not identifiable.
 - A glossy texture under unknown light: sigma, mu and texture within their errors, up to one scale.
 - A sigma that varies over the ball is a map with errors, by which predictions and renderings go.
+- Exposures that differ are named, and found with the paint where they are freed.
 - Bad input is refused in words.
 """
 
+import json
 import shutil
 
 import h5netcdf
@@ -429,20 +431,63 @@ def test_what_is_left_is_said_and_nothing_is_named_where_nothing_is_wrong(found)
     assert low <= exact_low < exact_high <= high
 
 
+GAINS = np.exp(0.08 * np.random.default_rng(1).normal(size=9))
+
+
+def with_gains(ball, folder):
+    """Copy a capture, and let its exposures differ."""
+    shutil.copytree(ball, folder)
+    for path, gain in zip(sorted((folder / "images").iterdir()), GAINS):
+        image = read_image(path)
+        colour = gain * image.pixels
+        write_image(path, np.concatenate([colour, image.alpha[..., None]], axis=-1))
+    return folder
+
+
 def test_exposures_that_differ_are_named(ball, tmp_path):
-    capture = tmp_path / "capture"
-    shutil.copytree(ball, capture)
-    gains = np.exp(0.08 * np.random.default_rng(1).normal(size=9))
-    for path, gain in zip(sorted((capture / "images").iterdir()), gains):
-        pixels = read_image(path)
-        colour = gain * pixels.pixels
-        write_image(path, np.concatenate([colour, pixels.alpha[..., None]], axis=-1))
+    capture = with_gains(ball, tmp_path / "capture")
     out, result = run(capture, TASK)
     assert result["outcome"] == "misfit"
     assert result["diagnosis"][0]["cause"] == "exposure"
+    assert result["diagnosis"][0]["free"] == "solve.free: [exposure]"
     assert "exposures differ" in (out / "report.html").read_text(encoding="utf-8")
     names = arrays(out)
     assert (names["kd_error"] >= names["kd_exact_error"]).all()
     _, silent = run(capture, TASK, "solve.diagnose=false")
     assert silent["diagnosis"] == []
     assert silent["outcome"] == "misfit"
+
+
+@pytest.mark.parametrize(
+    ("paint", "text"),
+    [
+        ("ball", TASK.replace("refine: off", "free: auto")),
+        ("diffuse", DIFFUSE_TASK + "solve: {free: [exposure]}\n"),
+    ],
+)
+def test_exposures_are_found_with_the_paint(paint, text, request, tmp_path):
+    capture = with_gains(request.getfixturevalue(paint), tmp_path / "capture")
+    folder, result = run(capture, text)
+    assert result["outcome"] == "converged"
+    exposure = np.array(result["calibration"]["nuisances"]["exposure"]["value"]) / 100
+    np.testing.assert_allclose(
+        exposure - exposure.mean(), np.log(GAINS) - np.log(GAINS).mean(), atol=0.01
+    )
+    # Predicted are the photographs as they were taken.
+    photograph, predicted = (
+        read_image(path).pixels
+        for path in (capture / "images/2.exr", folder / "images/2_predicted.exr")
+    )
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
+    assert np.median(predicted[inside] / photograph[inside]) == pytest.approx(1, abs=0.01)
+    frames = json.loads((folder / "capture.json").read_text(encoding="utf-8"))["frames"]
+    np.testing.assert_allclose([frame["exposure"] for frame in frames], np.exp(exposure))
+    assert "What was freed" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_a_texture_cannot_free_is_refused(ball):
+    path = write_config(ball, "task: texture\n")
+    with pytest.raises(InputError, match=r"solve\.free: camera, blur cannot be freed"):
+        load_run_config(path, ["solve.free=[camera,exposure,blur]"])
+    with pytest.raises(InputError, match=r"but texture\.regions has several"):
+        load_run_config(path, ["solve.free=[exposure]", "texture.regions=mask.png"])

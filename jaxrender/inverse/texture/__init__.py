@@ -13,6 +13,8 @@
 ``clustered``, ``examination``, ``mixed``, ``judgement``
     errors of sites that know of misfit; what is left above the noise and what would explain it;
     sites of more than one paint; what can be trusted under unknown light
+``free_capture``, ``calibrate``
+    nuisances of a capture found with its paint, on some pixels and then with all of the texture
 ``fit``, ``known_light``
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``
@@ -56,6 +58,7 @@ from jaxrender.inverse.texture.forward import (
     dual_forward,
     exact_forward,
 )
+from jaxrender.inverse.texture.free_capture import STAY
 from jaxrender.inverse.texture.from_photographs import estimate_texture
 from jaxrender.inverse.texture.glossy_light import (
     GlossyLight,
@@ -93,6 +96,7 @@ from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_vi
 from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
+    "STAY",
     "Alternation",
     "Confidence",
     "DiffuseFactors",

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import widened
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.misfit import Misfit
@@ -28,7 +29,7 @@ class TextureFit(NamedTuple):
     ``sigma_error`` and ``mu_error`` are standard errors that know of misfit, ``if_exact`` what they
     would be if the model were exact; mu is NaN for a metal.  ``surface`` says what is left.
     ``misfit`` is what the photographs hold above their noise, where that is known, and
-    ``diagnosis`` what would explain it.
+    ``diagnosis`` what would explain it; ``calibration`` is what was freed.
     """
 
     sigma: float
@@ -44,6 +45,7 @@ class TextureFit(NamedTuple):
     surface: Surface
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
+    calibration: Calibration | None = None
 
     @property
     def texture(self) -> Texture:

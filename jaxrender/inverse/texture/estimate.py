@@ -10,6 +10,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
+from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
@@ -81,7 +82,7 @@ class TextureEstimate(AnyEstimate):
     ``gauge`` says in what units the light is.  ``light`` is a light that was found, and
     ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.
     ``misfit`` is what the photographs of the largest region hold above their noise, and
-    ``diagnosis`` what would explain it.
+    ``diagnosis`` what would explain it; ``calibration`` is what was freed of the capture.
     """
 
     material: UnknownMaterial
@@ -97,6 +98,7 @@ class TextureEstimate(AnyEstimate):
     variation: SigmaMap | None = None
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
+    calibration: Calibration | None = None
 
     @property
     def title(self) -> str:

@@ -18,15 +18,17 @@ from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.known_light import DUAL_ERROR, KnownLight
 from jaxrender.inverse.misfit import LEAST, Left, Misfit, measure_misfit, rows_of_three
-from jaxrender.inverse.models import ExactModel, LinearisedModel
+from jaxrender.inverse.models import ExactModel, LinearisedModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.texture import TRUSTED_MISFIT, Texture
+from jaxrender.inverse.texture.varying import VaryingSigma
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import standard_deviations
-from jaxrender.shapes import Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # Pixels that tell the noise, and those that say what is left above it.
 _NEIGHBOURS, _FITTED = 6000, 12_000
@@ -44,6 +46,8 @@ class Painted(NamedTuple):
     """Photographs of a painted object under a known light, and the site of each pixel.
 
     ``model_of`` is what the sites were solved on; ``seed`` is that of the pixels that are tested.
+    ``freed`` are nuisances by which photographs and light are corrected; ``told`` are the
+    photographs before that, where they are.
     """
 
     observations: Observations
@@ -53,30 +57,40 @@ class Painted(NamedTuple):
     shape: Shape | None
     model_of: ModelOf
     seed: int = 0
+    freed: tuple[str, ...] = ()
+    told: Observations | None = None
+
+    def predicted(self, fit: TextureFit) -> Float[np.ndarray, "sample channel"]:
+        """What each pixel should be; NaN where nothing is known."""
+        surface, radiance = fit.surface, np.asarray(self.observations.radiance, float)
+        predicted = np.full(radiance.shape, np.nan)
+        predicted[surface.index] = radiance[surface.index] - surface.left
+        return predicted
 
 
 def examined(painted: Painted, fit: TextureFit, noise_given: bool, diagnosing: bool) -> TextureFit:
     """Say what a fit leaves, and let its errors reach as far as the best explanation moves it."""
-    surface, radiance = fit.surface, np.asarray(painted.observations.radiance, float)
-    predicted = np.full(radiance.shape, np.nan)
-    predicted[surface.index] = radiance[surface.index] - surface.left
+    radiance, predicted = np.asarray(painted.observations.radiance, float), painted.predicted(fit)
     misfit = misfit_of(
         painted.observations,
         painted.site,
         predicted,
         fit.texture,
         fit.noise if noise_given else None,
-        LEAST if isinstance(painted.model_of(surface.index[:1]), ExactModel) else DUAL_ERROR,
+        LEAST if isinstance(painted.model_of(fit.surface.index[:1]), ExactModel) else DUAL_ERROR,
         painted.seed,
     )
     if misfit is None:
         return fit
     diagnosis: tuple[Diagnosis, ...] = ()
-    tested = _tested(painted, fit)
+    tested = tested_pixels(painted, fit)
     if diagnosing and len(tested):
-        suspect, names = _suspect(painted, fit, tested)
+        some = Tested.of(painted, fit, tested)
+        suspect = some.suspect(painted, fit.noise)
         diagnosis = diagnose(suspect, misfit)
-        fit = _reaching(fit, diagnosis, names)
+        shifts = likeliest(diagnosis)
+        if shifts:
+            fit = reaching(fit, np.stack(shifts, axis=1), some)
         deviation = standard_deviations(misfit.noise, np.nan_to_num(predicted))
         values = len(tested) * radiance.shape[1]
         left = radiance - predicted
@@ -133,7 +147,7 @@ def _some(rows: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray:
     return rows if len(rows) <= most else rows[np.sort(rng.choice(len(rows), most, replace=False))]
 
 
-def _tested(painted: Painted, fit: TextureFit) -> Int[np.ndarray, "tested"]:
+def tested_pixels(painted: Painted, fit: TextureFit) -> Int[np.ndarray, "tested"]:
     """Choose pixels: one of each photograph that shows a site, of sites that many show."""
     texture, rng = fit.texture, np.random.default_rng(painted.seed)
     order = rng.permutation(fit.surface.index)
@@ -147,65 +161,103 @@ def _tested(painted: Painted, fit: TextureFit) -> Int[np.ndarray, "tested"]:
     return np.sort(order[np.isin(site, kept)])
 
 
-class _Names(NamedTuple):
-    """What the columns of a fit's derivatives stand for: sites by channel, sites, and numbers."""
+class Tested(NamedTuple):
+    """Some pixels, the sites that they show, numbered anew, and a material for each of these.
 
+    ``sites`` are the places of these sites on the surface, ``number`` says which of them each pixel
+    shows; ``point`` are the search variables of the lobe, whose numbers ``names`` are free.
+    """
+
+    observations: Observations
     sites: Int[np.ndarray, "tested"]
-    numbers: tuple[str, ...]
-    glossy: bool
+    number: Int[np.ndarray, "sample"]
+    model: Model
+    unknowns: Unknowns | VaryingSigma
+    point: Float[AnyArray, "unknown"]
+    kd: Float[np.ndarray, "tested channel"]
+    ks: Float[np.ndarray, "tested"]
+    names: tuple[str, ...]
 
+    @classmethod
+    def of(cls, painted: Painted, fit: TextureFit, index: Int[np.ndarray, "sample"]) -> "Tested":
+        """Take some pixels of a fit."""
+        sites, number = np.unique(painted.site[index], return_inverse=True)
+        return cls(
+            painted.observations.take(index),
+            sites,
+            number,
+            painted.model_of(index),
+            fit.lobe.of_sites(painted.site[index]),
+            fit.lobe.point,
+            fit.texture.kd[sites],
+            fit.texture.ks[sites],
+            fit.lobe.unknowns.names,
+        )
 
-def _suspect(
-    painted: Painted, fit: TextureFit, index: Int[np.ndarray, "tested"]
-) -> tuple[Suspect, _Names]:
-    """Suspect a fit of what it leaves of some pixels."""
-    observations, texture = painted.observations.take(index), fit.texture
-    sites, number = np.unique(painted.site[index], return_inverse=True)
-    unknowns = fit.lobe.of_sites(painted.site[index])
-    physical = unknowns.unpack(jnp.asarray(fit.lobe.point)).numbers
-    near = LinearisedModel.about(painted.model_of(index), physical)
-    diffuse, specular = np.asarray(near.at.diffuse), np.asarray(near.at.specular)
-    kd, ks = texture.kd[sites][number], texture.ks[sites][number]
-    predicted = kd * diffuse + ks[:, None] * specular
-    names = _Names(sites, fit.lobe.unknowns.names, bool(np.any(specular)))
-    count, channels = diffuse.shape
-    of_site = np.eye(len(sites))[number]
-    columns = [
-        np.einsum("sc,sn,cd->scnd", diffuse, of_site, np.eye(channels)).reshape(count, channels, -1)
-    ]
-    if names.glossy:
-        columns.append(specular[:, :, None] * of_site[:, None, :])
-        slopes = [ks[:, None] * np.asarray(near.slopes[name][0]) for name in names.numbers]
-        columns += [slope[:, :, None] for slope in slopes]
-    by_unknown = np.concatenate(columns, axis=2)
-    radiance = np.asarray(observations.radiance, float)
-    weights = 1 / np.maximum(standard_deviations(fit.noise, predicted), 1e-12)
-    known = Derivatives(
-        weights * (radiance - predicted),
-        weights[:, :, None] * by_unknown,
-        weights,
-        (),
-        np.eye(by_unknown.shape[2]),
-    )
-    lobe = painted.variant.with_roughness(
-        fit.sigma, None if painted.variant.mu is None else jnp.asarray(fit.mu)
-    ).with_amplitudes(np.nanmean(kd, axis=0), np.full(channels, np.nanmean(ks)))
-    paint = np.stack([kd, np.repeat(ks[:, None], channels, axis=1)], axis=1)
-    suspect = Suspect(
-        observations,
-        predicted,
-        np.ones(count),
-        lobe,
-        LightParts.known(painted.light),
-        painted.shape,
-        observations,
-        painted.observations,
-        partial(_of, known),
-        painted.seed,
-        unknown=_NOT_TESTED,
-        paint=paint,
-    )
-    return suspect, names
+    @property
+    def near(self) -> LinearisedModel:
+        """Linearise the model."""
+        return LinearisedModel.about(self.model, self.unknowns.unpack(self._point).numbers)
+
+    @property
+    def _point(self) -> Array:
+        return jnp.asarray(self.point)
+
+    def suspect(
+        self,
+        painted: Painted,
+        noise: NoiseModel,
+        weights: Float[np.ndarray, "sample channel"] | None = None,
+    ) -> Suspect:
+        """Suspect a fit of what it leaves; ``weights`` are those of the noise if not given."""
+        near, number = self.near, self.number
+        diffuse, specular = np.asarray(near.at.diffuse), np.asarray(near.at.specular)
+        kd, ks = self.kd[number], self.ks[number]
+        predicted = kd * diffuse + ks[:, None] * specular
+        (count, channels), sites = diffuse.shape, len(self.sites)
+        of_site = np.eye(sites)[number]
+        by_kd = np.einsum("sc,sn,cd->scnd", diffuse, of_site, np.eye(channels))
+        columns = [by_kd.reshape(count, channels, -1)]
+        if np.any(specular):
+            columns.append(specular[:, :, None] * of_site[:, None, :])
+            columns += [
+                (ks[:, None] * np.asarray(near.slopes[name][0]))[:, :, None] for name in self.names
+            ]
+        by_unknown = np.concatenate(columns, axis=2)
+        radiance = np.asarray(self.observations.radiance, float)
+        if weights is None:
+            weights = 1 / np.maximum(standard_deviations(noise, predicted), 1e-12)
+        known = Derivatives(
+            weights * (radiance - predicted),
+            weights[:, :, None] * by_unknown,
+            weights,
+            (),
+            np.eye(by_unknown.shape[2]),
+        )
+        paint = np.stack([kd, np.repeat(ks[:, None], channels, axis=1)], axis=1)
+        return Suspect(
+            self.observations,
+            predicted,
+            np.ones(count),
+            self._lobe(painted.variant),
+            LightParts.known(painted.light),
+            painted.shape,
+            self.observations if painted.told is None else painted.told,
+            painted.observations,
+            partial(_of, known),
+            painted.seed,
+            freed=painted.freed,
+            unknown=_NOT_TESTED,
+            paint=paint,
+        )
+
+    def _lobe(self, variant: Microfacet) -> Microfacet:
+        """Make one material of all: the lobe, and mean amplitudes."""
+        numbers = self.unknowns.unpack(self._point).numbers
+        sigma = float(np.mean(np.asarray(numbers["sigma"])))
+        mu = None if variant.mu is None else jnp.asarray(numbers.get("mu", variant.mu))
+        kd, ks = np.nanmean(self.kd, axis=0), np.nanmean(self.ks)
+        return variant.with_roughness(sigma, mu).with_amplitudes(kd, np.full(len(kd), ks))
 
 
 def _of(known: Derivatives, index: Int[np.ndarray, "sample"]) -> Derivatives:
@@ -215,34 +267,47 @@ def _of(known: Derivatives, index: Int[np.ndarray, "sample"]) -> Derivatives:
     )
 
 
-def _reaching(fit: TextureFit, diagnosis: tuple[Diagnosis, ...], names: _Names) -> TextureFit:
-    """Widen errors by how far the best explanations move what they are of.
+def reaching(
+    fit: TextureFit,
+    shifts: Float[np.ndarray, "number cause"],
+    some: Tested,
+    *,
+    both: bool = False,
+) -> TextureFit:
+    """Widen errors by how far causes move what they are of, a column each.
 
     Every site's K_d and K_s are taken to move by the part that those of the tested ones do.
+    ``both`` widens the errors of a model that is exact as well.
     """
-    shifts = likeliest(diagnosis)
-    if not shifts:
-        return fit
-    texture, sites = fit.texture, names.sites
+    texture, sites = fit.texture, some.sites
     channels = texture.kd.shape[1]
     kd, ks, sigma, mu = np.zeros(channels), 0.0, 0.0, 0.0
+    glossy = len(shifts) > len(sites) * channels
     # Where the photographs do not tell K_s, its prior holds both, and the columns know of none.
-    told = ~texture.ks_marked[sites] | (not names.glossy)
-    for shift in shifts:
+    told = ~texture.ks_marked[sites] | (not glossy)
+    for shift in shifts.T:
         of_kd, rest = np.split(shift, [len(sites) * channels])
         kd += _part(of_kd.reshape(-1, channels)[told], texture.kd[sites[told]]) ** 2
-        if names.glossy:
+        if glossy:
             of_ks, numbers = np.split(rest, [len(sites)])
             ks += float(_part(of_ks[told, None], texture.ks[sites[told], None])[0]) ** 2
-            moved = dict(zip(names.numbers, numbers))
+            moved = dict(zip(some.names, numbers))
             sigma += float(moved.get("sigma", 0)) ** 2
             mu += float(moved.get("mu", 0)) ** 2
+    by_kd, by_ks = np.sqrt(kd) * texture.kd, np.sqrt(ks) * texture.ks
     wider = texture._replace(
-        kd_error=np.hypot(texture.kd_error, np.sqrt(kd) * texture.kd),
-        ks_error=np.hypot(texture.ks_error, np.sqrt(ks) * texture.ks),
-    ).marked()
+        kd_error=np.hypot(texture.kd_error, by_kd), ks_error=np.hypot(texture.ks_error, by_ks)
+    )
+    if both:
+        wider = wider._replace(
+            kd_exact_error=np.hypot(texture.kd_exact_error, by_kd),
+            ks_exact_error=np.hypot(texture.ks_exact_error, by_ks),
+        )
+        sigma_exact, mu_exact = fit.if_exact
+        exact = float(np.hypot(sigma_exact, np.sqrt(sigma))), float(np.hypot(mu_exact, np.sqrt(mu)))
+        fit = fit._replace(if_exact=exact)
     return fit._replace(
-        surface=fit.surface._replace(texture=wider),
+        surface=fit.surface._replace(texture=wider.marked()),
         sigma_error=float(np.hypot(fit.sigma_error, np.sqrt(sigma))),
         mu_error=float(np.hypot(fit.mu_error, np.sqrt(mu))),
     )

@@ -17,7 +17,8 @@ from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.texture.account import TextureFit
-from jaxrender.inverse.texture.examination import Painted, examined
+from jaxrender.inverse.texture.calibrate import End, recovered
+from jaxrender.inverse.texture.examination import Painted
 from jaxrender.inverse.texture.fit import check_variation, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
@@ -60,16 +61,39 @@ def recover_texture(
     ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on it.  A
     concave ``shape`` casts shadows, and the observations must then have places.  With ``field``
     sigma varies over the surface, which takes ``exact_samples`` too.  What the fit leaves is
-    examined (:mod:`.examination`).
+    examined (:mod:`.examination`), and nuisances are freed as the settings say.
     """
     settings = settings or TextureSettings()
     unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
+    if field is not None and settings.free:
+        raise ValueError("nothing is freed where sigma varies: leave free out, or field")
     if field is not None:
         check_variation(unknowns, settings)
         if not exact:
             raise ValueError(
                 "a sigma that varies is found on the integral alone: give exact_samples above 0"
             )
+
+    def refit(observations: Observations, light: KnownLight) -> End:
+        seen = np.where(observations.pixels > 0, site, -1)
+        return _fitted(observations, seen, count, light, variant, unknowns, settings, shape, field)
+
+    return recovered(observations, light, refit, settings)
+
+
+def _fitted(
+    observations: Observations,
+    site: Int[np.ndarray, "sample"],
+    count: int,
+    light: KnownLight,
+    variant: Microfacet,
+    unknowns: Unknowns,
+    settings: TextureSettings,
+    shape: Shape | None,
+    field: SigmaField | None,
+) -> End:
+    """Fit a texture, and examine nothing."""
+    exact = settings.exact_samples > 0
     measured = by_site(observations, site, count)
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)
@@ -94,7 +118,7 @@ def recover_texture(
         if abs(np.log(_finest(fit) / found)) < _SPLIT_AGAIN or before == found:
             break
     painted = Painted(observations, site, light, variant, whole, forward.final, settings.seed)
-    return examined(painted, fit, settings.noise is not None, settings.diagnose)
+    return End(painted, fit)
 
 
 def _finest(fit: TextureFit) -> float:

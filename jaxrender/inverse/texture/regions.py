@@ -11,13 +11,14 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.shadowing import concave, with_transfer
 from jaxrender.inverse.texture.account import TextureFit
+from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.estimate import (
     RegionLobe,
     TextureEstimate,
     facets_of,
     worst_outcome,
 )
-from jaxrender.inverse.texture.examination import Painted, examined
+from jaxrender.inverse.texture.examination import Painted
 from jaxrender.inverse.texture.fit import fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf
 from jaxrender.inverse.texture.known_light import forward_under, recover_texture
@@ -61,6 +62,11 @@ def under_known_light(
     if concave(sites.shape) is not None:
         observations = with_transfer(observations, sites.shape, light.diffuse_degrees)
     regions, found = sites.regions, []
+    if settings.free and len(regions.names) > 1:
+        raise ValueError(
+            f"{len(regions.names)} regions: nuisances are freed where the surface has one material "
+            "alone; leave free out, or the regions"
+        )
     texture, variation = None, None
     for number, name in enumerate(regions.names):
         site = sites.of_region(number)
@@ -112,6 +118,7 @@ def under_known_light(
         variation=variation,
         misfit=largest.misfit,
         diagnosis=largest.diagnosis,
+        calibration=largest.calibration,
     )
 
 
@@ -162,15 +169,21 @@ def _diffuse(
 ) -> TextureFit:
     """Divide by the irradiance (T 6.1.1, class 1), each site by all its observations."""
     reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
-    forward = forward_under(light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape)
-    without_specular = Forward(*(_without_specular(forward.final) for _ in range(2)))
     unknowns = unknowns_of(variant.as_metal(), {"sigma": Stated(fixed=_NO_LOBE)})
-    measured = by_site(observations, site, sites.count)
-    fit = fit_texture(measured, without_specular, unknowns, settings)
-    painted = Painted(
-        observations, site, light, variant, sites.shape, without_specular.final, settings.seed
-    )
-    return examined(painted, fit, settings.noise is not None, settings.diagnose)
+
+    def refit(observations: Observations, light: KnownLight) -> End:
+        forward = forward_under(
+            light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape
+        )
+        without_specular = Forward(*(_without_specular(forward.final) for _ in range(2)))
+        seen = np.where(observations.pixels > 0, site, -1)
+        fit = fit_texture(
+            by_site(observations, seen, sites.count), without_specular, unknowns, settings
+        )
+        final, seed = without_specular.final, settings.seed
+        return End(Painted(observations, seen, light, variant, sites.shape, final, seed), fit)
+
+    return recovered(observations, light, refit, settings)
 
 
 def _without_specular(model_of: ModelOf) -> ModelOf:

@@ -5,7 +5,7 @@ prediction, and holds K_s by its spread over the sites.  Both are known only aft
 round gives noise and spread to the next; two or three rounds settle both.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -39,7 +39,8 @@ class TextureSettings(NamedTuple):
     ``noise`` is estimated where it is None.  ``method`` is ``joint``, or ``thesis`` for the
     iteration of T 6.4.2.  ``search_samples`` of whole sites are drawn to find sigma and mu.
     ``exact_samples`` are drawn to refine both on the exact model; 0: no exact model is used.
-    ``diagnose`` says whether causes of a misfit are looked for.
+    ``diagnose`` says whether causes of a misfit are looked for.  ``free`` names nuisances that are
+    found with the texture, or is ``"auto"``.
     """
 
     noise: NoiseModel | None = None
@@ -49,6 +50,7 @@ class TextureSettings(NamedTuple):
     exact_samples: int = 2_000
     seed: int = 0
     diagnose: bool = True
+    free: tuple[str, ...] | Literal["auto"] = ()
 
 
 class Searched(NamedTuple):

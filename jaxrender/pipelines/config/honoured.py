@@ -214,6 +214,7 @@ _OF_SETTINGS = (
             "solve.method": "is too much for the simplex",
             "brdf.model": "needs a specular lobe",
             "brdf.sigma.fixed": "finds sigma",
+            "solve.free": "takes the capture as it is told",
         },
         {
             "solve.refine": ("exact",),
@@ -221,6 +222,12 @@ _OF_SETTINGS = (
             "brdf.model": FACET_MODELS,
         },
         instead="choose texture.sigma: even",
+    ),
+    Case(
+        "texture.regions",
+        lambda config: config.texture is not None and config.texture.regions is not None,
+        {"solve.free": "has several materials, and takes the capture as it is told"},
+        instead="remove texture.regions",
     ),
     Case(
         "a specular texture",

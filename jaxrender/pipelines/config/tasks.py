@@ -56,6 +56,8 @@ _NO_GAUGE = "knows the light, so no gauge is open"
 _RECOVERS_LIGHT = "recovers the light itself"
 # Nuisances of a light that is told.
 _OF_LIGHT = ("environment", "lamps", "nearness")
+# Nuisances that a texture does not free: they move what pixels show, or what they see of a lamp.
+_MOVING = ("camera", "object", "scale", "nearness", "blur")
 _OF_KNOWN_LIGHT = {
     "solve.model": "has one frequency model",
     "solve.view_degree": "has one frequency model",
@@ -85,7 +87,6 @@ _UNKNOWN_LIGHT = (
 _TEXTURE = {
     **_OF_KNOWN_LIGHT,
     **_NO_PRIORS,
-    "solve.free": "takes the capture as it is told",
     "solve.loss": "counts squared residuals",
     "solve.most_sources": "looks for no sources",
     "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
@@ -105,12 +106,26 @@ def _given(config: RunConfig) -> dict[str, bool]:
     return {name: value is None or not value.free for name, value in known.items()}
 
 
+def _names(config: RunConfig) -> tuple[str, ...]:
+    """List the nuisances that are freed by name."""
+    return () if isinstance(config.solve.free, str) else config.solve.free
+
+
 def _frees_no_light(config: RunConfig) -> None:
-    light = [name for name in config.solve.free if name in _OF_LIGHT]
+    light = [name for name in _names(config) if name in _OF_LIGHT]
     if light:
         raise ValueError(
             f"solve.free: {', '.join(light)} cannot be freed, because the light is not told but "
             "found; leave it out, or give the light"
+        )
+
+
+def _keeps_sites(config: RunConfig) -> None:
+    moving = [name for name in _names(config) if name in _MOVING and config.knows_light]
+    if moving:
+        raise ValueError(
+            f"solve.free: {', '.join(moving)} cannot be freed with a texture, whose pixels show "
+            "the texels that they are told to show; leave it out"
         )
 
 
@@ -175,9 +190,11 @@ TASKS: Mapping[str, TaskEntry] = {
             "texture.prior": "knows the light, so it needs no prior",
             "brdf.gauge": _NO_GAUGE,
         },
+        check=_keeps_sites,
         dark=_TEXTURE
         | {
             "lighting": _RECOVERS_LIGHT,
+            "solve.free": "takes the capture as it is told",
             "brdf.gauge": "has a gauge of its own",
             "solve.diagnose": "names no causes of a misfit",
             "samples.count": "uses all pixels",

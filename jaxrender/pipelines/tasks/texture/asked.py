@@ -44,6 +44,7 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
             search_samples=samples.count,
             seed=settings.seed,
             diagnose=config.solve.diagnose,
+            free=config.solve.free,
         )
     return TextureSettings(
         settings.noise,
@@ -53,6 +54,7 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
         settings.refine_samples if settings.refine else 0,
         settings.seed,
         config.solve.diagnose,
+        config.solve.free,
     )
 
 

@@ -18,6 +18,7 @@ from jaxrender.inverse.texture import (
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
 from jaxrender.lighting import positive_environment
+from jaxrender.pipelines.calibration import mended, write_cameras
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.progress import Progress
@@ -46,7 +47,7 @@ _ROWS = 64
 
 
 class TextureRecovery(Recovery):
-    """A recovered texture."""
+    """A recovered texture; ``evidence`` is corrected by what was freed."""
 
     def __init__(self, config: RunConfig, evidence: Evidence, lit: LitTexture):
         self.config, self.evidence, self.lit = config, evidence, lit
@@ -63,14 +64,27 @@ class TextureRecovery(Recovery):
 
     def predict(self) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph with the recovered texture, by the dual model."""
-        return self.lit.predict([photograph.view for photograph in self.photographs])
+        views, calibration = [p.view for p in self.photographs], self.estimate.calibration
+        images = self.lit.predict(views)
+        if calibration is None:
+            return images
+        taken = (
+            calibration.corrections.photographed(image, number, view.hit)
+            for number, (image, view) in enumerate(zip(images, views))
+        )
+        return [np.where(view.hit[..., None], one, 0) for one, view in zip(taken, views)]
 
     def arrays(self) -> dict[str, Group]:
         """Lay out every site, the lobe of each region, and the light if it was recovered."""
         return texture_groups(self.estimate)
 
     def write_images(self, folder: Path) -> None:
-        """Write the maps, and the light."""
+        """Write the maps, the light, and cameras and exposures that were mended."""
+        calibration = self.estimate.calibration
+        if calibration is not None:
+            shape, source = self.evidence.shape, self.config.capture.transforms
+            assert source is not None
+            write_cameras(folder, calibration, self.photographs, shape, source)
         self.estimate.write_maps(folder, texture_of(self.config).dilate)
         if self.estimate.light is not None:
             light = positive_environment(*self.estimate.light, _ROWS)
@@ -110,7 +124,8 @@ def recover_texture(
             places += sum(int(np.count_nonzero(p.view.hit)) for p in evidence.photographs)
             field = transfer_field(shape, light.diffuse_degrees, places)
             observations = field.of_observations(observations)
-    with clock.stage("texture"), fault_of(place):
+    key = "solve.free" if config.solve.free else place
+    with clock.stage("texture"), fault_of(key):
         material = material_of(config)
         if light is None:
             settings = unknown_light_settings(config)
@@ -119,7 +134,12 @@ def recover_texture(
             settings, points = known_light_settings(config), control_points(config)
             estimate = under_known_light(observations, sites, light, material, settings, points)
     progress.note(f"texture: {estimate.sentence}")
-    exact = config.solve.refine == "exact"
+    exact, calibration = config.solve.refine == "exact", estimate.calibration
+    if calibration is not None:
+        photographs = mended(evidence.photographs, calibration, shape)
+        light, observations = calibration.light.upright, calibration.observations
+        evidence = evidence._replace(photographs=photographs, light=light)
+        progress.note(f"freed: {', '.join(calibration.free)}")
     lit = LitTexture(estimate, observations, light, exact, field)
     return TextureRecovery(config, evidence, lit)
 

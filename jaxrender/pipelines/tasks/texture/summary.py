@@ -6,12 +6,17 @@ import numpy as np
 
 from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.inverse.texture import RegionLobe, Texture, TextureEstimate
+from jaxrender.inverse.texture import STAY, RegionLobe, Texture, TextureEstimate
+from jaxrender.pipelines.calibration import calibration_document
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.result import Result, causes_of
 
 # Keys of a config that make up for a cause.
-_KEYS = {"saturation": "capture.saturation", "lobe": "brdf.model", "sites": "texture.size"}
+_KEYS = {name: f"solve.free: [{name}]" for name in STAY} | {
+    "saturation": "capture.saturation",
+    "lobe": "brdf.model",
+    "sites": "texture.size",
+}
 # The range of what varies is that of most sites: percentiles.
 _MOST_OF = (5, 95)
 
@@ -26,6 +31,8 @@ def summary_of_texture(
     if any(lobe.name for lobe in estimate.lobes):
         own["regions"] = [_region(lobe) for lobe in estimate.lobes]
     own["diagnosis"] = causes_of(estimate.diagnosis, _KEYS)
+    if estimate.calibration is not None:
+        own["calibration"] = calibration_document(estimate.calibration, photographs)
     exact = _errors(estimate.if_exact)
     own["interval90_if_exact"] = exact["interval90"]
     if estimate.ambiguity:

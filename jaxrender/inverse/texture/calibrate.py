@@ -1,0 +1,177 @@
+"""What is freed of a capture with a texture under known light, by name or as the diagnosis names.
+
+Corrections are found on some pixels; then all of the texture is fitted anew to corrected pixels.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.calibration import (
+    Examined,
+    Weighing,
+    calibration_of,
+    check_free,
+    free_what_is_named,
+    search,
+)
+from jaxrender.inverse.clusters import Clusters
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
+from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.texture.account import TextureFit
+from jaxrender.inverse.texture.examination import (
+    Painted,
+    Tested,
+    examined,
+    reaching,
+    tested_pixels,
+)
+from jaxrender.inverse.texture.free_capture import STAY, FreePaint, columns_of
+from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.search import TextureProblem
+from jaxrender.inverse.weights import standard_deviations
+from jaxrender.shapes import Int
+
+# What all photographs share of these, the paint makes as well.
+_RELATIVE = ("exposure",)
+
+
+class End(NamedTuple):
+    """A texture, and the photographs that it was fitted to."""
+
+    painted: Painted
+    fit: TextureFit
+
+
+# A texture fitted to photographs under a light, not examined yet.
+Refit = Callable[[Observations, KnownLight], End]
+
+
+def recovered(
+    observations: Observations, light: KnownLight, refit: Refit, settings: TextureSettings
+) -> TextureFit:
+    """Fit a texture, examine what it leaves, and free nuisances as the settings say.
+
+    Raises ``ValueError`` for a nuisance that there is none of, or that moves what pixels see.
+    """
+    check_stays(check_free(settings.free))
+    end = refit(observations, light)
+    told = Told(end.painted.observations, light, end.painted.shape)
+    if not settings.free:
+        return _examined(end, settings)
+    others = tuple(name for name in NUISANCES if name not in STAY)
+    begun = Examined(end, refused=others)
+
+    def freed(now: Examined[End], names: tuple[str, ...]) -> Examined[End]:
+        return _freed(now, names, told, refit, settings)
+
+    if settings.free == "auto":
+        fit = _examined(end, settings)
+        begun = dataclasses.replace(
+            begun, end=end._replace(fit=fit), misfit=fit.misfit, diagnosis=fit.diagnosis
+        )
+        found = free_what_is_named(begun, freed)
+    else:
+        found = freed(begun, check_free(settings.free))
+    fit, calibration = found.end.fit, found.calibration
+    if calibration is None:
+        return fit
+    notes = calibration.sentences
+    if settings.free == "auto" and found.unsettled:
+        notes = (*notes, found.unsettled_sentence)
+    return fit._replace(calibration=calibration, reasons=(*fit.reasons, *notes))
+
+
+def check_stays(free: tuple[str, ...]) -> None:
+    """Refuse nuisances that move what pixels see: their sites are taken as told."""
+    for name in free:
+        if name not in STAY:
+            raise ValueError(
+                f"{name} cannot be freed with a texture, whose pixels show the sites that they are "
+                f"told to show; choose of {', '.join(STAY)}"
+            )
+
+
+def _examined(end: End, settings: TextureSettings) -> TextureFit:
+    return examined(end.painted, end.fit, settings.noise is not None, settings.diagnose)
+
+
+def _freed(
+    now: Examined[End],
+    free: tuple[str, ...],
+    told: Told,
+    refit: Refit,
+    settings: TextureSettings,
+) -> Examined[End]:
+    """Free some nuisances, and fit the texture anew."""
+    before, so_far = now.end, now.calibration
+    corrections = Corrections.none(told) if so_far is None else so_far.corrections
+    pixels = before.fit.noise if now.misfit is None else now.misfit.noise
+    index = tested_pixels(before.painted, before.fit)
+    if not len(index):
+        raise ValueError(
+            f"{free[0]} cannot be freed: no site is seen in enough photographs; give more "
+            "photographs, or larger texels"
+        )
+    corrections, settled = _search(before, index, told, free, pixels, corrections)
+    light = corrections.light(told)
+    after = refit(corrections.observations(told), light.upright)
+    painted = after.painted._replace(freed=free, told=told.observations)
+    index = tested_pixels(painted, after.fit)
+    some = Tested.of(painted, after.fit, index)
+    calibration = calibration_of(
+        told,
+        corrections,
+        columns_of(painted, some, corrections, free, after.fit.noise),
+        Clusters.of(painted.observations.take(index)),
+        settled,
+        found="the paint",
+        relative=_RELATIVE,
+    )
+    calibration = calibration._replace(absorbed=_absorbed(before, after, pixels))
+    wider = reaching(after.fit, calibration.shifts, some, both=True)
+    fit = _examined(End(painted, wider), settings)
+    return Examined(End(painted, fit), fit.misfit, fit.diagnosis, calibration)
+
+
+def _search(
+    before: End,
+    index: Int[np.ndarray, "sample"],
+    told: Told,
+    free: tuple[str, ...],
+    pixels: NoiseModel,
+    corrections: Corrections,
+) -> tuple[Corrections, bool]:
+    """Find corrections on some pixels; say whether they have settled."""
+    painted, fit = before
+    few = told._replace(observations=told.observations.take(index))
+    predicted = painted.predicted(fit)[index]
+    weights = corrections.slopes(few) / standard_deviations(fit.noise, predicted)
+    capture = FreePaint(
+        painted,
+        Tested.of(painted, fit, index),
+        TextureProblem(fit.lobe.unknowns, fit.prior, np.asarray(False)),
+        few,
+        free,
+        Weighing.of(fit.noise, pixels, predicted),
+        weights,
+        fit.sigma,
+    )
+    found, settled = search(capture, capture.fitted(corrections, fit.lobe.point))
+    return found.corrections, settled
+
+
+def _absorbed(before: End, after: End, pixels: NoiseModel) -> float:
+    """Say which part of chi-squared above the noise of single pixels corrections do away with."""
+    index = tested_pixels(*before)
+    predicted = [one.painted.predicted(one.fit)[index] for one in (before, after)]
+    weighing = Weighing.of(before.fit.noise, pixels, predicted[0])
+    left = [
+        weighing.above_noise(one.painted.observations.take(index), values)
+        for one, values in zip((before, after), predicted)
+    ]
+    return 1 - left[1] / left[0] if left[0] > 0 else 1.0
