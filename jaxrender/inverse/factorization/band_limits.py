@@ -78,8 +78,12 @@ def with_samples(
     return Task(observations, response, sight, known, settings)
 
 
-def followed_farther(task: Task, state: State, hiding: Shape | None) -> tuple[Task, State] | None:
+def followed_farther(
+    task: Task, state: State, hiding: Shape | None, excess: float = 1.0
+) -> tuple[Task, State] | None:
     """Follow slow light to the degree that the lobe may show, where that pays; else None.
+
+    ``excess`` is how many times the variance of noise the samples' weights stand for.
 
     It pays where other photographs of the same would be predicted better then.  A degree that was
     stated stays.  So does that of a material without a frequency view: its integrals are made for
@@ -95,14 +99,14 @@ def followed_farther(task: Task, state: State, hiding: Shape | None) -> tuple[Ta
     variant, known = task.response.variant, task.known
     finer = task_of(task.observations, variant, task.settings, known, hiding, degree)
     there = relit(finer, state)
-    if _criterion(finer, there) >= _criterion(task, state):
+    if _criterion(finer, there, excess) >= _criterion(task, state, excess):
         return None
     # Slow light has now what most sources stood for: those that still pay are found anew.
     bare = at_standstill(finer, there._replace(active=np.zeros_like(state.active)))
     return finer, add_sources(finer, bare, _SOURCES)
 
 
-def _criterion(task: Task, state: State) -> float:
+def _criterion(task: Task, state: State, excess: float) -> float:
     """Compute Akaike's criterion: chi-squared, and twice the number of coefficients that it took.
 
     What is expected of the light holds a coefficient in part, so that it counts in part.
@@ -112,7 +116,7 @@ def _criterion(task: Task, state: State) -> float:
     held = float(np.sum(penalty * np.asarray(solved.light) ** 2))
     inverse = np.linalg.inv(np.asarray(solved.normal))
     free = 1 - penalty.T * np.einsum("crp,crp->cp", inverse, inverse)
-    return 2 * float(solved.cost) - held + 2 * float(free.sum())
+    return excess * (2 * float(solved.cost) - held) + 2 * float(free.sum())
 
 
 def _check_enough(samples: int, band_limit: int) -> None:

@@ -35,7 +35,7 @@ from jaxrender.shapes import Float
 # sources: less of the radiance than this it may leave without being wrong.
 _ROWS, _LEAST_MISFIT = 1000, 0.01
 # Where more of chi-squared than this is no noise, slow light is tried to more degrees.
-_WORTH_FOLLOWING = 0.1
+_WORTH_FOLLOWING, _GROSS = 0.1, 0.5
 
 
 class Asked(NamedTuple):
@@ -157,7 +157,9 @@ def _followed(examined: Examined[End], asked: Asked) -> Examined[End]:
     if misfit is None or misfit.share < _WORTH_FOLLOWING:
         return examined
     with asked.stage("refine"), one_blas_thread():
-        farther = followed_farther(end.task, end.state, concave(asked.shape))
+        # What is gross is hardly the light's.
+        excess = 1 / (1 - min(misfit.share, _GROSS))
+        farther = followed_farther(end.task, end.state, concave(asked.shape), excess)
         if farther is None:
             return examined
         task, state = farther[0], settle(*farther, asked.watch)
