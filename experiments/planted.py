@@ -45,8 +45,8 @@ class World(NamedTuple):
 
     ``bump`` are coefficients of a displacement whose gradient turns the normals (radians).  A lamp
     of ``nearness`` 0 is infinitely far; else it stands at 1 / nearness.  ``patch`` is another
-    material, and ``where`` says at which points it is.  ``defocus`` is the standard deviation of
-    the blur at the rim, in pixels, where cameras are focused on the nearest point.
+    material, and ``where`` says which part of it is at each point.  ``defocus`` is the standard
+    deviation of the blur at the rim, in pixels, where cameras are focused on the nearest point.
     """
 
     cameras: list[Camera]
@@ -153,7 +153,8 @@ def _radiance(
     if world.patch is None:
         return whole
     other = integrated(world, world.patch, points, normals, outgoing)
-    return np.where(world.where(points)[:, None], other, whole)
+    part = world.where(points)[:, None]
+    return part * other + (1 - part) * whole
 
 
 def integrated(
@@ -389,7 +390,18 @@ def checkered(points: np.ndarray) -> np.ndarray:
     return (row + column) % 2 == 1
 
 
-def painted(name: str | None, size: float = 0.0, seed: int = 0) -> Case:
+def marbled(points: np.ndarray) -> np.ndarray:
+    """Say which part of the second paint is at each point: veins that are soft."""
+    x, y, z = unit(points).T
+    return 0.5 + 0.5 * np.sin(6 * x + 2 * np.sin(5 * y) + 4 * z)
+
+
+def painted(
+    name: str | None,
+    size: float = 0.0,
+    seed: int = 0,
+    where: Callable[[np.ndarray], np.ndarray] = checkered,
+) -> Case:
     """Make photographs of a ball of two paints of one lobe, with a fault; truth is the first."""
     told = clean(seed)
     rng = np.random.default_rng(3000 + seed)
@@ -397,6 +409,6 @@ def painted(name: str | None, size: float = 0.0, seed: int = 0) -> Case:
     first = true.material
     assert isinstance(first, Microfacet)
     second = first.with_amplitudes(OTHER_KD * first.kd, OTHER_KS * first.ks)
-    pool = photographs(true._replace(patch=second, where=checkered), told, seed)
+    pool = photographs(true._replace(patch=second, where=where), told, seed)
     known = KnownLight(told.environment, DirectionalSources(told.lamp[None], told.irradiance[None]))
     return Case(pool, known, told.shape, told.cameras, first)

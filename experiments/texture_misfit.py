@@ -83,7 +83,7 @@ def sites_of_ball(points: np.ndarray, shape) -> SurfaceSites:
     site = texel_sites(sphere_coordinates((points - shape.center) / shape.radius), image)
     count = ROWS * 2 * ROWS
     regions = Regions(np.zeros(count, int), ("",))
-    return SurfaceSites(site, (), count, image, shape, np.full((count, 3), np.nan), regions)
+    return SurfaceSites(site, count, image, shape, np.full((count, 3), np.nan), regions)
 
 
 def true_texels() -> tuple[np.ndarray, np.ndarray]:

@@ -25,6 +25,13 @@ def traced(
     return transfer_vectors(shape, places, normals, band_limit).values
 
 
+def with_field(observations: Observations, shape: Shape, band_limit: int) -> Observations:
+    """Give observations their transfer vectors by a field, unless they have them already."""
+    if observations.transfer is not None:
+        return observations
+    return TransferField.of(shape, band_limit, observations.count).of_observations(observations)
+
+
 class TransferField(NamedTuple):
     """Transfer vectors anywhere on a shape, to the degree ``band_limit``.
 

@@ -37,7 +37,7 @@ def texture(image=IMAGE, seed=0):
     return rng.uniform(0.04, 0.3, (count, 3)), 0.2 * np.exp(rng.normal(0, 0.3, count))
 
 
-def views(count=8, pixels=PIXELS):
+def cameras(count=8, pixels=PIXELS):
     """Look at the unit ball from a ring, by turns from above and below."""
     azimuth = 2 * np.pi * np.arange(count) / count + 0.1
     height = np.where(np.arange(count) % 2 == 0, 0.9, -0.5)
@@ -45,7 +45,12 @@ def views(count=8, pixels=PIXELS):
     up = np.array([0.0, 0.0, 1.0])
     poses = [look_at(4 * t, np.zeros(3), up) for t in towards]
     scale = 2.02 / pixels
-    return [observe(Orthographic(pixels, pixels, pose, scale=scale), BALL) for pose in poses]
+    return [Orthographic(pixels, pixels, pose, scale=scale) for pose in poses]
+
+
+def views(count=8, pixels=PIXELS):
+    """See the unit ball from there."""
+    return [observe(camera, BALL) for camera in cameras(count, pixels)]
 
 
 BALL = Sphere()

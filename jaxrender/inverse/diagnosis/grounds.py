@@ -103,7 +103,8 @@ class Suspect(NamedTuple):
     ``predicted`` contains and ``light`` does not.  ``derivatives`` are those of samples of given
     indices.  ``freed`` are nuisances that the fit has freed: ``observations`` and the light are
     corrected by them.  ``unknown`` are causes that the fit does not take for granted.  ``paint``
-    are the amplitudes at each sample, where they are not the same everywhere.
+    are the amplitudes at each sample, where they are not the same everywhere, and ``by_place`` how
+    the prediction changes with the place that a pixel shows, as they do.
     """
 
     observations: Observations
@@ -119,6 +120,7 @@ class Suspect(NamedTuple):
     freed: tuple[str, ...] = ()
     unknown: tuple[str, ...] = ()
     paint: Float[np.ndarray, "sample lobe channel"] | None = None
+    by_place: Float[np.ndarray, "sample channel 3"] | None = None
 
     @classmethod
     def of(
@@ -163,6 +165,7 @@ class Grounds:
     light: LightParts
     shape: Shape | None
     paint: Float[np.ndarray, "sample lobe channel"] | None = None
+    by_place: Float[np.ndarray, "sample channel 3"] | None = None
 
     @classmethod
     def of(cls, suspect: "Suspect", index: Int[np.ndarray, "sample"]) -> "Grounds":
@@ -175,6 +178,7 @@ class Grounds:
             suspect.light,
             suspect.shape,
             None if suspect.paint is None else suspect.paint[index],
+            None if suspect.by_place is None else suspect.by_place[index],
         )
 
     @cached_property
@@ -194,6 +198,7 @@ class Grounds:
             predicted=self.predicted[kept],
             gain=self.gain[kept],
             paint=None if self.paint is None else self.paint[kept],
+            by_place=None if self.by_place is None else self.by_place[kept],
         )
 
     @cached_property
@@ -318,9 +323,13 @@ class Grounds:
         assert self.shape is not None
         before, hits = self.rays.meet(self.shape), rays.meet(self.shape)
         # Normals may have been mended since they were traced: what counts is how they change.
-        same = same_part(before, hits)
+        same = same_part(before, hits)[:, None]
         changes = (hits.normals - before.normals, -rays.directions - self.outgoing)
-        return self.moved(Movement(*(np.where(same[:, None], c, 0) / STEP for c in changes)))
+        found = self.moved(Movement(*(np.where(same, c, 0) / STEP for c in changes)))
+        if self.by_place is None:
+            return found
+        aside = np.where(same, hits.points - before.points, 0) / STEP
+        return found + self.gain * np.einsum("sci,si->sc", self.by_place, aside)
 
 
 def gain_of(stop: Stop, frame: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"]:

@@ -156,7 +156,7 @@ class Corrections(NamedTuple):
     def geometry(self, told: Told) -> Observations:
         """Correct what samples see, and leave their values."""
         observed = told.observations
-        if self._moves_rays:
+        if self.moves_rays:
             observed = self._retraced(told, observed)
         if np.any(self.normals):
             turned = self._bent(np.asarray(observed.samples.normals, float))
@@ -164,7 +164,8 @@ class Corrections(NamedTuple):
         return observed
 
     @property
-    def _moves_rays(self) -> bool:
+    def moves_rays(self) -> bool:
+        """Whether pixels show other places than they were told to show."""
         return bool(np.any(self.camera) or np.any(self.object) or np.any(self.scale))
 
     def _retraced(self, told: Told, observed: Observations) -> Observations:
@@ -193,6 +194,7 @@ class Corrections(NamedTuple):
                 chosen(hits.geometric_normals, places.geometric_normals),
             ),
             stands_for=np.where(kept, observed.pixels, 0.0),
+            transfer=None,
             eyes=None if observed.eyes is None else self.eyes(np.asarray(observed.eyes), shape),
         )
 

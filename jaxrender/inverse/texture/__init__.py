@@ -58,7 +58,7 @@ from jaxrender.inverse.texture.forward import (
     dual_forward,
     exact_forward,
 )
-from jaxrender.inverse.texture.free_capture import STAY
+from jaxrender.inverse.texture.free_capture import NEVER
 from jaxrender.inverse.texture.from_photographs import estimate_texture
 from jaxrender.inverse.texture.glossy_light import (
     GlossyLight,
@@ -96,7 +96,7 @@ from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_vi
 from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
-    "STAY",
+    "NEVER",
     "Alternation",
     "Confidence",
     "DiffuseFactors",

@@ -24,6 +24,8 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
+from jaxrender.inverse.texture.paint_slopes import PaintSlopes
+from jaxrender.inverse.texture.sites import middles
 from jaxrender.inverse.texture.texture import TRUSTED_MISFIT, Texture
 from jaxrender.inverse.texture.varying import VaryingSigma
 from jaxrender.inverse.unknowns import Unknowns
@@ -83,7 +85,7 @@ def examined(painted: Painted, fit: TextureFit, noise_given: bool, diagnosing: b
     if misfit is None:
         return fit
     diagnosis: tuple[Diagnosis, ...] = ()
-    tested = tested_pixels(painted, fit)
+    tested = chosen_pixels(painted, fit)
     if diagnosing and len(tested):
         some = Tested.of(painted, fit, tested)
         suspect = some.suspect(painted, fit.noise)
@@ -147,8 +149,11 @@ def _some(rows: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray:
     return rows if len(rows) <= most else rows[np.sort(rng.choice(len(rows), most, replace=False))]
 
 
-def tested_pixels(painted: Painted, fit: TextureFit) -> Int[np.ndarray, "tested"]:
-    """Choose pixels: one of each photograph that shows a site, of sites that many show."""
+def chosen_pixels(painted: Painted, fit: TextureFit, times: int = 1) -> Int[np.ndarray, "tested"]:
+    """Choose pixels: one of each photograph that shows a site, of sites that many show.
+
+    So many ``times`` as many are chosen as causes are tested on.
+    """
     texture, rng = fit.texture, np.random.default_rng(painted.seed)
     order = rng.permutation(fit.surface.index)
     site, frame = painted.site[order], np.asarray(painted.observations.frame)[order]
@@ -156,8 +161,9 @@ def tested_pixels(painted: Painted, fit: TextureFit) -> Int[np.ndarray, "tested"
     order, site = order[first], site[first]
     views = np.bincount(site, minlength=len(texture.seen))
     good = (views >= _FEWEST_VIEWS) & (texture.misfit <= TRUSTED_MISFIT)
-    chosen = rng.permutation(np.flatnonzero(good))[:_MOST_SITES]
-    kept = chosen[: int(np.searchsorted(np.cumsum(views[chosen]), _TESTED, side="right"))]
+    chosen = rng.permutation(np.flatnonzero(good))[: times * _MOST_SITES]
+    most = times * _TESTED
+    kept = chosen[: int(np.searchsorted(np.cumsum(views[chosen]), most, side="right"))]
     return np.sort(order[np.isin(site, kept)])
 
 
@@ -166,6 +172,8 @@ class Tested(NamedTuple):
 
     ``sites`` are the places of these sites on the surface, ``number`` says which of them each pixel
     shows; ``point`` are the search variables of the lobe, whose numbers ``names`` are free.
+    ``slopes`` say how paint changes beside the sites, where it is known where pixels lie, and
+    ``beside`` what pixels send for that.
     """
 
     observations: Observations
@@ -177,11 +185,17 @@ class Tested(NamedTuple):
     kd: Float[np.ndarray, "tested channel"]
     ks: Float[np.ndarray, "tested"]
     names: tuple[str, ...]
+    slopes: PaintSlopes | None = None
+    beside: Float[np.ndarray, "sample channel"] | None = None
 
     @classmethod
     def of(cls, painted: Painted, fit: TextureFit, index: Int[np.ndarray, "sample"]) -> "Tested":
         """Take some pixels of a fit."""
         sites, number = np.unique(painted.site[index], return_inverse=True)
+        places, slopes = painted.observations.places, None
+        if places is not None:
+            every = middles(np.asarray(places.points), painted.site, len(fit.texture.seen))
+            slopes = PaintSlopes.of(fit.texture, every, sites)
         return cls(
             painted.observations.take(index),
             sites,
@@ -192,6 +206,7 @@ class Tested(NamedTuple):
             fit.texture.kd[sites],
             fit.texture.ks[sites],
             fit.lobe.unknowns.names,
+            slopes,
         )
 
     @property
@@ -214,6 +229,8 @@ class Tested(NamedTuple):
         diffuse, specular = np.asarray(near.at.diffuse), np.asarray(near.at.specular)
         kd, ks = self.kd[number], self.ks[number]
         predicted = kd * diffuse + ks[:, None] * specular
+        if self.beside is not None:
+            predicted = predicted + self.beside
         (count, channels), sites = diffuse.shape, len(self.sites)
         of_site = np.eye(sites)[number]
         by_kd = np.einsum("sc,sn,cd->scnd", diffuse, of_site, np.eye(channels))
@@ -249,6 +266,7 @@ class Tested(NamedTuple):
             freed=painted.freed,
             unknown=_NOT_TESTED,
             paint=paint,
+            by_place=None if self.slopes is None else self.slopes.of_samples(near.at, number),
         )
 
     def _lobe(self, variant: Microfacet) -> Microfacet:

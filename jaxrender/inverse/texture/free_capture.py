@@ -1,11 +1,12 @@
 """A capture of a painted object under known light of which something is free, and its paint.
 
-It is looked at through some pixels: one of each photograph for each of some sites.  These pixels
-keep their sites, so that nothing is free that would move what they see.
+It is looked at through some pixels: one of each photograph for each of some sites.  Each of them
+keeps its site here; where it is moved, it shows what lies beside (``paint_slopes``).
 """
 
 import dataclasses
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -23,15 +24,19 @@ from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.search import LobeFit, TextureProblem, refine, search
 from jaxrender.shapes import AnyArray, Float
 
-# Nuisances that leave what pixels see where it is.
-STAY = ("exposure", "environment", "lamps", "black", "response", "normals")
+# Nuisances that move what pixels see, and those that a texture does not free: its sites are found
+# under distant light, from sharp pixels.
+MOVING, NEVER = {"camera", "object", "scale"}, ("nearness", "blur")
 # The light is condensed to cells of so many widths of the lobe.
 _CELLS = 0.35
 
 
 @dataclasses.dataclass(frozen=True)
 class Repainted(Corrected):
-    """Corrections, and the paint and the lobe that fit best with them."""
+    """Corrections, and the paint and the lobe that fit best with them.
+
+    ``beside`` is what pixels send because they show what lies beside their sites.
+    """
 
     corrections: Corrections
     light: KnownLight
@@ -39,12 +44,14 @@ class Repainted(Corrected):
     model: Model
     data: SiteData
     fit: LobeFit
+    beside: Float[np.ndarray, "sample channel"] | None
     cost: float
 
     @property
     def predicted(self) -> Float[np.ndarray, "sample channel"]:
         """What the pixels should be."""
-        return np.asarray(self.fit.predicted)
+        predicted = np.asarray(self.fit.predicted)
+        return predicted if self.beside is None else predicted + self.beside
 
     @property
     def weights(self) -> Float[np.ndarray, "sample channel"]:
@@ -87,11 +94,17 @@ class FreePaint(Capture[Repainted]):
         data = SiteData(radiance, weights, self.some.number, len(self.some.sites))
         numbers = self.problem.unknowns.unpack(jnp.asarray(start)).numbers
         near = LinearisedModel.about(model, numbers)
+        beside = None
+        if self.some.slopes is not None and MOVING & {*self.free}:
+            assert observed.places is not None
+            points = np.asarray(observed.places.points)
+            beside = self.some.slopes.beside(near.at, self.some.number, points)
+            data = eqx.tree_at(lambda data: data.radiance, data, radiance - beside)
         begun = search(self.problem, near, data, np.asarray(start)[None])
         fit = refine(self.problem, model, data, begun)
         cost = 2 * self.weighing.strength * float(fit.cost)
         pull = Pull.of(corrections, *self.free).cost
-        return Repainted(corrections, light, observed, model, data, fit, cost + pull)
+        return Repainted(corrections, light, observed, model, data, fit, beside, cost + pull)
 
     def columns(self, state: Repainted) -> Columns:
         """Differentiate by paint and lobe, and by all that is free."""
@@ -102,6 +115,7 @@ class FreePaint(Capture[Repainted]):
             point=state.fit.point,
             kd=np.asarray(material.kd),
             ks=np.asarray(material.ks),
+            beside=state.beside,
         )
         painted = self.painted._replace(light=state.light, told=self.told.observations)
         noise = self.weighing.noise

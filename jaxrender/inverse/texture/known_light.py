@@ -15,7 +15,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.known_light import KnownLight, exact_nodes, prepare_light
 from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of, with_transfer
+from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.examination import Painted
@@ -23,7 +23,9 @@ from jaxrender.inverse.texture.fit import check_variation, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField
+from jaxrender.inverse.transfer_field import with_field
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FACETS, FrameNodes
@@ -53,6 +55,7 @@ def recover_texture(
     settings: TextureSettings | None = None,
     shape: Shape | None = None,
     field: SigmaField | None = None,
+    sites: SurfaceSites | None = None,
 ) -> TextureFit:
     """Recover K_d and K_s of every site of an object of one material.
 
@@ -61,7 +64,8 @@ def recover_texture(
     ``exact_samples``, sigma and mu are refined on the integral, and the sites solved on it.  A
     concave ``shape`` casts shadows, and the observations must then have places.  With ``field``
     sigma varies over the surface, which takes ``exact_samples`` too.  What the fit leaves is
-    examined (:mod:`.examination`), and nuisances are freed as the settings say.
+    examined (:mod:`.examination`), and nuisances are freed as the settings say.  ``sites`` are
+    needed where that moves what pixels show.
     """
     settings = settings or TextureSettings()
     unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
@@ -74,11 +78,12 @@ def recover_texture(
                 "a sigma that varies is found on the integral alone: give exact_samples above 0"
             )
 
-    def refit(observations: Observations, light: KnownLight) -> End:
-        seen = np.where(observations.pixels > 0, site, -1)
-        return _fitted(observations, seen, count, light, variant, unknowns, settings, shape, field)
+    def refit(
+        observations: Observations, site: Int[np.ndarray, "sample"], light: KnownLight
+    ) -> End:
+        return _fitted(observations, site, count, light, variant, unknowns, settings, shape, field)
 
-    return recovered(observations, light, refit, settings)
+    return recovered(observations, site, light, refit, settings, sites)
 
 
 def _fitted(
@@ -100,7 +105,7 @@ def _fitted(
     found = float(np.clip(_ROUGH_SIGMA, low, high))
     whole, shape = shape, concave(shape)
     if shape is not None:
-        observations = with_transfer(observations, shape, light.diffuse_degrees)
+        observations = with_field(observations, shape, light.diffuse_degrees)
     rough = forward_under(
         light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
     )

@@ -12,6 +12,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
 from jaxrender.inverse.texture.known_light import site_cells
+from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.unknown_light import model_under
 from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.lighting import LightNodes
@@ -49,13 +50,13 @@ class LitTexture(NamedTuple):
         self, views: Sequence[SurfaceView]
     ) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph, given what its camera sees, as the sites were solved."""
-        pixels = _Pixels.of(views, self.estimate.sites.of_photograph)
+        pixels = _Pixels.of(views, self.estimate.sites)
         values = np.zeros((len(pixels.site), self.estimate.texture.kd.shape[1]))
         for lobe in self.estimate.lobes:
             own = pixels.site >= 0
             own &= self.estimate.sites.regions.of_site[pixels.site] == lobe.number
             model_of = self._model_of(lobe)
-            for number, rows in self._by_light(pixels, own):
+            for number, rows in self._by_light(pixels, own, len(views)):
                 samples = SurfaceSamples(*(part[rows] for part in pixels.samples))
                 places = SurfacePlaces(*(part[rows] for part in pixels.places))
                 site = pixels.site[rows]
@@ -75,14 +76,13 @@ class LitTexture(NamedTuple):
         return images
 
     def _by_light(
-        self, pixels: "_Pixels", own: Bool[np.ndarray, "pixel"]
+        self, pixels: "_Pixels", own: Bool[np.ndarray, "pixel"], frames: int
     ) -> list[tuple[int, Int[np.ndarray, "row"]]]:
         """List photographs that have a light of their own, or one for all, with their pixels."""
         if self.light is None or self.light.per_frame is None:
             return [(0, np.flatnonzero(own))]
         return [
-            (number, np.flatnonzero(own & (pixels.frame == number)))
-            for number in range(len(self.estimate.sites.of_photograph))
+            (number, np.flatnonzero(own & (pixels.frame == number))) for number in range(frames)
         ]
 
     def _model_of(self, lobe: RegionLobe) -> ModelOf:
@@ -141,14 +141,12 @@ class _Pixels(NamedTuple):
     site: Int[np.ndarray, "pixel"]
 
     @classmethod
-    def of(
-        cls, views: Sequence[SurfaceView], sites: Sequence[Int[np.ndarray, "row column"]]
-    ) -> "_Pixels":
+    def of(cls, views: Sequence[SurfaceView], sites: SurfaceSites) -> "_Pixels":
         hits = [view.hit for view in views]
         samples = SurfaceSamples(
             np.concatenate([view.normals[hit] for view, hit in zip(views, hits)]),
             np.concatenate([view.outgoing[hit] for view, hit in zip(views, hits)]),
         )
         frame = np.repeat(np.arange(len(views)), [int(hit.sum()) for hit in hits])
-        site = np.concatenate([own[hit] for own, hit in zip(sites, hits)])
+        site = np.concatenate([sites.of_view(view)[view.hit] for view in views])
         return cls(samples, SurfacePlaces.of_views(views), frame, site)

@@ -9,7 +9,7 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.models import DiffuseModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.scene import UnknownMaterial
-from jaxrender.inverse.shadowing import concave, with_transfer
+from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.estimate import (
@@ -26,6 +26,7 @@ from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
+from jaxrender.inverse.transfer_field import with_field
 from jaxrender.inverse.unknowns import Stated, unknowns_of
 from jaxrender.shapes import Bool, Int
 
@@ -60,7 +61,7 @@ def under_known_light(
     if diffuse:
         _check_diffuse(settings, control_points)
     if concave(sites.shape) is not None:
-        observations = with_transfer(observations, sites.shape, light.diffuse_degrees)
+        observations = with_field(observations, sites.shape, light.diffuse_degrees)
     regions, found = sites.regions, []
     if settings.free and len(regions.names) > 1:
         raise ValueError(
@@ -86,6 +87,7 @@ def under_known_light(
                 settings=settings,
                 shape=sites.shape,
                 field=field,
+                sites=sites,
             )
         own = regions.of_site == number
         texture = fit.texture if texture is None else texture.with_sites(own, fit.texture)
@@ -171,19 +173,22 @@ def _diffuse(
     reach, shape = (_NO_LOBE, 1.01 * _NO_LOBE), concave(sites.shape)
     unknowns = unknowns_of(variant.as_metal(), {"sigma": Stated(fixed=_NO_LOBE)})
 
-    def refit(observations: Observations, light: KnownLight) -> End:
+    def refit(
+        observations: Observations, site: Int[np.ndarray, "sample"], light: KnownLight
+    ) -> End:
+        if shape is not None:
+            observations = with_field(observations, shape, light.diffuse_degrees)
         forward = forward_under(
             light, observations, variant, _NO_LOBE, reach, exact=False, shape=shape
         )
         without_specular = Forward(*(_without_specular(forward.final) for _ in range(2)))
-        seen = np.where(observations.pixels > 0, site, -1)
         fit = fit_texture(
-            by_site(observations, seen, sites.count), without_specular, unknowns, settings
+            by_site(observations, site, sites.count), without_specular, unknowns, settings
         )
         final, seed = without_specular.final, settings.seed
-        return End(Painted(observations, seen, light, variant, sites.shape, final, seed), fit)
+        return End(Painted(observations, site, light, variant, sites.shape, final, seed), fit)
 
-    return recovered(observations, light, refit, settings)
+    return recovered(observations, site, light, refit, settings, sites)
 
 
 def _without_specular(model_of: ModelOf) -> ModelOf:

@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Mesh, Shape, Sphere
+from jaxrender.geometry import Mesh, Shape, Sphere, SurfacePlaces, SurfaceView
 from jaxrender.geometry.texels import (
+    mesh_coordinates,
     neighbouring_texels,
     neighbouring_vertices,
+    sphere_coordinates,
     surface_sites,
     texel_coordinates,
     texel_sites,
+    vertex_sites,
 )
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import read_image
@@ -23,6 +26,8 @@ from jaxrender.shapes import Bool, Float, Int
 _PIXELS_PER_TEXEL, _SMALLEST, _LARGEST = 12, 4, 1024
 # A mask of more colours than this is a photograph, or was smoothed or compressed.
 _MOST_REGIONS = 16
+# A place is looked for from this part of the shape's diagonal above it.
+_OFF = 1e-4
 
 
 class Regions(NamedTuple):
@@ -36,13 +41,12 @@ class SurfaceSites(NamedTuple):
     """The texels or vertices of a surface, and where photographs show them.
 
     ``of_observation`` numbers the site of each usable pixel of all photographs, one after the
-    other, and ``of_photograph`` that of every pixel; -1 stands for no site.  ``image`` is (rows,
-    columns), None where the sites are a mesh's vertices.  ``places`` are the means of the points
-    that were seen of each site, NaN where none was.
+    other; -1 stands for no site.  ``image`` is (rows, columns), None where the sites are a mesh's
+    vertices.  ``places`` are the means of the points that were seen of each site, NaN where none
+    was.
     """
 
     of_observation: Int[np.ndarray, "sample"]
-    of_photograph: tuple[Int[np.ndarray, "row column"], ...]
     count: int
     image: tuple[int, int] | None
     shape: Shape
@@ -68,6 +72,29 @@ class SurfaceSites(NamedTuple):
     def wraps(self) -> bool:
         """Whether the last column's neighbour is the first."""
         return self.image is not None and isinstance(self.shape, Sphere)
+
+    def of_view(self, view: SurfaceView) -> Int[np.ndarray, "row column"]:
+        """Find the site of every pixel of a view; -1 beside the object."""
+        # Vertices ask for no image.
+        return surface_sites(self.shape, view, self.image or (1, 1)).of_pixel
+
+    def showing(self, places: SurfacePlaces) -> Int[np.ndarray, "sample"]:
+        """Find the site of places on the surface; -1 beside it."""
+        if isinstance(self.shape, Sphere):
+            assert self.image is not None
+            away = (places.points - self.shape.center) / self.shape.radius
+            return texel_sites(sphere_coordinates(away), self.image)
+        assert isinstance(self.shape, Mesh)
+        off = _OFF * self.shape.diagonal() * places.geometric_normals
+        hits = self.shape.first_hits(places.points + off, -places.geometric_normals)
+        hit = hits.hit & (hits.distance < 2 * np.linalg.norm(off, axis=1))
+        found = np.full(len(hit), -1)
+        seen = hits.face[hit], hits.barycentric[hit]
+        if self.image is None:
+            found[hit] = vertex_sites(self.shape, *seen)
+        else:
+            found[hit] = texel_sites(mesh_coordinates(self.shape, *seen), self.image)
+        return found
 
     def neighbours(self, used: Bool[np.ndarray, "site"]) -> Int[np.ndarray, "pair 2"]:
         """List the pairs of used sites that touch."""
@@ -124,18 +151,18 @@ def sites_of(
     points = np.concatenate([p.view.points[p.selection.usable] for p in photographs])
     return SurfaceSites(
         site,
-        tuple(one.of_pixel for one in found),
         count,
         found[0].image,
         shape,
-        _middles(points, site, count),
+        middles(points, site, count),
         Regions(np.zeros(count, int), ("",)),
     )
 
 
-def _middles(
+def middles(
     points: Float[np.ndarray, "sample 3"], site: Int[np.ndarray, "sample"], count: int
 ) -> Float[np.ndarray, "site 3"]:
+    """Find the middle of the points that were seen of each site; NaN where none was."""
     own = site >= 0
     seen = np.bincount(site[own], minlength=count)
     sums = [np.bincount(site[own], points[own, axis], minlength=count) for axis in range(3)]

@@ -56,8 +56,8 @@ _NO_GAUGE = "knows the light, so no gauge is open"
 _RECOVERS_LIGHT = "recovers the light itself"
 # Nuisances of a light that is told.
 _OF_LIGHT = ("environment", "lamps", "nearness")
-# Nuisances that a texture does not free: they move what pixels show, or what they see of a lamp.
-_MOVING = ("camera", "object", "scale", "nearness", "blur")
+# Nuisances that a texture does not free: its light is distant, and each pixel shows one site.
+_NOT_OF_TEXTURES = ("nearness", "blur")
 _OF_KNOWN_LIGHT = {
     "solve.model": "has one frequency model",
     "solve.view_degree": "has one frequency model",
@@ -120,12 +120,12 @@ def _frees_no_light(config: RunConfig) -> None:
         )
 
 
-def _keeps_sites(config: RunConfig) -> None:
-    moving = [name for name in _names(config) if name in _MOVING and config.knows_light]
-    if moving:
+def _frees_what_textures_can(config: RunConfig) -> None:
+    refused = [name for name in _names(config) if name in _NOT_OF_TEXTURES and config.knows_light]
+    if refused:
         raise ValueError(
-            f"solve.free: {', '.join(moving)} cannot be freed with a texture, whose pixels show "
-            "the texels that they are told to show; leave it out"
+            f"solve.free: {', '.join(refused)} cannot be freed with a texture, whose light is "
+            "distant and whose pixels show one texel each; leave it out"
         )
 
 
@@ -190,7 +190,7 @@ TASKS: Mapping[str, TaskEntry] = {
             "texture.prior": "knows the light, so it needs no prior",
             "brdf.gauge": _NO_GAUGE,
         },
-        check=_keeps_sites,
+        check=_frees_what_textures_can,
         dark=_TEXTURE
         | {
             "lighting": _RECOVERS_LIGHT,

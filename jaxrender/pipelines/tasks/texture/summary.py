@@ -5,14 +5,15 @@ from typing import Any
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of
+from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.inverse.texture import STAY, RegionLobe, Texture, TextureEstimate
+from jaxrender.inverse.texture import NEVER, RegionLobe, Texture, TextureEstimate
 from jaxrender.pipelines.calibration import calibration_document
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.result import Result, causes_of
 
 # Keys of a config that make up for a cause.
-_KEYS = {name: f"solve.free: [{name}]" for name in STAY} | {
+_KEYS = {name: f"solve.free: [{name}]" for name in NUISANCES if name not in NEVER} | {
     "saturation": "capture.saturation",
     "lobe": "brdf.model",
     "sites": "texture.size",
@@ -25,7 +26,7 @@ def summary_of_texture(
     config: RunConfig, estimate: TextureEstimate, photographs: list[Photograph]
 ) -> Result:
     """Sum up sigma and mu with intervals, what the texture is like, and what is marked."""
-    texture, site = estimate.texture, estimate.sites.of_observation
+    texture = estimate.texture
     files = {"files": estimate.files}
     own: dict[str, Any] = {"texture": _texture(estimate) | _variation(estimate) | files}
     if any(lobe.name for lobe in estimate.lobes):
@@ -45,7 +46,7 @@ def summary_of_texture(
         brdf=model | _means(texture, estimate.diffuse) | _lobe(config, estimate),
         **_errors(estimate),
         relative_rms=texture.relative_rms,
-        samples=int(np.count_nonzero(site >= 0)),
+        samples=int(np.sum(texture.seen)),
         noise=estimate.noise,
         lighting=_lighting(estimate),
         photographs=photographs,
