@@ -80,6 +80,7 @@ def neighbours() -> Observations:
     return exact._replace(radiance=noisy, pixel=pixel)
 
 
+@pytest.mark.slow
 def test_a_misfit_makes_the_recovery_follow_it():
     pool = neighbours()
     share = tuple(PAINT.ks / (PAINT.kd + PAINT.ks))

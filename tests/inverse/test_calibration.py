@@ -169,6 +169,7 @@ def blurred(width):
     return clean._replace(radiance=values).take(kept)
 
 
+@pytest.mark.slow
 def test_a_blur_is_found_with_the_material():
     pool = blurred(0.6)
     assert off(fitted(pool, diagnose=False))["sigma"] > 3

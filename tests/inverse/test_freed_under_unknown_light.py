@@ -58,6 +58,7 @@ def test_auto_frees_exposures():
     assert found.predicted.shape == found.observations.radiance.shape
 
 
+@pytest.mark.slow
 def test_a_turned_camera_is_found_with_material_and_light():
     turned = photographed(seen(cameras(TURN, AXIS)))
     without = fitted(turned, (), diagnose=False)

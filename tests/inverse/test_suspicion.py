@@ -184,6 +184,7 @@ def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     assert light_off(found) < 1.5 < light_off(fitted(photographs, diagnose=False))
 
 
+@pytest.mark.slow
 def test_differing_exposures_are_named():
     found = fitted(PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None])
     assert found.diagnosis[0].cause == "exposure"

@@ -147,6 +147,7 @@ def test_lights_stay_with_their_photographs(glossy, found):
         estimate_texture(scene._replace(per_frame=(SOURCES,) * 2), glossy, QUICK, ROWS)
 
 
+@pytest.mark.slow
 def test_regions_of_diffuse_paint(diffuse, tmp_path):
     write_image(tmp_path / "halves.png", np.kron([[0.0], [1.0]], np.ones((4, 16, 3))))
     scene = Scene(unknown("lambertian"), BALL, SOURCES)

@@ -179,7 +179,8 @@ def kd_off(fit):
     return np.median(np.abs(fit.texture.kd / smooth(middle) - 1)[fit.texture.seen >= 12])
 
 
-@pytest.mark.parametrize("size", [0.3, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.3, 1])
 def test_an_object_that_lies_elsewhere_is_found(size):
     aside = size * np.array([0.02, -0.012, 0.016])
     fit = freed_with_sites(moved(Sphere(aside)), ("object",))

@@ -100,6 +100,7 @@ def test_factorize_finds_material_and_sources(factorized):
     np.testing.assert_allclose(energies, truth, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_exposures_are_freed_with_light_and_material(tmp_path):
     gains = 1 + 0.04 * np.array([1.0, -0.6, 0.3, -1.1, 0.8, -0.4])
     write_ball(tmp_path / "capture", BALL._replace(gains=tuple(gains.tolist())))

@@ -444,6 +444,7 @@ def with_gains(ball, folder):
     return folder
 
 
+@pytest.mark.slow
 def test_exposures_that_differ_are_named(ball, tmp_path):
     capture = with_gains(ball, tmp_path / "capture")
     out, result = run(capture, TASK)
@@ -461,7 +462,7 @@ def test_exposures_that_differ_are_named(ball, tmp_path):
 @pytest.mark.parametrize(
     ("paint", "text"),
     [
-        ("ball", TASK.replace("refine: off", "free: auto")),
+        pytest.param("ball", TASK.replace("refine: off", "free: auto"), marks=pytest.mark.slow),
         ("diffuse", DIFFUSE_TASK + "solve: {free: [exposure]}\n"),
     ],
 )
