@@ -16,8 +16,8 @@
     rough surfaces by geometric and by physical optics
 ``ward`` ``kajiya_kay`` ``poulin_fournier``
     brushed and fibrous surfaces, their direction along +X
-``mixture``
-    a weighted sum of any of these
+``mixture`` ``bank``
+    a weighted sum of any of these; many lobes of set shapes, whose weights a fit finds
 ``tables``
     measured reflectance: tables and series over two directions
 ``wavelet`` ``scattering_trees``
@@ -32,6 +32,7 @@
     every model by its name; reciprocity and albedo, measured
 """
 
+from jaxrender.brdf.bank import Bank, BankLobe, standard_lobes
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
 from jaxrender.brdf.cook_torrance import CookTorrance
@@ -118,6 +119,8 @@ from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
+    "Bank",
+    "BankLobe",
     "AnisotropicWard",
     "BRDF",
     "BRDFS",
@@ -197,6 +200,7 @@ __all__ = [
     "normalised_fresnel",
     "reciprocity_error",
     "schlick_fresnel",
+    "standard_lobes",
     "separability_error",
     "smith_facet_masking",
     "smith_masking",

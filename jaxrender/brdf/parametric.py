@@ -16,6 +16,7 @@ its lobe about the reflected direction, and the frequency view besides.
 import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -124,16 +125,18 @@ class Parametric(BRDF):
     bases: ClassVar[tuple[str, ...]] = ("kd",)
     # Those that have a value for each channel, whatever a fit is told of the others.
     coloured: ClassVar[tuple[str, ...]] = ("kd",)
+    # Amplitudes that stand in for one another, by the name of their sum, which alone means
+    # something.
+    sums: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     @classmethod
     def has_index(cls) -> bool:
         """Whether there is a second number, which may be None."""
         return any(field.name == cls.index.name for field in dataclasses.fields(cls))
 
-    @classmethod
-    def shaped(cls) -> tuple[int, ...]:
-        """The places of the lobes that the searched numbers shape."""
-        return tuple(at for at, name in enumerate(cls.amplitude_names) if name not in cls.bases)
+    def shaped(self) -> tuple[int, ...]:
+        """The places of the lobes over the bases."""
+        return tuple(at for at, name in enumerate(self.amplitude_names) if name not in self.bases)
 
     @property
     def searched(self) -> tuple[Searched, ...]:
@@ -154,6 +157,11 @@ class Parametric(BRDF):
     def with_numbers(self: Same, numbers: Mapping[str, Scalar]) -> Same:
         """Replace some of the model's own numbers and keep the rest."""
         return dataclasses.replace(self, **numbers)
+
+    @property
+    def in_use(self: Same) -> Same:
+        """The same material without lobes that are black, where it can do without."""
+        return self
 
     @property
     @abc.abstractmethod

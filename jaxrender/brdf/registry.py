@@ -1,7 +1,8 @@
 """Every model by the name that configurations, recipes and command lines call it.
 
 Those of the catalogue are what a fit can recover.  Beside them stand the general forms of four of
-them, which have more numbers than a fit can tell, Lambert's, and sums of models.
+them, which have more numbers than a fit can tell, Lambert's, and sums of models.  A bank, whose
+lobes nobody names by hand, is made of a list of them.
 """
 
 import dataclasses
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxrender.brdf.bank import Bank
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.cook_torrance import CookTorrance
 from jaxrender.brdf.he_torrance import HeTorrance
@@ -20,7 +22,7 @@ from jaxrender.brdf.microfacet import Microfacet
 from jaxrender.brdf.mixture import Mixture
 from jaxrender.brdf.oren_nayar import OrenNayar
 from jaxrender.brdf.parametric import Parametric
-from jaxrender.catalogue import MODELS, Model
+from jaxrender.catalogue import MODELS, STATED, Model
 
 
 def _class_of(model: Model) -> type[BRDF]:
@@ -29,7 +31,7 @@ def _class_of(model: Model) -> type[BRDF]:
 
 
 BRDFS: dict[str, type[BRDF]] = {
-    **{name: _class_of(model) for name, model in MODELS.items()},
+    **{name: _class_of(MODELS[name]) for name in STATED},
     # A complex index for each channel; several lobes; the longer series, of light reflected twice.
     "cook-torrance-conductor": CookTorrance,
     "he-torrance-conductor": HeTorrance,
@@ -39,7 +41,9 @@ BRDFS: dict[str, type[BRDF]] = {
 }
 # Those that a fit can recover.
 PARAMETRIC: dict[str, type[Parametric]] = {
-    name: kind for name, kind in BRDFS.items() if name in MODELS and issubclass(kind, Parametric)
+    name: kind
+    for name, kind in ((name, _class_of(model)) for name, model in MODELS.items())
+    if issubclass(kind, Parametric)
 }
 # The width that a lobe is made with where it does not matter, and its index.
 _ANY_WIDTH, _ANY_INDEX = 0.1, 1.5
@@ -76,6 +80,8 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     Raises ``ValueError`` for a name that there is none of.
     """
     kind, model = _parametric(name)
+    if kind is Bank:
+        return Bank.black(channels)
     numbers: dict[str, float | None] = {
         number.name: number.typical for number in model.numbers if number.part == "searched"
     }
@@ -98,6 +104,8 @@ def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:
     ``KeyError`` for a number that is left out.
     """
     kind, model = _parametric(name)
+    if kind is Bank:
+        return Bank.of_lobes(numbers["lobes"])
     stated = model.names("amplitude")
     shape = np.shape(numbers[stated[0]])
     amounts = [

@@ -13,6 +13,7 @@ from jaxrender.catalogue.lights import LIGHTS, LightKey, LightKind
 from jaxrender.catalogue.models import (
     MODELS,
     NAMES,
+    STATED,
     Model,
     Number,
     described,
@@ -23,6 +24,7 @@ __all__ = [
     "LIGHTS",
     "MODELS",
     "NAMES",
+    "STATED",
     "Interval",
     "LightKey",
     "LightKind",

@@ -9,6 +9,8 @@ number's name and symbol, where it lies, what is typical, what it means, and its
     shapes a lobe: a fit looks for it unless it is fixed
 ``stated``
     is stated by whoever names the model, and no fit looks for it
+``sum``
+    is what a fit says of several lobes together, and nobody states
 
 A new model is a class in ``brdf`` and an entry here.
 """
@@ -19,7 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 from jaxrender.catalogue.interval import Interval
 
-Part = Literal["amplitude", "searched", "stated"]
+Part = Literal["amplitude", "searched", "stated", "sum"]
 
 
 class Number(NamedTuple):
@@ -56,6 +58,7 @@ class Model(NamedTuple):
     ``home`` is the module and class below ``jaxrender.brdf`` that holds it for a fit.  ``fixed`` is
     what makes the class this model, ``options`` what may be chosen otherwise.  ``about_mirror``
     says that its lobe is about the reflected direction, so that it has a frequency view.
+    ``is_stated`` says that its numbers tell the whole material: a recipe can state it.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Model(NamedTuple):
     fixed: Mapping[str, Any] = MappingProxyType({})
     options: Mapping[str, str] = MappingProxyType({})
     about_mirror: bool = True
+    is_stated: bool = True
 
     def names(self, *parts: Part) -> tuple[str, ...]:
         """Name the numbers that have one of these parts in a fit."""
@@ -80,7 +84,7 @@ class Model(NamedTuple):
     @property
     def has_specular(self) -> bool:
         """Whether the model has a specular lobe."""
-        return "ks" in self.names("amplitude")
+        return "ks" in self.names("amplitude", "sum")
 
 
 _ABOVE_0, _FROM_0, _TO_1 = Interval("(0, inf)"), Interval("[0, inf)"), Interval("(0, 1]")
@@ -285,9 +289,29 @@ _ALL: tuple[Model, ...] = (
         about_mirror=False,
     ),
     Model("lambertian", "ideal diffuse paint", "lambertian.Lambertian", (_KD,)),
+    Model(
+        "bank",
+        "a real surface: as many lobes of set shapes as it needs",
+        "bank.Bank",
+        (
+            _KD,
+            Number(
+                "ks",
+                "K_s",
+                "weights of all lobes that are not diffuse, added up: about their albedo",
+                _FROM_0,
+                0.1,
+                "sum",
+            ),
+        ),
+        about_mirror=False,
+        is_stated=False,
+    ),
 )
 
 MODELS: Mapping[str, Model] = MappingProxyType({model.name: model for model in _ALL})
+# Those whose numbers tell the whole material.
+STATED: tuple[str, ...] = tuple(model.name for model in _ALL if model.is_stated)
 
 
 def numbers_named(name: str) -> dict[str, Number]:

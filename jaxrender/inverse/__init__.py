@@ -32,9 +32,9 @@
     what estimates of a material, a texture and a spectrum have in common
 ``known_light``
     the light split for the dual model, and as point masses for the integral
-``brdf`` ``material_task`` ``frequency_fit`` ``coarse_fit``
+``brdf`` ``material_task`` ``frequency_fit`` ``coarse_fit`` ``bank_choice``
     the whole recovery of a BRDF under known light (T 6.4.2); what it works on; how it begins, in
-    the frequency view and without
+    the frequency view and without; which lobes of a bank the photographs ask for
 ``comparison`` ``interreflection``
     several models judged by held-out samples; the bounces of a diffuse concave object (T 6.6)
 ``lighting``

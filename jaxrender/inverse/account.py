@@ -117,20 +117,30 @@ def judge(
     mixed = np.asarray(stop.problem.mix) @ ((eliminated <= lower) | (eliminated >= upper))
     by_lobe = np.split(mixed > 0, len(unknowns.amplitudes))
     bound |= {name: bool(of.any()) for name, of in zip(unknowns.amplitude_names, by_lobe)}
-    names = [*unknowns.free_amplitudes, *unknowns.free_numbers]
+    free = [*unknowns.free_amplitudes, *unknowns.free_numbers]
+    shaped = [variant.amplitude_names[at] for at in variant.shaped()]
+    known = {name: unknowns[name] for name in free}
+    if variant.sums:
+        # Amplitudes that stand in for one another are judged by their sum, which has no bound.
+        sums = [name for name, own in variant.sums.items() if set(own) & set(free)]
+        parts = {part for own in variant.sums.values() for part in own}
+        free = [*sums, *(name for name in free if name not in parts)]
+        shaped = [name for name in sums if name not in variant.bases]
+        known |= dict.fromkeys(sums, Unknown())
+        bound |= dict.fromkeys(sums, False)
+        account = account._replace(parameters=account.parameters.summed(variant.sums))
     identifiable, reasons = {}, [*account.reasons, *account.notes]
     # A prior is held against what the photographs say, be the model right or wrong.
     exact = account.parameters.if_exact or account.parameters
-    shaped = [variant.amplitude_names[at] for at in variant.shaped()]
-    for name in names:
+    for name in free:
         base = name in variant.bases
         reached = within_reach(account.parameters, name, shaped if base else ())
         lobes = sum(float(np.mean(account.parameters.value.of(lobe))) for lobe in shaped)
-        if base and lobes > 0 and not _is_stated(name, unknowns[name], variant):
+        if base and lobes > 0 and not _is_stated(name, known[name], variant):
             # A metal has no base: 0 is its value, and no bound that anybody would widen.
             bound[name] = False
-        silent = rests_on_prior(exact, name, unknowns[name].prior)
-        off = 0.0 if silent else off_prior(exact, name, unknowns[name].prior)
+        silent = rests_on_prior(exact, name, known[name].prior)
+        off = 0.0 if silent else off_prior(exact, name, known[name].prior)
         identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF
         if bound[name]:
             reasons.append(f"{name} is at a bound of its range")
@@ -146,11 +156,11 @@ def judge(
     if not bool(stop.fit.solution.converged):
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     # A bound that somebody stated may be what is wrong.
-    if any(bound[name] and _is_stated(name, unknowns[name], variant) for name in names):
+    if any(bound[name] and _is_stated(name, known[name], variant) for name in free):
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
     if account.reasons:
         return Outcome.MISFIT, identifiable, tuple(reasons)
-    if any(bound[name] for name in names):
+    if any(bound[name] for name in free):
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
     outcome = Outcome.CONVERGED if all(identifiable.values()) else Outcome.NOT_IDENTIFIABLE
     return outcome, identifiable, tuple(reasons)
@@ -169,7 +179,7 @@ def _why(name: str, account: Account, variant: Parametric) -> str:
     sentence = not_identifiable(name, account.parameters)
     if account.diagnosis and out_of_reach_by_misfit(name, account.parameters):
         return f"{sentence}; {MOVED}"
-    if name in variant.amplitude_names:
+    if name in variant.amplitude_names or name in variant.sums:
         return sentence
     if account.evidence is None:
         return f"{sentence}; these views and this light show too little of the lobe's shape"

@@ -33,6 +33,8 @@ def checked_at_bound(stop: Stop, model: Model, settings: FitSettings) -> Stop:
 def lost(stop: Stop) -> bool:
     """Whether the lobe of a fit is gone, or its width at a bound."""
     unknowns = stop.problem.unknowns
+    if not unknowns.searched:
+        return False
     amplitudes = np.asarray(stop.fit.linear.amplitudes)
     gone = any(
         unknowns.amplitudes[at].free and not np.any(amplitudes[at] > 0) for at in unknowns.shaped

@@ -25,10 +25,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy, Parametric
+from jaxrender.brdf import Bank, Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.account import account_for, error_bars, judge
+from jaxrender.inverse.bank_choice import choose_lobes
 from jaxrender.inverse.bounds import checked_at_bound
 from jaxrender.inverse.calibration import Calibration, check_free
 from jaxrender.inverse.coarse_fit import fit_coarsely
@@ -144,12 +145,17 @@ def fit_brdf(
                 "solve.interreflection out, or choose a glossy model"
             )
         with stage("solve"):
-            quick, drawn, predicted = fit_coarsely(task)
-            choice = Choice(drawn, predicted)
+            if isinstance(variant, Bank):
+                # By the integral already, so that there is nothing to refine.
+                task, quick = choose_lobes(task)
+                choice = None
+            else:
+                quick, drawn, predicted = fit_coarsely(task)
+                choice = Choice(drawn, predicted)
         with stage("split"):
             prepared = undivided(light, observations, settings.band_limit)
     exact, bounced = None, None
-    if settings.refine:
+    if settings.refine and choice is not None:
         # Shadows are traced for the samples alone: a pool would cost as many times more rays.
         drawn_from = choice if pool is None or task.shape is not None else Choice(pool)
         exact, bounced = _refine(task, quick, drawn_from)
@@ -166,7 +172,7 @@ def fit_brdf(
             account = account.with_note(examined.unsettled_sentence)
         outcome, identifiable, reasons = judge(final, account, variant)
     return BRDFFit(
-        task.material(final),
+        task.material(final).in_use,
         outcome,
         account.parameters,
         identifiable,

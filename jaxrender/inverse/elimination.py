@@ -22,6 +22,9 @@ from jaxrender.inverse.unknowns import Physical, Prior, Unknown, Unknowns
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
+# Products of so few columns are sums of their own, in one loop with what made the columns.
+_FEW_LOBES = 4
+
 
 class Data(NamedTuple):
     """Measured radiance, its weights (1 / standard deviation), and each sample's photograph."""
@@ -152,14 +155,7 @@ class Problem(eqx.Module):
         """Solve for the amplitudes within their bounds, given their columns."""
         squares = jnp.asarray(data.weights) ** 2
         target = squares * data.radiance
-        blocks = {
-            (a, b): jnp.diag(jnp.sum(squares * one * other, axis=0))
-            for b, other in enumerate(columns)
-            for a, one in enumerate(columns)
-            if a <= b
-        }
-        every = range(len(columns))
-        normal = jnp.block([[blocks[min(a, b), max(a, b)] for b in every] for a in every])
+        normal = _gram(columns, squares)
         right = jnp.concatenate([jnp.sum(target * column, 0) for column in columns])
         mix, offset = jnp.asarray(self.mix), jnp.asarray(self.offset)
         if not mix.shape[1]:
@@ -283,6 +279,27 @@ def cost_at(
 ) -> Float[Array, ""]:
     """Half the sum of squared weighted residuals at a point."""
     return jnp.sum(residuals(point, Objective(problem, model, data)) ** 2) / 2
+
+
+def _gram(
+    columns: Columns, squares: Float[Array, "sample channel"]
+) -> Float[Array, "amplitude amplitude"]:
+    """Multiply weighted columns with one another; channels have nothing to do with each other."""
+    every = range(len(columns))
+    if len(columns) > _FEW_LOBES:
+        # One product of matrices a channel: a program of thousands of sums takes long to compile.
+        stacked = jnp.stack(list(columns))
+        by_channel = jnp.einsum("asc,sc,bsc->abc", stacked, squares, stacked, precision="highest")
+        apart = jnp.eye(squares.shape[1], dtype=squares.dtype)
+        size = len(columns) * squares.shape[1]
+        return jnp.einsum("abc,cd->acbd", by_channel, apart).reshape(size, size)
+    blocks = {
+        (a, b): jnp.diag(jnp.sum(squares * one * other, axis=0))
+        for b, other in enumerate(columns)
+        for a, one in enumerate(columns)
+        if a <= b
+    }
+    return jnp.block([[blocks[min(a, b), max(a, b)] for b in every] for a in every])
 
 
 def _sum_of_squares(x: Float[Array, "sample channel"]) -> Float[Array, ""]:

@@ -83,7 +83,7 @@ def _examined(
         with task.stage("diagnosis"):
             suspect = Suspect.of(
                 stop,
-                task.material(stop),
+                task.material(stop).in_use,
                 light,
                 told.shape,
                 told.observations if calibration is None else calibration.told.observations,

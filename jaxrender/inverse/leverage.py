@@ -48,6 +48,9 @@ _BY_NORMAL, _BY_MIRROR = 2, 4
 
 def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
     """Find the narrowest and the widest lobe of a fit, or widths about a fixed one."""
+    if variant.shape.name not in unknowns:
+        # Lobes of set shapes, of which any may be there.
+        return float(variant.sigma), WIDTH_BOUNDS[1]
     unknown, width_of = unknowns[variant.shape.name], variant.shape.width_of
     if unknown.free:
         low, high = sorted(width_of(bound) for bound in (unknown.lower, unknown.upper))

@@ -4,14 +4,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import Bank, Parametric
 from jaxrender.catalogue import MODELS
 from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.uncertainty import Uncertain
 
 
 class OwnWords(NamedTuple):
-    """How one model says its parameters; with ``one_ks`` a ks that all channels share once."""
+    """How one model says its parameters; with ``one_ks`` a ks that all channels share once.
+
+    Amplitudes that stand in for one another are said as their sums (``Uncertain.summed``).
+    """
 
     model: str
     brdf: Parametric
@@ -22,7 +25,10 @@ class OwnWords(NamedTuple):
         """What the model has: its amplitudes, and the numbers of its lobe."""
         if self.model == "lambertian":
             return ["kd"]
-        return [*self.brdf.amplitude_names, *self.brdf.numbers]
+        sums = self.brdf.sums
+        parts = {part for own in sums.values() for part in own}
+        alone = [name for name in self.brdf.amplitude_names if name not in parts]
+        return [*sums, *alone, *self.brdf.numbers]
 
     def values(self, parameters: Parameters) -> dict[str, Any]:
         """Name the numbers of ``parameters``."""
@@ -36,10 +42,14 @@ class OwnWords(NamedTuple):
         return values
 
     def choices(self) -> dict[str, Any]:
-        """Name what no fit searches for: Fresnel angle and masking, or numbers that are stated."""
+        """Name what no fit searches for: Fresnel angle and masking, or numbers that are stated.
+
+        Of a bank these are its lobes, with their weights.
+        """
         model = MODELS[self.model]
         stated = {name: float(getattr(self.brdf, name)) for name in model.names("stated")}
-        return stated | {name: getattr(self.brdf, name) for name in model.options}
+        chosen = stated | {name: getattr(self.brdf, name) for name in model.options}
+        return chosen | {"lobes": self.brdf.as_lobes()} if isinstance(self.brdf, Bank) else chosen
 
     def intervals(self, lower: Parameters, upper: Parameters) -> dict[str, Any]:
         """Lay out each interval as [low, high], or one for each channel."""

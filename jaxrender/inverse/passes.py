@@ -15,7 +15,7 @@ from jaxrender.inverse.models import LinearisedModel, Model
 from jaxrender.inverse.observations import Observations, as_pixels
 from jaxrender.inverse.parameters import Parameters, to_parameters
 from jaxrender.inverse.search import search
-from jaxrender.inverse.weights import deviations, noise_settled, robust_weights
+from jaxrender.inverse.weights import deviations, noise_settled, robust_weights, with_misfit
 from jaxrender.reflection import ViewFilter
 from jaxrender.shapes import Float
 
@@ -37,7 +37,8 @@ _MEAN = "exit-cosine"
 class FitSettings(NamedTuple):
     """How a fit is done; the defaults are those of the command line.
 
-    ``free`` are nuisances that are found with the material, or ``"auto"``.
+    ``free`` are nuisances that are found with the material, or ``"auto"``.  ``approximate`` says
+    that the model is only near the truth, so that what it leaves is not only noise.
     """
 
     split: str | float = "auto"
@@ -53,6 +54,7 @@ class FitSettings(NamedTuple):
     interreflection: bool = False
     diagnose: bool = True
     free: tuple[str, ...] | Literal["auto"] = ()
+    approximate: bool = False
 
     @property
     def split_transfer(self) -> str:
@@ -129,6 +131,8 @@ def fit_in_rounds(
         before, settled = noise, settings.noise
         if settled is None:
             settled = estimate_noise((radiance - predicted)[even], predicted[even])
+            if settings.approximate:
+                settled = with_misfit(settled, predicted[even])
         noise = settled
         if turn == 0 or settings.loss != "squares" or before is None:
             continue

@@ -293,7 +293,7 @@ def _estimate(
 ) -> Estimate:
     """Say what was found by the model's own numbers."""
     words = OwnWords(material.model, found.brdf)
-    own = found.parameters
+    own = found.parameters.summed(found.brdf.sums)
 
     def numbers(plain: dict[str, Any]) -> dict[str, Float[np.ndarray, "..."]]:
         return {name: np.asarray(value) for name, value in plain.items()}

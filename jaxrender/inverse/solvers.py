@@ -2,8 +2,9 @@
 
 Least squares in unconstrained variables by optimistix's Levenberg-Marquardt, its linear algebra by
 lineax; the thesis's simplex by optimistix's Nelder-Mead; small box-bounded quadratics by jaxopt's
-coordinate descent, imported when a program first needs it.  Every function here can be called
-inside ``jit`` and ``vmap``.
+coordinate descent, imported when a program first needs it, and large ones by active sets, since
+descent hardly moves among unknowns that are nearly collinear.
+Every function here can be called inside ``jit`` and ``vmap``.
 """
 
 import warnings
@@ -27,6 +28,10 @@ _RESIDUAL_UNIT = 1e4
 _LAST_STEP = {"float64": 0.03, "float32": 0.3}
 _SIMPLEX_STEPS = 600
 _BOX_SWEEPS = 200
+# More unknowns than this are not left to coordinate descent.
+_FEW = 24
+# A walk of active sets has so many turns at most, for each unknown; and its ridge, in roundings.
+_TURNS, _RIDGE = 6, 1e5
 
 
 class Solution(NamedTuple):
@@ -113,6 +118,8 @@ def _solve_at_bounds(free, matrix, vector, lower, upper) -> Float[Array, "unknow
 
 def _values_held_at_bounds(matrix, vector, lower, upper) -> Float[Array, "unknown"]:
     """Find which unknowns end at a bound (their value there), NaN for the others."""
+    if len(vector) > _FEW:
+        return _walked(matrix, vector, lower, upper)
     with warnings.catch_warnings():
         # jaxopt is archived and says so on import; optimistix and lineax take no bounds.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -126,6 +133,68 @@ def _values_held_at_bounds(matrix, vector, lower, upper) -> Float[Array, "unknow
     margin = 1e-9 * jnp.maximum(jnp.max(jnp.abs(best)), 1e-30)
     at_lower, at_upper = best <= lower + margin, best >= upper - margin
     return jnp.where(at_lower, lower, jnp.where(at_upper, upper, jnp.nan))
+
+
+class _Walk(NamedTuple):
+    """A point in the box, and which unknowns are held at their lower (-1) or upper (1) bound.
+
+    ``barred`` are those that came back to their bound as soon as they were let go.
+    """
+
+    point: Float[Array, "unknown"]
+    held: Int[Array, "unknown"]
+    barred: Bool[Array, "unknown"]
+    done: Bool[Array, ""]
+    turn: Int[Array, ""]
+
+
+def _walked(matrix, vector, lower, upper) -> Float[Array, "unknown"]:
+    """Find the same by active sets (Lawson and Hanson 1974; Stark and Parker 1995).
+
+    All begin at their bounds.  The one that gains most is let go, and all that are free move to
+    their best as far as the box lets them.  Each turn solves for these once.
+    """
+    scale = jax.lax.rsqrt(jnp.maximum(jnp.diag(matrix), jnp.finfo(matrix.dtype).tiny))
+    epsilon = float(jnp.finfo(matrix.dtype).eps)
+    identity = jnp.eye(len(vector), dtype=matrix.dtype)
+    # A ridge far below noise, so that columns that are all but the same do not cancel.
+    scaled = matrix * scale[:, None] * scale[None, :] + _RIDGE * epsilon * identity
+    right, low, high = vector * scale, lower / scale, upper / scale
+    gain = epsilon**0.65 * jnp.max(jnp.abs(right))
+
+    def step(now: _Walk) -> _Walk:
+        free = now.held == 0
+        kept = jnp.where(free[:, None] & free[None, :], scaled, identity)
+        pinned = jnp.where(free, 0, now.point)
+        there = jnp.where(free, right - scaled @ pinned, now.point)
+        best = jax.scipy.linalg.solve(kept, there, assume_a="pos")
+        under, over = free & (best < low), free & (best > high)
+        outside = under | over
+        room = jnp.where(under, low, high) - now.point
+        part = jnp.where(outside, room / jnp.where(outside, best - now.point, 1), 1)
+        share = jnp.clip(jnp.min(part), 0, 1)
+        stopped = outside & (part <= share)
+        point = jnp.where(free, now.point + share * (best - now.point), now.point)
+        point = jnp.where(stopped & under, low, jnp.where(stopped & over, high, point))
+        held = jnp.where(stopped & under, -1, jnp.where(stopped & over, 1, now.held))
+        stuck = jnp.any(outside) & (share <= 0)
+        moved = jnp.max(jnp.abs(point - now.point)) > epsilon**0.5 * jnp.max(jnp.abs(point))
+        barred = jnp.where(stuck, now.barred | stopped, now.barred & ~moved)
+        # Let one go where all free unknowns are at their best.
+        slope = scaled @ point - right
+        wrong = jnp.where((held != 0) & ~barred & (low < high), held * slope, 0)
+        worst = jnp.argmax(wrong)
+        settled = ~jnp.any(outside)
+        loosened = held.at[worst].set(jnp.where(wrong[worst] > gain, 0, held[worst]))
+        done = settled & ~(wrong[worst] > gain)
+        return _Walk(point, jnp.where(settled, loosened, held), barred, done, now.turn + 1)
+
+    start = jnp.where(jnp.isfinite(low), -1, jnp.where(jnp.isfinite(high), 1, 0))
+    point = jnp.where(start < 0, low, jnp.where(start > 0, high, 0))
+    begin = _Walk(point, start, start > 1, jnp.asarray(False), jnp.asarray(0))
+    most = _TURNS * len(vector)
+    end = jax.lax.while_loop(lambda now: ~now.done & (now.turn < most), step, begin)
+    return jnp.where(end.held < 0, lower, jnp.where(end.held > 0, upper, jnp.nan))
 
 
 def _solve(matrix, vector) -> Float[Array, "unknown"]:

@@ -68,6 +68,27 @@ class Uncertain(NamedTuple):
         found = intervals(self.value, error, self.origins, covariance)
         return found._replace(disagreement=self.disagreement, if_exact=self.if_exact or self)
 
+    def summed(self, sums: Mapping[str, tuple[str, ...]]) -> "Uncertain":
+        """Add up amplitudes, each sum by its name; those that are in none stay by themselves."""
+        if not sums:
+            return self
+        assert self.covariance is not None
+        of = {own: name for name, parts in sums.items() for own in parts}
+        amplitudes: dict = {}
+        for own, amount in self.value.amplitudes.items():
+            name = of.get(own, own)
+            amplitudes[name] = amplitudes.get(name, np.zeros(np.shape(amount))) + amount
+        value = self.value._replace(amplitudes=amplitudes)
+        rows = {label: row for row, label in enumerate(value.labels)}
+        adding = np.zeros((len(rows), len(self.value.labels)))
+        for column, label in enumerate(self.value.labels):
+            own, bracket, channel = label.partition("[")
+            adding[rows[f"{of.get(own, own)}{bracket}{channel}"], column] = 1
+        covariance = adding @ self.covariance @ adding.T
+        found = intervals(value, _spread_over(value, covariance), self.origins, covariance)
+        exact = None if self.if_exact is None else self.if_exact.summed(sums)
+        return found._replace(disagreement=self.disagreement, if_exact=exact)
+
     def spread_by(self, shifts: Float[np.ndarray, "number cause"]) -> "Uncertain":
         """Let these intervals reach as far as causes shift the values, a column each.
 

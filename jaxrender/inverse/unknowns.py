@@ -238,7 +238,10 @@ def unknowns_of(
     """
     stated = stated or {}
     _check_numbers(lobe)
-    own = [*lobe.amplitude_names, *(one.name for one in lobe.searched)]
+    # Of amplitudes that stand in for one another nobody states one, but of a base.
+    parts = {part for names in lobe.sums.values() for part in names} - {*lobe.bases}
+    own = [name for name in lobe.amplitude_names if name not in parts]
+    own += [one.name for one in lobe.searched]
     for name in stated:
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")

@@ -37,6 +37,17 @@ def standard_deviations(
     return deviations(noise, predicted, float(np.sqrt(np.mean(predicted**2))))
 
 
+def with_misfit(noise: NoiseModel, predicted: Float[np.ndarray, "*any channel"]) -> NoiseModel:
+    """Give a noise that is mostly what a model misses a floor in the dark.
+
+    A model that is only near the truth misses a part of the radiance, and of what is typical where
+    it is darker than that.  Weighed by what it misses of most pixels alone, which are dark, a
+    highlight would count as little as each of them.
+    """
+    typical = float(np.sqrt(np.mean(predicted**2)))
+    return NoiseModel(noise.relative, max(noise.floor, noise.relative * typical))
+
+
 def noise_settled(
     before: NoiseModel, after: NoiseModel, predicted: Float[np.ndarray, "sample channel"]
 ) -> bool:

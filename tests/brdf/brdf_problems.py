@@ -27,6 +27,7 @@ from jaxrender.brdf import (
     material_named,
 )
 from jaxrender.catalogue import MODELS as CATALOGUE
+from jaxrender.catalogue import STATED
 
 KD, KS = np.array([0.05, 0.1]), np.array([0.3, 0.2])
 GOLD = np.array([0.14, 1.5]), np.array([4.0, 1.9])
@@ -105,7 +106,7 @@ def typical(name):
 
 
 MODELS = {name: model for name, (model, *_) in PROMISED.items()}
-MODELS |= {name: typical(name) for name in CATALOGUE if name not in MODELS}
+MODELS |= {name: typical(name) for name in STATED if name not in MODELS}
 NAMES = list(MODELS)
 
 

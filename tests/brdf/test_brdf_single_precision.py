@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxrender.brdf import PARAMETRIC, lobe_named
+from jaxrender.brdf import BRDFS, PARAMETRIC, lobe_named
 from jaxrender.geometry import Components
 
 # Of the largest value.
@@ -26,7 +26,7 @@ def lobe(brdf, incoming, outgoing):
     return brdf.transfer(Components.of(incoming), Components.of(outgoing))[-1]
 
 
-@pytest.mark.parametrize("name", PARAMETRIC)
+@pytest.mark.parametrize("name", [name for name in PARAMETRIC if name in BRDFS])
 def test_narrow_lobes_are_those_of_double_precision(name):
     rng = np.random.default_rng(1)
     cosine = np.repeat([0.02, 0.15, 0.6, 1.0], 200)

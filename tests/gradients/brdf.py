@@ -298,8 +298,21 @@ ENDS = {
 }
 ONE_SIDED = dict.fromkeys(ENDS, "one-sided: a cosine lies from 0 to 1")
 
+BANK = tuple(
+    brdf.BankLobe(*shape)
+    for shape in (("ggx", 0.3, 1.5), ("beckmann", 0.2), ("retro", 0.5), ("burley", 1.0))
+)
 ROWS = [
     *MODELS,
+    model(
+        "",
+        brdf.Bank,
+        {
+            "kd": CHANNELS["kd"],
+            "ks": np.array([[0.4, 0.3], [0.1, 0.2], [0.05, 0.1], [0.02, 0.03]]),
+        },
+        lobes=BANK,
+    ),
     *TABLES,
     Row(
         "Mixture",
@@ -460,6 +473,7 @@ EXCEPTIONS = {
     **dict.fromkeys(("brdf_named", "lobe_named", "material_named"), "of a name"),
     **dict.fromkeys(("HalfDifference", "Masked", "Nearest", "Samples"), _GIVEN),
     **dict.fromkeys(("ScatteredFit", "Searched", "ZernikeFit"), _GIVEN),
+    **dict.fromkeys(("BankLobe", "standard_lobes"), "set shapes"),
     **dict.fromkeys(("ShapeParameter", "IndexParameter"), "a power, and a sum, of one number"),
     **dict.fromkeys(
         ("CosineSampler", "DirectionSampler", "TreeSampler"),

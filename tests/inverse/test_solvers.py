@@ -2,6 +2,7 @@
 
 - A box-bounded quadratic ends where SciPy's ``lsq_linear`` and ``nnls`` end, whatever bounds are
   active, however the unknowns are scaled.
+- So does one of many unknowns that are nearly collinear.
 - Its derivative is that of the free unknowns alone, right where bounds are active and where not.
 - Levenberg-Marquardt ends where SciPy's does; the simplex ends there too.
 - jaxopt, which is archived upstream, is imported by nothing but the box-bounded quadratic.
@@ -71,6 +72,35 @@ def test_box_ends_where_nnls_ends(seed):
     found = in_box(matrix, target, np.zeros(5), np.full(5, np.inf))
     np.testing.assert_allclose(found, expected, atol=BOX_TOLERANCE * np.abs(expected).max())
     assert np.all(found[expected == 0] == 0)
+
+
+def test_many_collinear_columns_end_where_nnls_ends():
+    # Bumps that overlap so much that neighbours are all but the same, of very different heights.
+    places = np.linspace(0, 1, 400)
+    centres = np.linspace(0, 1, 40)
+    matrix = np.exp(-(((places[:, None] - centres) / 0.1) ** 2)) * 10.0 ** np.linspace(-3, 3, 40)
+    rng = np.random.default_rng(4)
+    target = matrix @ (rng.uniform(size=40) < 0.2) / 10.0**3 + 0.01 * rng.normal(size=400)
+    expected = nnls(matrix, target, maxiter=10_000)[0]
+    found = in_box(matrix, target, np.zeros(40), np.full(40, np.inf))
+    assert 1 < np.count_nonzero(expected) < 39
+    np.testing.assert_allclose(matrix @ found, matrix @ expected, atol=1e-8)
+    assert np.all(found >= 0)
+
+
+def test_many_unknowns_end_at_either_bound():
+    rng = np.random.default_rng(5)
+    matrix, target = rng.normal(size=(80, 36)), 5 * rng.normal(size=80)
+    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    lower, upper = -0.3 * np.abs(free).max() * np.ones(36), 0.2 * np.abs(free)
+    lower[::5], upper[1::5], upper[2], lower[2] = -np.inf, np.inf, 0.1, 0.1
+    lower = np.minimum(lower, upper)
+    expected = lsq_linear(matrix, target, (lower - 1e-12, upper + 1e-12), method="bvls").x
+    found = in_box(matrix, target, lower, upper)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert np.any(found == upper)
+    assert np.any(found == lower)
+    assert found[2] == 0.1
 
 
 def test_box_without_active_bounds_is_the_plain_solution():

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import WIDTH_BOUNDS, Glossy, Microfacet, Parametric, lobe_named
+from jaxrender.brdf import WIDTH_BOUNDS, Bank, Glossy, Microfacet, Parametric, lobe_named
 from jaxrender.geometry import Mesh
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse.diagnosis.blurring import softening
@@ -26,6 +26,8 @@ _PAINTS = 3
 _TYPICAL = 0.1
 # Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
 _WIDTHS = (0.6, 1.6)
+# Indices of the lobes that a bank has none of.
+_MUS = (1.3, 2.0)
 # Models of other tails, of the same numbers.
 _OTHERS = ("ggx", "microfacet")
 
@@ -132,6 +134,12 @@ def _normals(grounds: Grounds) -> Columns:
 def _lobe(grounds: Grounds) -> Columns | None:
     """Add lobes of other widths and of other models."""
     material = grounds.material
+    if isinstance(material, Bank):
+        # It has its own lobes at every width, but none that grows without masking.
+        widths = (lobe.width for lobe in material.lobes if lobe.is_narrow)
+        kind = lobe_named("microfacet")
+        lobes = [kind.with_roughness(width, mu) for width in dict.fromkeys(widths) for mu in _MUS]
+        return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
     if not (isinstance(material, Glossy) and material.has_frequency_view):
         return None
     width, mu = float(material.width), material.mu

@@ -31,6 +31,11 @@ def supposition_of(
     for other texts, and for values that no material has.
     """
     model = MODELS[config.brdf.model]
+    if not model.is_stated:
+        raise InputError(
+            f"brdf.model: {model.name}: its lobes are found from photographs, and nobody can "
+            "suppose them beforehand; choose a model whose numbers tell the whole material"
+        )
     supposed = dict(_pair(model, text) for text in given)
     own = model.names("amplitude", "searched")
     values, sources = {}, {}

@@ -43,9 +43,9 @@ def _keys(model: str) -> tuple[str, ...]:
     """List the keys that a model has."""
     entry = MODELS[model]
     return (
-        *(n.name for n in entry.numbers),
+        *entry.names("amplitude", "searched", "stated"),
         *entry.options,
-        *["ks_per_channel"] * entry.has_specular,
+        *["ks_per_channel"] * ("ks" in entry.names("amplitude")),
     )
 
 

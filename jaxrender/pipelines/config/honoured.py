@@ -173,6 +173,16 @@ _OF_SETTINGS = (
         instead="choose another model",
     ),
     Case(
+        "model bank",
+        lambda config: set(config.brdf.models) == {"bank"},
+        {
+            "solve.starts": "has one minimum, whatever the start",
+            "solve.method": "has no number to search for",
+            "solve.refine": "is always fitted by the integral",
+        },
+        instead="choose another model",
+    ),
+    Case(
         "a model that is not of facets",
         lambda config: not set(config.brdf.models) & set(FACET_MODELS),
         {"solve.variants": "has no variants"},

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
-from jaxrender.catalogue import MODELS, NAMES, described, numbers_named
+from jaxrender.catalogue import MODELS, NAMES, STATED, described, numbers_named
 from jaxrender.pipelines.config.brdf import (
     Fresnel,
     Masking,
-    Model,
     foreign_keys,
     none_for_nothing,
     refuse_outside,
@@ -35,11 +34,16 @@ from jaxrender.pipelines.config.values import (
     WholeNumber,
 )
 
+if TYPE_CHECKING:
+    TrueModel = str
+else:
+    TrueModel = Literal[STATED]
+
 
 class _RecipeBrdf(Section):
     """The true material.  A model with a specular lobe needs all its numbers."""
 
-    model: Model = "microfacet"
+    model: TrueModel = "microfacet"
     """The model: microfacet is the thesis's Gaussian (T 6.2); renderers use ggx and beckmann."""
     fresnel: Fresnel = "exit"
     """Angle of the Fresnel term: exit (default of microfacet) or half (of ggx and beckmann)."""

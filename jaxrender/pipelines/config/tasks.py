@@ -129,7 +129,17 @@ def _frees_what_textures_can(config: RunConfig) -> None:
         )
 
 
+def _has_one_lobe(config: RunConfig) -> None:
+    several = [name for name in config.brdf.models if not MODELS[name].is_stated]
+    if several:
+        raise ValueError(
+            f"brdf.model: the lobes of a {several[0]} are found under known light alone; give the "
+            "light, or choose another model"
+        )
+
+
 def _knows_material(config: RunConfig) -> None:
+    _has_one_lobe(config)
     _frees_no_light(config)
     given = _given(config)
     if not all(given.values()):
@@ -140,6 +150,7 @@ def _knows_material(config: RunConfig) -> None:
 
 
 def _leaves_a_ratio(config: RunConfig) -> None:
+    _has_one_lobe(config)
     _frees_no_light(config)
     given = _given(config)
     if given["kd"] and not MODELS[config.brdf.model].has_specular:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Bank, Glossy, Parametric
 from jaxrender.geometry import Mesh
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
@@ -97,24 +97,28 @@ class MaterialRecovery(Recovery):
         scale = float(finding.fit.parameters.value.scale)
         views = [photograph.view for photograph in finding.photographs]
 
-        def light_of(number: int) -> ForwardModel | ShadowedModel:
+        def light_of(number: int, part: Parametric) -> ForwardModel | ShadowedModel:
             own = far_sources(finding.light, number)
-            if not isinstance(material, Glossy):
+            if not isinstance(part, Glossy):
                 if finding.light.environment is None and not np.any(own.irradiance):
                     return ExactForward(own.nodes())
                 light = KnownLight(finding.light.environment, own)
-                return exact_forward(light, float(material.width), finding.shape, condensed=True)
+                return exact_forward(light, float(part.width), finding.shape, condensed=True)
             dual = dual_light(prepared.split, own, prepared.dual.band_limit)
             if finding.transfer is None:
                 return DualForward(dual)
             return ShadowedDual(finding.transfer.shape, dual, finding.transfer.at)
 
-        if finding.light.per_frame is None:
-            images = [np.asarray(image) for image in render_views(material, views, light_of(0))]
-        else:
-            images = [
-                np.asarray(render_view(material, view, light_of(k))) for k, view in enumerate(views)
+        def rendered(part: Parametric) -> list[np.ndarray]:
+            if finding.light.per_frame is None:
+                return [np.asarray(image) for image in render_views(part, views, light_of(0, part))]
+            return [
+                np.asarray(render_view(part, view, light_of(k, part)))
+                for k, view in enumerate(views)
             ]
+
+        parts = material.by_width if isinstance(material, Bank) else (material,)
+        images = [np.sum(of_view, axis=0) for of_view in zip(*map(rendered, parts), strict=True)]
         bounced = finding.fit.bounced
         if bounced is not None:
             assert isinstance(finding.shape, Mesh)
@@ -176,8 +180,11 @@ def recover_material(
             variants = fit_variants(found, light, settings, shape)
     if transfer is not None:
         progress.note(sentence_on(interreflection(found)))
-    with clock.stage("forecast"):
-        forecast = forecast_of_fit(found, light.far)
+    forecast = None
+    # Of a bank nobody could have supposed the lobes beforehand.
+    if not isinstance(found.brdf, Bank):
+        with clock.stage("forecast"):
+            forecast = forecast_of_fit(found, light.far)
     finding = Finding(
         found,
         variants,

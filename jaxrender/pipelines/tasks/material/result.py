@@ -53,7 +53,7 @@ class Finding(NamedTuple):
 def result_of(finding: Finding) -> Result:
     """Sum up values, intervals, what is identifiable, light, residuals."""
     fit, words = finding.fit, _words(finding)
-    final, parameters = fit.final, fit.parameters
+    final, parameters = fit.final, fit.parameters.summed(fit.brdf.sums)
     material = {"model": finding.model, **words.material(parameters.value)}
     return Result(
         task="brdf",
@@ -83,7 +83,8 @@ def _headline(variants: tuple[Variant, ...]) -> tuple[str, ...]:
 def _own(finding: Finding) -> dict[str, Any]:
     """Gather the keys that only this task has."""
     fit, words = finding.fit, _words(finding)
-    exact = fit.parameters.if_exact or fit.parameters
+    parameters = fit.parameters.summed(fit.brdf.sums)
+    exact = parameters.if_exact or parameters
     own: dict[str, Any] = {
         "interval90_if_exact": words.intervals(exact.lower, exact.upper),
         "diagnosis": causes_of(fit.diagnosis, _KEYS),

@@ -1,0 +1,392 @@
+"""Measured materials, photographed by the integral with the measurement as truth, and relit.
+
+    python experiments/materials.py [--paints FILE ...] [--networks ZIP] [--ball FOLDER]
+        [--probes FILE FILE --convention cross] [--count 100] [--models ggx bank]
+
+Paints and networks (small ones fitted to MERL, six inputs: half and difference vector) are balls
+under a probe and a lamp, seen from twelve sides with .5 % noise.  What is found is then relit by
+another probe, by that with a small sun, and by a lamp, seen from elsewhere, at exit cosines above
+.15: rms, median pixel, and the median of error over stated error.  ``--lamp`` has the networks
+under one lamp at 5 to 105 degrees instead, and tests between.  ``--ball`` is a folder of real
+photographs under distant lamps, of which every third is kept back.
+"""
+
+import argparse
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scenes
+from scenes import unit
+
+from jaxrender.brdf import Bank, Parametric, lobe_named
+from jaxrender.geometry import SurfaceSamples, fibonacci_sphere, meridian_frames
+from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
+from jaxrender.inverse.brdf_table.table import half_angle_coordinates
+from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.models import ExactModel
+from jaxrender.io import read_environment, read_image
+from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.pipelines.brdf_sources import source_of
+
+NOISE, LOWEST_COSINE, VIEWS, PIXELS, SIDE = 0.005, 0.15, 12, 400, 64
+ROWS, ENERGY, SEEN = 32, 3.0, 14_000
+# Pairs of a sample and a direction that are worked on at once.
+PAIRS = 200_000
+LAMP_FITTED, LAMP_TESTED = range(5, 106, 20), range(15, 96, 20)
+BALL_RADIUS, BALL_CENTRE, SATURATED, HIGHLIGHT = 70.751, (2.370, -8.368), 0.999, 8.0
+
+# A BRDF in 1/sr by local directions to the light and to the camera.
+Truth = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Relit(NamedTuple):
+    """How well a picture under another light was foretold."""
+
+    rms: float
+    median: float
+    stated: float
+
+
+def network(archive: zipfile.ZipFile, name: str) -> Truth:
+    with archive.open(name) as opened, h5py.File(opened) as file:
+        layers: dict[str, dict[str, np.ndarray]] = {}
+
+        def visit(place: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset):
+                layer, kind = place.split("/")[0], place.split("/")[-1].split(":")[0]
+                layers.setdefault(layer, {})[kind] = np.asarray(item, float)
+
+        file.visititems(visit)
+    ordered = [layers[key] for key in sorted(layers)]
+
+    def evaluate(incoming: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
+        polar, difference, azimuth = np.moveaxis(half_angle_coordinates(incoming, outgoing), -1, 0)
+        azimuth = np.abs(azimuth)
+        sine = np.sin(difference)
+        values = np.stack(
+            [
+                np.sin(polar),
+                np.zeros_like(polar),
+                np.cos(polar),
+                sine * np.cos(azimuth),
+                sine * np.sin(azimuth),
+                np.cos(difference),
+            ],
+            axis=-1,
+        )
+        for number, layer in enumerate(ordered):
+            values = values @ layer["kernel"] + layer["bias"]
+            if number < len(ordered) - 1:
+                values = np.maximum(values, 0)
+        return np.maximum(np.expm1(values), 0)
+
+    return evaluate
+
+
+def table(path: str) -> Truth:
+    brdf = source_of(path).brdf
+    evaluated = jax.jit(lambda incoming, outgoing: brdf.evaluate(incoming, outgoing))
+
+    def evaluate(incoming: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
+        # As many each time: every number would be a program of its own.
+        padded = np.tile([0.0, 0.0, 1.0], (PAIRS, 1))
+        found = np.zeros((len(incoming), 3))
+        for first in range(0, len(incoming), PAIRS):
+            some = slice(first, first + PAIRS)
+            pairs = [padded.copy(), padded.copy()]
+            for pair, directions in zip(pairs, (incoming, outgoing)):
+                pair[: len(directions[some])] = directions[some]
+            found[some] = np.asarray(evaluated(*pairs))[: len(incoming[some])]
+        return np.maximum(found, 0)
+
+    return evaluate
+
+
+def ball(views: np.ndarray, count: int, seed: int) -> tuple[SurfaceSamples, np.ndarray]:
+    """Draw pixels of a ball, alike over its picture, from every view."""
+    rng = np.random.default_rng(seed)
+    normals = []
+    for view in views:
+        across = unit(np.cross(view, [0.3, 0.5, 0.8]))
+        radius = np.sqrt(rng.uniform(0, 1 - LOWEST_COSINE**2, (count, 1)))
+        angle = rng.uniform(0, 2 * np.pi, (count, 1))
+        aside = np.cos(angle) * across + np.sin(angle) * np.cross(view, across)
+        normals.append(radius * aside + np.sqrt(1 - radius**2) * view)
+    frame = np.repeat(np.arange(len(views)), count)
+    return SurfaceSamples(np.concatenate(normals), views[frame]), frame
+
+
+def pictures(count: int) -> tuple[SurfaceSamples, np.ndarray]:
+    """List all pixels of so many pictures from one side."""
+    across = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
+    x, y = (axis.ravel() for axis in np.meshgrid(across, across))
+    there = x**2 + y**2 < 1 - LOWEST_COSINE**2
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=1)[there]
+    frame = np.repeat(np.arange(count), len(normals))
+    every = np.tile(normals, (count, 1))
+    return SurfaceSamples(every, np.tile([0.0, 0.0, 1.0], (len(every), 1))), frame
+
+
+def photographed(truth: Truth, samples: SurfaceSamples, frame: np.ndarray, light: KnownLight):
+    """Add up what every node of the light sends to the camera."""
+    frames = np.asarray(meridian_frames(jnp.asarray(samples.normals)))
+    leaving = np.einsum("si,sij->sj", np.asarray(samples.outgoing), frames)
+    found = np.zeros((len(frame), 3))
+    for part in exact_nodes(light, frame, 0.05):
+        directions, irradiance = (np.asarray(a, float) for a in part[:2])
+        block = max(1, PAIRS // directions.shape[-2])
+        for first in range(0, len(frame), block):
+            some = slice(first, first + block)
+            own = directions.ndim == 3
+            towards = (
+                directions[frame[some]]
+                if own
+                else np.broadcast_to(directions, (len(frame[some]), *directions.shape))
+            )
+            energy = irradiance[frame[some]] if own else irradiance[None]
+            seen = np.einsum("sni,sij->snj", towards, frames[some])
+            up = seen[..., 2] > 0
+            out = np.broadcast_to(leaving[some, None], seen.shape)
+            sent = np.zeros_like(seen)
+            sent[up] = truth(seen[up], out[up]) * seen[up][:, 2:]
+            found[some] += np.sum(sent * energy, axis=1)
+    return found
+
+
+def columns(material: Parametric, samples: SurfaceSamples, frame: np.ndarray, light: KnownLight):
+    """Integrate every lobe."""
+    nodes = exact_nodes(light, frame, float(material.width))
+    model = ExactModel(material, samples, nodes)
+    numbers = {name: jnp.asarray(value) for name, value in material.numbers.items()}
+    return np.stack([np.asarray(part) for part in model.columns(numbers)], axis=1)
+
+
+def relit(fit: BRDFFit, truth: np.ndarray, found: np.ndarray) -> Relit:
+    """Hold a picture by what a fit has found against the true one; ``found`` are its columns."""
+    material = found_by(fit)
+    predicted = np.einsum("skc,kc->sc", found, np.asarray(material.amplitudes))
+    labels = fit.parameters.value.labels
+    covariance = np.asarray(fit.parameters.covariance)
+    variance = np.zeros_like(predicted)
+    for channel in range(predicted.shape[1]):
+        rows = [labels.index(f"{name}[{channel}]") for name in material.amplitude_names]
+        own = covariance[np.ix_(rows, rows)]
+        moves = found[:, :, channel]
+        variance[:, channel] = np.sum((moves @ own) * moves, axis=1)
+    off = predicted - truth
+    size = np.linalg.norm(truth, axis=1)
+    lit = size > 1e-3 * size.max()
+    stated = np.sqrt(np.maximum(variance, 1e-30))
+    return Relit(
+        100 * np.sqrt(np.sum(off**2) / np.sum(truth**2)),
+        100 * float(np.median(np.linalg.norm(off, axis=1)[lit] / size[lit])),
+        float(np.median((np.abs(off) / stated)[lit])),
+    )
+
+
+def found_by(fit: BRDFFit) -> Parametric:
+    """Take the material; of a bank with the lobes that are black, whose program is there."""
+    if not isinstance(fit.brdf, Bank):
+        return fit.brdf
+    bank = Bank.black()
+    amounts = (np.asarray(fit.parameters.value.of(name)) for name in bank.amplitude_names)
+    return bank.with_amplitudes(*amounts)
+
+
+def lobe(name: str) -> Parametric:
+    return Bank.black() if name == "bank" else lobe_named(name)
+
+
+def fitted(name: str, observations: Observations, light: KnownLight) -> BRDFFit:
+    variant = lobe(name)
+    unknowns = unknowns_of(variant, ks_per_channel=True)
+    return fit_brdf(observations, light, unknowns, variant, FitSettings(diagnose=False))
+
+
+def probes(files: list[Path], convention: str) -> list[Environment]:
+    """Read probes, or make rooms of windows up, of like energy."""
+    if files:
+        found = [read_environment(file, convention, height=ROWS) for file in files]
+    else:
+        found = [scenes.probe(kind, 1, ROWS) for kind in ("interior", "sky")]
+    energies = [np.asarray(one.nodes().irradiance).sum(axis=0).mean() for one in found]
+    return [
+        Environment(np.asarray(one.radiance) * ENERGY / energy)
+        for one, energy in zip(found, energies)
+    ]
+
+
+def around(count: int) -> np.ndarray:
+    """Spread directions over the sphere."""
+    return np.asarray(fibonacci_sphere(count))
+
+
+def lamp(direction: list[float], energy: float) -> DirectionalSources:
+    return DirectionalSources(unit(np.array([direction])), np.full((1, 3), energy))
+
+
+def under_probes(truths: dict[str, Truth], options: argparse.Namespace) -> None:
+    one, other = probes(options.probes, options.convention)
+    told = KnownLight(one, lamp([1.0, -1.0, 1.2], 1.5))
+    others = {
+        "probe": KnownLight(other, DirectionalSources.none(3)),
+        "sun": KnownLight(Environment(0.3 * np.asarray(other.radiance)), lamp([-1, 0.4, 0.8], 3.0)),
+        "lamp": KnownLight(None, lamp([0.2, 1.0, 0.3], 3.0)),
+    }
+    samples, frame = ball(around(VIEWS), PIXELS // 2, 0)
+    aside, frame_aside = ball(around(7), PIXELS // 4, 1)
+    every: dict[str, list[np.ndarray]] = {}
+    for name, truth in truths.items():
+        exact = photographed(truth, samples, frame, told)
+        noise = np.random.default_rng(2).standard_normal(exact.shape)
+        observations = Observations(samples, exact * (1 + NOISE * noise), frame)
+        pictures = {key: photographed(truth, aside, frame_aside, by) for key, by in others.items()}
+        for model in options.models:
+            start = time.perf_counter()
+            fit = fitted(model, observations, told)
+            seconds = time.perf_counter() - start
+            results = [
+                relit(fit, pictures[key], columns(found_by(fit), aside, frame_aside, by))
+                for key, by in others.items()
+            ]
+            used = int(np.sum(np.any(np.asarray(fit.brdf.amplitudes) > 0, axis=1)))
+            print(
+                f"{name:28s} {model:6s} left {100 * fit.final.relative_rms:5.2f}  "
+                + "  ".join(
+                    f"{key} {r.rms:5.2f} {r.median:5.2f} z {r.stated:4.1f}"
+                    for key, r in zip(others, results)
+                )
+                + f"  {used} lobes, {seconds:.1f} s",
+                flush=True,
+            )
+            every.setdefault(model, []).append(np.array(results).ravel())
+    for model, rows in every.items():
+        median, most = np.median(rows, axis=0), np.quantile(rows, 0.9, axis=0)
+        print(f"{model}: median {np.round(median, 2)}, 90th percentile {np.round(most, 2)}")
+
+
+def lamps_about(degrees: range) -> tuple[DirectionalSources, ...]:
+    angles = np.radians(list(degrees))
+    return tuple(lamp([np.sin(a), 0.0, np.cos(a)], np.pi) for a in angles)
+
+
+def under_a_lamp(truths: dict[str, Truth], options: argparse.Namespace) -> None:
+    none = DirectionalSources.none(3)
+    every: dict[str, list[float]] = {}
+    for name, truth in truths.items():
+        taken = {}
+        for key, degrees in (("fitted", LAMP_FITTED), ("tested", LAMP_TESTED)):
+            sources = lamps_about(degrees)
+            samples, frame = pictures(len(sources))
+            light = KnownLight(None, none, sources)
+            pixels = photographed(truth, samples, frame, light)
+            lit = np.any(pixels > 0, axis=1)
+            # As many of every material, so that all share their programs.
+            kept = np.resize(np.random.default_rng(3).permutation(np.nonzero(lit)[0]), SEEN)
+            samples = SurfaceSamples(*(np.asarray(a)[kept] for a in samples))
+            taken[key] = Observations(samples, pixels[kept], frame[kept]), light
+        seen, light = taken["tested"]
+        for model in options.models:
+            start = time.perf_counter()
+            fit = fitted(model, *taken["fitted"])
+            seconds = time.perf_counter() - start
+            found = columns(found_by(fit), seen.samples, seen.frame, light)
+            result = relit(fit, np.asarray(seen.radiance), found)
+            every.setdefault(model, []).append(result.rms)
+            print(f"{name:28s} {model:6s} {result} {seconds:.1f} s", flush=True)
+    for model, found in every.items():
+        print(
+            f"{model}: {len(found)} materials, rms of pictures kept back: median "
+            f"{np.median(found):.1f} %, 90th percentile {np.quantile(found, 0.9):.1f} %"
+        )
+
+
+def real_ball(options: argparse.Namespace) -> None:
+    folder = options.ball
+    directions = np.loadtxt(folder / "light_directions.txt")
+    energies = np.loadtxt(folder / "light_intensities.txt")
+    files = sorted(folder.glob("[0-9]*.png"))
+    mask = read_image(folder / "mask.png").pixels[..., 0] > 0.5
+    rows, places = np.nonzero(mask)
+    x = (places + 0.5 - mask.shape[1] / 2 - BALL_CENTRE[0]) / BALL_RADIUS
+    y = (mask.shape[0] / 2 - rows - 0.5 - BALL_CENTRE[1]) / BALL_RADIUS
+    there = x**2 + y**2 < 1 - LOWEST_COSINE**2
+    rows, places, x, y = rows[there], places[there], x[there], y[there]
+    normals = np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=1)
+    outgoing = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    rng = np.random.default_rng(0)
+
+    def gathered(numbers: list[int], part: float) -> Observations:
+        pixels, kept, frames = [], [], []
+        for at, number in enumerate(numbers):
+            image = read_image(files[number]).pixels[rows, places]
+            used = np.all(image < SATURATED, axis=1) & (normals @ directions[number] > 0.05)
+            used &= rng.uniform(size=len(used)) < part
+            pixels.append(image[used] / energies[number])
+            kept.append(np.nonzero(used)[0])
+            frames.append(np.full(int(used.sum()), at))
+        index = np.concatenate(kept)
+        samples = SurfaceSamples(normals[index], outgoing[index])
+        return Observations(samples, np.concatenate(pixels).astype(float), np.concatenate(frames))
+
+    def light(numbers: list[int]) -> KnownLight:
+        own = (DirectionalSources(directions[[n]], np.ones((1, 3))) for n in numbers)
+        return KnownLight(None, DirectionalSources.none(3), tuple(own))
+
+    back = [n for n in range(len(files)) if n % 3 == 1]
+    fit_to = [n for n in range(len(files)) if n % 3 != 1]
+    observations, kept_back = gathered(fit_to, 0.1), gathered(back, 0.3)
+    half = unit(directions[back] + np.array([0.0, 0.0, 1.0]))[kept_back.frame]
+    cosine = np.sum(np.asarray(kept_back.samples.normals) * half, axis=1)
+    highlight = cosine > np.cos(np.radians(HIGHLIGHT))
+    truth = np.asarray(kept_back.radiance)
+    for model in options.models:
+        start = time.perf_counter()
+        fit = fitted(model, observations, light(fit_to))
+        seconds = time.perf_counter() - start
+        found = columns(found_by(fit), kept_back.samples, kept_back.frame, light(back))
+        off = np.einsum("skc,kc->sc", found, np.asarray(found_by(fit).amplitudes)) - truth
+        rms = [
+            100 * np.sqrt(np.sum(off[part] ** 2) / np.sum(truth[part] ** 2))
+            for part in (slice(None), highlight)
+        ]
+        print(
+            f"real ball {model:6s} kept back {rms[0]:.2f} %, highlight {rms[1]:.1f} %, "
+            f"{fit.outcome.value}, {seconds:.1f} s"
+        )
+        print("  " + "; ".join((f"narrowest {float(fit.brdf.width):.3g}", *fit.reasons)))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--paints", nargs="+", default=[])
+    parser.add_argument("--networks", type=Path)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--lamp", action="store_true")
+    parser.add_argument("--ball", type=Path)
+    parser.add_argument("--probes", type=Path, nargs=2, default=[])
+    parser.add_argument("--convention", default="cross")
+    parser.add_argument("--models", nargs="+", default=["ggx", "bank"])
+    options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    truths = {Path(path).stem: table(path) for path in options.paints}
+    if options.networks is not None:
+        with zipfile.ZipFile(options.networks) as archive:
+            names = sorted(name for name in archive.namelist() if name.endswith(".h5"))
+            step = max(1, len(names) // options.count)
+            truths |= {Path(n).stem: network(archive, n) for n in names[::step][: options.count]}
+    if truths:
+        (under_a_lamp if options.lamp else under_probes)(truths, options)
+    if options.ball is not None:
+        real_ball(options)
+
+
+if __name__ == "__main__":
+    main()
