@@ -14,6 +14,8 @@
     powers of cosines
 ``torrance_sparrow`` ``cook_torrance`` ``he_torrance``
     rough surfaces by geometric and by physical optics
+``two_ggx``
+    a sharp highlight in a haze
 ``ward`` ``kajiya_kay`` ``poulin_fournier``
     brushed and fibrous surfaces, their direction along +X
 ``mixture`` ``bank``
@@ -115,6 +117,7 @@ from jaxrender.brdf.tables.zernike import ZernikeBRDF
 from jaxrender.brdf.tables.zernike_fit import ZernikeFit, fit_zernike
 from jaxrender.brdf.torrance_sparrow import TorranceSparrow
 from jaxrender.brdf.tree_sampler import TreeSampler
+from jaxrender.brdf.two_ggx import TwoGGX
 from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
@@ -174,6 +177,7 @@ __all__ = [
     "TorranceSparrow",
     "TreeSampler",
     "TrowbridgeReitz",
+    "TwoGGX",
     "Ward",
     "WaveletBRDF",
     "WithoutIndex",

@@ -11,6 +11,7 @@
 from jaxrender.catalogue.interval import Interval
 from jaxrender.catalogue.lights import LIGHTS, LightKey, LightKind
 from jaxrender.catalogue.models import (
+    AMPLITUDES,
     MODELS,
     NAMES,
     STATED,
@@ -21,6 +22,7 @@ from jaxrender.catalogue.models import (
 )
 
 __all__ = [
+    "AMPLITUDES",
     "LIGHTS",
     "MODELS",
     "NAMES",

@@ -82,6 +82,11 @@ class Model(NamedTuple):
         raise KeyError(name)
 
     @property
+    def has_one_lobe(self) -> bool:
+        """Whether there is at most one lobe over the base."""
+        return self.is_stated and len(self.names("amplitude")) <= 2
+
+    @property
     def has_specular(self) -> bool:
         """Whether the model has a specular lobe."""
         return "ks" in self.names("amplitude", "sum")
@@ -290,6 +295,32 @@ _ALL: tuple[Model, ...] = (
     ),
     Model("lambertian", "ideal diffuse paint", "lambertian.Lambertian", (_KD,)),
     Model(
+        "two-ggx",
+        "a sharp highlight in a haze",
+        "two_ggx.TwoGGX",
+        (
+            _KD,
+            _KS,
+            _amplitude(
+                "ks_broad",
+                "K_b",
+                "specular weight of the broad lobe: about its albedo",
+                0.05,
+                "broad albedo",
+            ),
+            Number("sigma", "σ", "roughness of the narrow lobe", _TO_1, 0.08),
+            Number(
+                "spread",
+                "q",
+                "how many times wider the broad lobe is: its roughness is that times σ, at most 1",
+                Interval("(1, inf)"),
+                4.0,
+            ),
+            _MU,
+        ),
+        about_mirror=False,
+    ),
+    Model(
         "bank",
         "a real surface: as many lobes of set shapes as it needs",
         "bank.Bank",
@@ -324,6 +355,10 @@ def numbers_named(name: str) -> dict[str, Number]:
     }
 
 
+# Every name of an amplitude.
+AMPLITUDES: tuple[str, ...] = tuple(
+    dict.fromkeys(name for model in _ALL for name in model.names("amplitude"))
+)
 # Every name of a number, each once, in the order in which it first occurs.
 NAMES: tuple[str, ...] = tuple(
     dict.fromkeys(number.name for model in MODELS.values() for number in model.numbers)

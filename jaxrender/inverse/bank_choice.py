@@ -80,7 +80,10 @@ class _Sums(NamedTuple):
 
     @classmethod
     def of(
-        cls, task: MaterialTask, some: Observations, columns: Float[np.ndarray, "sample column 3"]
+        cls,
+        task: MaterialTask,
+        some: Observations,
+        columns: Float[np.ndarray, "sample column channel"],
     ) -> "_Sums":
         """Add up, weighed by the noise that a fit with all lobes leaves; kd as it is stated."""
         radiance, fixed = np.asarray(some.radiance, float), task.unknowns["kd"].fixed

@@ -25,7 +25,6 @@ from jaxrender.brdf import Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
-from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.factorization import (
     Factorization,
     FactorSettings,
@@ -242,11 +241,13 @@ def _predicted(
     cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
     nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.width), cells)
     seen = nodes_seen(shape, rest, nodes)
-    problem, end = fit.final.problem, fit.final.fit
     model = ExactModel(fit.brdf, rest.samples, nodes, seen)
-    data = Data(rest.radiance, np.ones_like(rest.radiance), rest.frame)
-    point = jnp.asarray(end.solution.point)
-    return np.asarray(problem.predict(model, data, point, end.linear))
+    numbers = {name: jnp.asarray(value) for name, value in fit.brdf.numbers.items()}
+    found = fit.parameters.value
+    gains, frame = np.asarray(found.gains), np.asarray(rest.frame)
+    gain = gains[frame, None] if len(gains) > 1 else 1.0
+    amplitudes = jnp.asarray(fit.brdf.amplitudes)
+    return float(found.scale) * gain * np.asarray(model.columns(numbers).times(amplitudes))
 
 
 def _energy(

@@ -133,6 +133,18 @@ MODELS = [
     ),
     model("", brdf.Microfacet, {**CHANNELS, "sigma": scalar(0.2), **MU}, width("sigma") | INDICES),
     model(
+        "",
+        brdf.TwoGGX,
+        {
+            **CHANNELS,
+            "ks_broad": np.array([0.1, 0.05]),
+            "sigma": scalar(0.1),
+            "spread": scalar(4.0, 1),
+            **MU,
+        },
+        width("sigma", 0.01, 0.2) | INDICES,
+    ),
+    model(
         "no index",
         brdf.Microfacet,
         {**CHANNELS, "sigma": scalar(0.2)},

@@ -231,6 +231,7 @@ def test_what_cannot_be_told_apart_is_said(clean):
     assert np.all(wide > 0.01)
 
 
+@pytest.mark.slow
 def test_a_photograph_without_samples_keeps_its_number(wrong):
     """As where few of its pixels are usable, and none of them is drawn."""
     some = wrong.take(np.flatnonzero(wrong.frame != 2))

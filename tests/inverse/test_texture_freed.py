@@ -120,6 +120,7 @@ def test_lamps_that_stand_elsewhere_are_found(ball):
     assert max(off(fit)) < 3.5
 
 
+@pytest.mark.slow
 def test_a_clean_capture_is_left_alone(ball):
     fit = recovered(ball, "auto")
     assert fit.calibration is None

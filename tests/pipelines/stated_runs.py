@@ -19,11 +19,14 @@ RUNS = {
     "brdf of a known lobe": f"task: brdf\nbrdf: {{sigma: 0.1, mu: none}}\n{_LIT}",
     "brdf up to a scale": "task: brdf\nlighting: {environment: {path: probe.exr}, "
     "free_scale: true}\n",
+    "two lobes up to a scale": "task: brdf\nbrdf: {model: two-ggx}\nlighting: {environment: "
+    "{path: probe.exr}, free_scale: true}\n",
     "brdf with bounces": f"task: brdf\nsolve: {{interreflection: true}}\n{_LIT}",
     **{
         f"brdf of {model}": f"task: brdf\nbrdf: {{model: {model}}}\n{_LIT}"
-        for model in ("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier")
+        for model in ("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier", "two-ggx")
     },
+    "brdf of bank": f"task: brdf\nbrdf: {{model: bank}}\n{_LIT}",
     "brdf of lambertian": f"task: brdf\nbrdf: {{model: lambertian}}\n{_LIT}",
     "lighting": f"task: lighting\n{_GIVEN}",
     "lighting of lambertian": "task: lighting\nbrdf: {model: lambertian, kd: 0.2}\n",
@@ -82,12 +85,20 @@ OTHER = {
     "brdf.fresnel": ("half", "exit"),
     "brdf.masking": ("smith", "none"),
     "brdf.gauge": ("metal", "dielectric"),
-    **{f"brdf.{name}.fixed": "0.3" for name in ("kd", "ks", "sigma", "roughness", "roughness_y")},
-    **{f"brdf.{name}.bounds": "[0.1, 0.4]" for name in ("kd", "ks", "sigma", "roughness")},
-    **{f"brdf.{name}.start": "0.3" for name in ("kd", "ks", "sigma", "roughness", "roughness_y")},
-    **{f"brdf.{name}.prior": "[0.3, 0.2]" for name in ("kd", "ks", "sigma", "roughness")},
-    "brdf.roughness_y.bounds": "[0.1, 0.4]",
-    "brdf.roughness_y.prior": "[0.3, 0.2]",
+    **{
+        f"brdf.{name}.{key}": value
+        for name in ("kd", "ks", "ks_broad", "sigma", "roughness", "roughness_y")
+        for key, value in {
+            "fixed": "0.3",
+            "bounds": "[0.1, 0.4]",
+            "start": "0.3",
+            "prior": "[0.3, 0.2]",
+        }.items()
+    },
+    "brdf.spread.fixed": "3",
+    "brdf.spread.bounds": "[2, 9]",
+    "brdf.spread.start": "3",
+    "brdf.spread.prior": "[3, 1]",
     "brdf.exponent.fixed": "20",
     "brdf.exponent.bounds": "[5, 50]",
     "brdf.exponent.start": "20",

@@ -43,6 +43,16 @@ def test_the_result_is_a_material_whose_lobes_are_listed(finished):
     assert "forecast" not in result
 
 
+def test_the_page_lists_its_lobes(finished):
+    out, result = finished
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "The lobes in use" in page
+    assert page.count(" facets</td>") == sum(
+        lobe["kind"] in ("ggx", "beckmann") and any(lobe["weight"])
+        for lobe in result["brdf"]["lobes"]
+    )
+
+
 def test_a_lobe_that_no_bank_has_is_named(finished):
     _, result = finished
     assert result["outcome"] == "misfit"

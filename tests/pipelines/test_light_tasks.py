@@ -298,6 +298,7 @@ def test_a_recovered_light_renders_the_photographs(factorized, capture, tmp_path
     assert np.median(np.abs(image.pixels[..., :3][inside] / photograph[inside] - 1)) < 0.02
 
 
+@pytest.mark.slow
 def test_sources_are_rendered_as_they_stand_beside_the_picture(factorized, tmp_path):
     """Twice the irradiance beside the picture of slow light makes highlights twice as bright."""
     folder, result = factorized

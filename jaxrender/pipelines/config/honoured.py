@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from jaxrender.catalogue import MODELS
+from jaxrender.catalogue import AMPLITUDES, MODELS
 from jaxrender.pipelines.config.brdf import FACET_MODELS, foreign_keys
 from jaxrender.pipelines.config.stated import Case
 from jaxrender.pipelines.config.tasks import TASKS, UNUSED, situation
@@ -72,7 +72,7 @@ _OF_SETTINGS = (
         lambda config: True,
         {
             f"brdf.{name}.start": f"solves for {name} directly, without a start"
-            for name in ("kd", "ks")
+            for name in AMPLITUDES
         },
     ),
     Case(
@@ -80,7 +80,7 @@ _OF_SETTINGS = (
         lambda config: config.lighting is not None and config.lighting.free_scale,
         {
             f"brdf.{name}.prior": f"finds {name} up to a factor, of which a prior says nothing"
-            for name in ("kd", "ks")
+            for name in AMPLITUDES
         },
         instead="remove lighting.free_scale",
     ),

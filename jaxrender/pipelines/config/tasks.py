@@ -130,11 +130,11 @@ def _frees_what_textures_can(config: RunConfig) -> None:
 
 
 def _has_one_lobe(config: RunConfig) -> None:
-    several = [name for name in config.brdf.models if not MODELS[name].is_stated]
+    several = [name for name in config.brdf.models if not MODELS[name].has_one_lobe]
     if several:
         raise ValueError(
-            f"brdf.model: the lobes of a {several[0]} are found under known light alone; give the "
-            "light, or choose another model"
+            f"brdf.model: the lobes of {several[0]} are found under known light alone; give the "
+            "light, or choose a model of one lobe"
         )
 
 

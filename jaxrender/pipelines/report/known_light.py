@@ -14,6 +14,7 @@ from jaxrender.pipelines.report.spectra import spectrum_plots
 def material_page(contents: MaterialContents) -> Page:
     """Lay out the page."""
     sections = {
+        "lobes": parameters.lobes(contents),
         "variants": parameters.variants(contents),
         "evidence": parameters.evidence(contents),
         "comparison": comparison(contents),

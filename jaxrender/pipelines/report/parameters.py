@@ -13,6 +13,15 @@ from jaxrender.pipelines.report.wording import MISSING, counted, is_number, numb
 from jaxrender.shapes import Float
 
 _RGB = ("red", "green", "blue")
+# What the kinds of a bank's lobes are called, and those whose weight is a BRDF in 1/sr.
+_KINDS = {
+    "lambertian": "Lambertian base",
+    "burley": "Burley's diffuse curve",
+    "ggx": "GGX facets",
+    "beckmann": "Beckmann facets",
+    "retro": "towards the light",
+}
+_DIFFUSE = ("lambertian", "burley")
 
 
 class Line(NamedTuple):
@@ -38,6 +47,20 @@ class Parameter(NamedTuple):
     verdict: str
     reasons: tuple[str, ...]
     sensitive: str
+
+
+class LobeRow(NamedTuple):
+    """One lobe of many: its shape, its weight in each channel, and its albedo head-on.
+
+    ``bar`` is the albedo in per cent of the largest.
+    """
+
+    name: str
+    width: str
+    index: str
+    weights: tuple[str, ...]
+    share: str
+    bar: float
 
 
 class VariantRow(NamedTuple):
@@ -91,6 +114,28 @@ def parameters(contents: Contents) -> tuple[Parameter, ...]:
     if not names and contents.fit is not None:
         names = own.names("amplitude", "searched")
     return tuple(_parameter(contents, name) for name in names)
+
+
+def lobes(contents: Contents) -> tuple[LobeRow, ...]:
+    """List the lobes of a material that is a sum of many, in the order of their widths."""
+    every = contents.result.get("brdf", {}).get("lobes", ())
+    weights = [np.array(lobe["weight"], float) for lobe in every]
+    albedos = [
+        float(np.mean(weight)) * (np.pi if lobe["kind"] in _DIFFUSE else 1)
+        for lobe, weight in zip(every, weights)
+    ]
+    return tuple(
+        LobeRow(
+            _KINDS[lobe["kind"]],
+            shown(lobe["width"]) if "width" in lobe else MISSING,
+            shown(lobe["mu"]) if "mu" in lobe else MISSING,
+            tuple(shown(value, 2) for value in weight),
+            percent(albedo),
+            100 * albedo / max(albedos),
+        )
+        for lobe, weight, albedo in zip(every, weights, albedos)
+        if albedo > 0
+    )
 
 
 def _parameter(contents: Contents, name: str) -> Parameter:

@@ -82,6 +82,8 @@ def test_defaults():
         "deviation": 0.5,
         "spacing": 2.0,
         "height": 1.0,
+        "ks_broad": "free",
+        "spread": "free",
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
