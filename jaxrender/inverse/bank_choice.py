@@ -32,6 +32,8 @@ _LEAST_GLOSSY = 0.3
 _LITTLE_WORK = 20_000
 # Added to the squares of columns of length one: neighbouring lobes are all but the same.
 _RIDGE = 1e-10
+# A lobe whose squares are this part of the largest is seen nowhere.
+_UNSEEN = 1e-30
 # Rounds of weights by the noise that is left.
 _ROUNDS = 2
 
@@ -165,9 +167,10 @@ def _solved(
     (gram,), (moments,), _ = sums
     found = np.zeros_like(moments)
     for channel, (square, moment) in enumerate(zip(gram, moments)):
-        there = np.diag(square) > 0
+        size = np.diag(square)
+        there = size > _UNSEEN * np.max(size)
         places = np.nonzero(there if kept is None else there & kept)[0]
-        scale = 1 / np.sqrt(np.diag(square)[places])
+        scale = 1 / np.sqrt(size[places])
         scaled = square[np.ix_(places, places)] * np.outer(scale, scale)
         root = np.linalg.cholesky(scaled + _RIDGE * np.eye(len(places)))
         target = np.linalg.solve(root, moment[places] * scale)
