@@ -72,8 +72,8 @@ class BankLobe(NamedTuple):
         return f"{self.kind}-{self.width:.3g}{index}"
 
     @property
-    def is_narrow(self) -> bool:
-        """Whether its width is that of a highlight about the mirror direction."""
+    def about_mirror(self) -> bool:
+        """Whether it is a highlight about the mirror direction, however wide."""
         return self.kind in DISTRIBUTIONS
 
 
@@ -181,7 +181,7 @@ class Bank(WithoutIndex):
     def sigma(self) -> Scalar:
         """The width of the narrowest highlight in use; where none is, of the narrowest there is."""
         used = [lobe for lobe, ks in zip(self.lobes, np.asarray(self.ks)) if np.any(ks > 0)]
-        widths = [[lobe.width for lobe in some if lobe.is_narrow] for some in (used, self.lobes)]
+        widths = [[lobe.width for lobe in some if lobe.about_mirror] for some in (used, self.lobes)]
         return min(widths[0] or widths[1] or [_WIDEST])
 
     @property
@@ -211,7 +211,7 @@ class Bank(WithoutIndex):
 
         The wide ones ask for a light of less detail.
         """
-        narrow = np.array([one.is_narrow and one.width < _BROAD for one in self.lobes])
+        narrow = np.array([one.about_mirror and one.width < _BROAD for one in self.lobes])
         if narrow.all() or not narrow.any():
             return (self,)
         kd, ks = np.asarray(self.kd), np.asarray(self.ks)

@@ -143,7 +143,7 @@ class _Sums(NamedTuple):
 
 def _used(bank: Bank, sums: _Sums, *, alone: bool) -> Bool[np.ndarray, "lobe"]:
     """Mark the lobes that are used, of those that are wide enough, by any of the fits."""
-    facets = np.array([lobe.width if lobe.is_narrow else np.inf for lobe in bank.lobes])
+    facets = np.array([lobe.width if lobe.about_mirror else np.inf for lobe in bank.lobes])
     tried = np.unique(facets[facets <= max(_LEAST_GLOSSY, facets.min())])
     photographs = len(sums.squares)
     if alone or photographs < 2:

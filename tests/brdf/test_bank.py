@@ -130,7 +130,7 @@ def test_sums_hold_every_amplitude_once():
 
 def test_a_standard_bank_begins_where_it_is_asked_to():
     for narrowest in (0.01, 0.1, 1.0):
-        widths = [lobe.width for lobe in standard_lobes(narrowest) if lobe.is_narrow]
+        widths = [lobe.width for lobe in standard_lobes(narrowest) if lobe.about_mirror]
         assert narrowest / 1.47 < min(widths) <= narrowest * (1 + 1e-12)
         assert max(widths) == 1
     with pytest.raises(ValueError, match="narrowest"):

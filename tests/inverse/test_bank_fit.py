@@ -2,8 +2,9 @@
 
 - Two lobes between the widths of the bank, photographed by an integral of its own with 1 % noise,
   400 pixels in all, are relit within 3 %, and what is stated of that is about as large as it is.
-- Lobes narrower than what photographs agree on are left out: where normals are a degree off, each
-  its own way, no lobe is as narrow as that.
+- Lobes narrower than what photographs agree on are left out, with normals as they are and with
+  normals that are a degree off, each its own way.
+- What a bank misses of the radiance counts in the dark as where it is bright.
 - kd and ks are sums; a metal has no kd, and that is no bound.
 - Held against one lobe by samples that were held out, it comes first where there are two.
 - By name and by class it is the same, and a base that is stated stays; what nobody can state is
@@ -76,6 +77,9 @@ def test_two_lobes_are_relit(found):
     assert found.outcome is Outcome.CONVERGED
     assert found.noise.relative == pytest.approx(0.01, rel=0.15)
     assert all(found.identifiable.values())
+    typical = np.sqrt(np.mean(np.asarray(found.final.fit.predicted) ** 2))
+    weighed = found.final.noise
+    assert weighed.floor == pytest.approx(weighed.relative * typical, rel=0.05)
     (truth, _), (picture, columns) = relit(TRUTH), relit(found.brdf)
     assert np.linalg.norm(picture - truth) < RELIT * np.linalg.norm(truth)
     labels = found.parameters.value.labels
@@ -96,9 +100,12 @@ def test_the_sums_are_those_of_the_material(found):
     for name, truth in (("kd", KD), ("ks", np.array([0.25, 0.25, 0.22]))):
         off = np.abs(np.asarray(summed.value.of(name)) - truth)
         assert np.all(off < 4 * np.asarray(summed.standard_error.of(name)) + 0.03 * truth)
-    assert summed.if_exact is not None
-    with_rows = np.asarray(summed.covariance)
-    np.testing.assert_allclose(with_rows, with_rows.T, atol=1e-15)
+    labels = found.parameters.value.labels
+    rows = [k for k, label in enumerate(labels) if label.partition("[")[0] in BANK.sums["ks"]]
+    green = [k for k in rows if labels[k].endswith("[1]")]
+    for whole, part in ((summed, found.parameters), (summed.if_exact, found.parameters.if_exact)):
+        variance = np.asarray(part.covariance)[np.ix_(green, green)].sum()
+        assert whole.standard_error.of("ks")[1] == pytest.approx(np.sqrt(variance))
 
 
 def test_a_metal_has_no_base():
@@ -110,25 +117,20 @@ def test_a_metal_has_no_base():
     assert np.max(metal.parameters.summed(BANK.sums).value.kd) < 0.01
 
 
-def test_narrower_lobes_than_photographs_agree_on_are_left_out():
-    narrow = Microfacet(KD, np.full(3, 0.2), 0.05, 1.5, "half", "smith", "ggx")
-    samples, frame = ball_samples(1600)
-    exact = photograph(narrow, samples, frame, radiance_of=lambda d: 0.3 * jnp.ones((len(d), 3)))
+@pytest.mark.parametrize("degrees", [0, 1])
+def test_narrower_lobes_than_photographs_agree_on_are_left_out(degrees):
+    truth = Microfacet(KD, np.full(3, 0.2), 0.08, 1.5, "half", "smith", "ggx")
+    samples, frame = ball_samples(6000)
+    columns = integral_columns(truth, SurfaceSamples(*map(jnp.asarray, samples)), SOURCES.nodes())
     rng = np.random.default_rng(0)
-    normals = unit(samples.normals + np.radians(1.0) * rng.normal(size=samples.normals.shape))
-    light = KnownLight(None, SOURCES)
-    columns = integral_columns(narrow, SurfaceSamples(*map(jnp.asarray, samples)), SOURCES.nodes())
-    seen = np.asarray(radiance(narrow, columns))
-    assert exact.radiance.shape == seen.shape
-    bumpy = SurfaceSamples(normals, samples.outgoing)
-
-    def narrowest(observed):
-        problem = Problem.of(unknowns_of(BANK), 3)
-        task = MaterialTask(problem, BANK, observed, light, DEFAULTS)
-        chosen = choose_lobes(task)
-        return float(chosen.task.material(chosen.stop).width)
-
-    assert narrowest(with_noise(Observations(bumpy, seen, frame))) > 0.02
+    bumps = np.radians(degrees) * rng.normal(size=samples.normals.shape)
+    told = SurfaceSamples(unit(samples.normals + bumps), samples.outgoing)
+    seen = with_noise(Observations(told, np.asarray(radiance(truth, columns)), frame))
+    problem = Problem.of(unknowns_of(BANK), 3)
+    task = MaterialTask(problem, BANK, seen, KnownLight(None, SOURCES), DEFAULTS)
+    chosen = choose_lobes(task)
+    # The next width below that of the truth.  All lobes together reach below it.
+    assert 0.06 < chosen.task.material(chosen.stop).width < 0.1
 
 
 def test_by_name_and_by_class_it_is_the_same(photographs):

@@ -136,7 +136,7 @@ def _lobe(grounds: Grounds) -> Columns | None:
     material = grounds.material
     if isinstance(material, Bank):
         # It has its own lobes at every width, but none that grows without masking.
-        widths = (lobe.width for lobe in material.lobes if lobe.is_narrow)
+        widths = (lobe.width for lobe in material.lobes if lobe.about_mirror)
         kind = lobe_named("microfacet")
         lobes = [kind.with_roughness(width, mu) for width in dict.fromkeys(widths) for mu in _MUS]
         return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
