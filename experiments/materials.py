@@ -176,10 +176,11 @@ def relit(fit: BRDFFit, truth: np.ndarray, found: np.ndarray) -> Relit:
     covariance = np.asarray(fit.parameters.covariance)
     variance = np.zeros_like(predicted)
     for channel in range(predicted.shape[1]):
-        rows = [labels.index(f"{name}[{channel}]") for name in material.amplitude_names]
-        own = covariance[np.ix_(rows, rows)]
-        moves = found[:, :, channel]
-        variance[:, channel] = np.sum((moves @ own) * moves, axis=1)
+        own = [f"{name}[{channel}]" for name in material.amplitude_names]
+        kept = [place for place, label in enumerate(own) if label in labels]
+        rows = [labels.index(own[place]) for place in kept]
+        moves = found[:, kept, channel]
+        variance[:, channel] = np.sum((moves @ covariance[np.ix_(rows, rows)]) * moves, axis=1)
     off = predicted - truth
     size = np.linalg.norm(truth, axis=1)
     lit = size > 1e-3 * size.max()
@@ -196,8 +197,8 @@ def found_by(fit: BRDFFit) -> Parametric:
     if not isinstance(fit.brdf, Bank):
         return fit.brdf
     bank = Bank.black()
-    amounts = (np.asarray(fit.parameters.value.of(name)) for name in bank.amplitude_names)
-    return bank.with_amplitudes(*amounts)
+    found = dict(zip(fit.brdf.amplitude_names, np.asarray(fit.brdf.amplitudes)))
+    return bank.with_amplitudes(*(found.get(name, np.zeros(3)) for name in bank.amplitude_names))
 
 
 def lobe(name: str) -> Parametric:

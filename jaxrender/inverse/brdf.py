@@ -171,10 +171,11 @@ def fit_brdf(
         if settings.free == "auto" and examined.unsettled:
             account = account.with_note(examined.unsettled_sentence)
         outcome, identifiable, reasons = judge(final, account, variant)
+    material = task.material(final).in_use
     return BRDFFit(
-        task.material(final).in_use,
+        material,
         outcome,
-        account.parameters,
+        account.parameters.only(material.amplitude_names),
         identifiable,
         account.evidence,
         quick,

@@ -72,21 +72,32 @@ class Uncertain(NamedTuple):
         """Add up amplitudes, each sum by its name; those that are in none stay by themselves."""
         if not sums:
             return self
+        return self._added({own: name for name, parts in sums.items() for own in parts})
+
+    def only(self, names: Iterable[str]) -> "Uncertain":
+        """Keep the amplitudes of these names."""
+        left_out = {*self.value.amplitudes} - {*names}
+        return self._added(dict.fromkeys(left_out)) if left_out else self
+
+    def _added(self, of: Mapping[str, str | None]) -> "Uncertain":
+        """Add amplitudes to those whose names are given; None leaves one out."""
         assert self.covariance is not None
-        of = {own: name for name, parts in sums.items() for own in parts}
         amplitudes: dict = {}
         for own, amount in self.value.amplitudes.items():
             name = of.get(own, own)
-            amplitudes[name] = amplitudes.get(name, np.zeros(np.shape(amount))) + amount
+            if name is not None:
+                amplitudes[name] = amplitudes.get(name, np.zeros(np.shape(amount))) + amount
         value = self.value._replace(amplitudes=amplitudes)
         rows = {label: row for row, label in enumerate(value.labels)}
         adding = np.zeros((len(rows), len(self.value.labels)))
         for column, label in enumerate(self.value.labels):
             own, bracket, channel = label.partition("[")
-            adding[rows[f"{of.get(own, own)}{bracket}{channel}"], column] = 1
+            name = of.get(own, own)
+            if name is not None:
+                adding[rows[f"{name}{bracket}{channel}"], column] = 1
         covariance = adding @ self.covariance @ adding.T
         found = intervals(value, _spread_over(value, covariance), self.origins, covariance)
-        exact = None if self.if_exact is None else self.if_exact.summed(sums)
+        exact = None if self.if_exact is None else self.if_exact._added(of)
         return found._replace(disagreement=self.disagreement, if_exact=exact)
 
     def spread_by(self, shifts: Float[np.ndarray, "number cause"]) -> "Uncertain":
@@ -121,7 +132,7 @@ def uncertain_parameters(
     ``clusters`` are of samples that may err together.
     """
     shares = np.ones(data.radiance.shape[0]) if shares is None else shares
-    held = _held(problem, fit)
+    held = held_at_bounds(problem, fit)
     # Neighbouring pixels are alike, so that every other one would be no draw of its own.
     half = np.random.default_rng(0).permutation(len(shares)) % 2 == 0
     end = fit.solution.point, fit.linear.eliminated
@@ -304,7 +315,7 @@ def _inverse(matrix: Float[Array, "all all"]) -> Float[Array, "all all"]:
     return inverse * scale[:, None] * scale[None, :]
 
 
-def _held(problem: Problem, fit: Fit) -> np.ndarray:
+def held_at_bounds(problem: Problem, fit: Fit) -> Bool[np.ndarray, "all"]:
     """Mark the unknowns that ended at a bound: they have no error bar of their own."""
     eliminated = np.asarray(fit.linear.eliminated)
     lower, upper = np.asarray(problem.lower), np.asarray(problem.upper)

@@ -47,6 +47,10 @@ def test_the_page_lists_its_lobes(finished):
     out, result = finished
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "The lobes in use" in page
+    # Lobes that are not there have no error, and trade with nothing.
+    assert set(result["correlations"]["numbers"]) <= {
+        f"{name}[{channel}]" for name in ("kd", "ks") for channel in range(3)
+    }
     assert page.count(" facets</td>") == sum(
         lobe["kind"] in ("ggx", "beckmann") and any(lobe["weight"])
         for lobe in result["brdf"]["lobes"]

@@ -17,6 +17,7 @@ from jaxrender.inverse.elimination import Data
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import slopes_of_parameters, weighted_jacobian
 from jaxrender.inverse.passes import Stop
+from jaxrender.inverse.uncertainty import held_at_bounds
 from jaxrender.shapes import Bool, Float, Int
 
 
@@ -45,8 +46,10 @@ class Derivatives:
         end = stop.fit.solution.point, stop.fit.linear.eliminated
         predicted = np.asarray(stop.fit.predicted)[index]
         weights = np.asarray(data.weights, float)
-        jacobian = np.asarray(weighted_jacobian(stop.problem, near, data, *end), float)
-        parameters = np.asarray(slopes_of_parameters(stop.problem, *end))
+        # What is at its bound stays there, as for the error bars.
+        moves = ~held_at_bounds(stop.problem, stop.fit)
+        jacobian = moves * np.asarray(weighted_jacobian(stop.problem, near, data, *end), float)
+        parameters = moves * np.asarray(slopes_of_parameters(stop.problem, *end))
         return cls(
             weights * (np.asarray(data.radiance) - predicted),
             jacobian.reshape(*weights.shape, -1),
