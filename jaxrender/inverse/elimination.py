@@ -244,7 +244,7 @@ def condensed_residuals(
     """
     problem, model, data = objective
     here = problem.unknowns.unpack(jax.lax.stop_gradient(point))
-    near = LinearisedModel.about(model, here.numbers)
+    near = LinearisedModel.about(model, here.numbers, problem.unknowns.free_numbers)
     return residuals(point, Objective(problem, *condense(near, data)))
 
 

@@ -122,7 +122,7 @@ def _misfit(task: MaterialTask, state: State, told: Told, freed: tuple[str, ...]
         else:
             nodes = task.nodes(light, some, task.width(stop), _NEIGHBOURS_CELL)
         physical = task.unknowns.unpack(stop.fit.solution.point)
-        near = LinearisedModel.about(task.integral(some, nodes), physical.numbers)
+        near = LinearisedModel.about(task.integral(some, nodes), physical.numbers, ())
         data = stop.data._replace(frame=frame)
         predicted = task.problem.columns(near, data, physical).times(stop.fit.linear.amplitudes)
         threes = np.arange(rows.size)

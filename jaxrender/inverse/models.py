@@ -218,8 +218,8 @@ class DiffuseModel(eqx.Module):
 class LinearisedModel(eqx.Module):
     """Any model to first order about some of its numbers: what error bars are made of.
 
-    ``slopes`` are, for each of the numbers, the derivatives of the columns ``at.shaped`` by it.  A
-    width may be one for each sample, where the model takes that.
+    ``slopes`` are, for each of the numbers that vary, the derivatives of the columns ``at.shaped``
+    by it.  A width may be one for each sample, where the model takes that.
     """
 
     at: Columns
@@ -227,9 +227,11 @@ class LinearisedModel(eqx.Module):
     numbers: dict[str, Float[Array, "*sample"]]
 
     @classmethod
-    def about(cls, model: Model, numbers: Numbers) -> "LinearisedModel":
-        """Evaluate a model and its derivatives once."""
-        return _linearise(model, dict(numbers))
+    def about(
+        cls, model: Model, numbers: Numbers, by: Iterable[str] | None = None
+    ) -> "LinearisedModel":
+        """Evaluate a model once, and its derivatives ``by`` some of its numbers; None: by all."""
+        return _linearise(model, dict(numbers), tuple(numbers if by is None else by))
 
     def columns(self, numbers: Numbers) -> Columns:
         """Extrapolate the columns linearly."""
@@ -254,8 +256,13 @@ class LinearisedModel(eqx.Module):
         )
 
     def gathered(self, names: Iterable[str]) -> tuple[Float[AnyArray, "sample channel"], ...]:
-        """Line up the columns, and then the derivatives by the given numbers."""
-        return (*self.at, *(slope for name in names for slope in self.slopes[name]))
+        """Line up the columns, and then the derivatives by the given numbers.
+
+        By what does not vary they are zero.
+        """
+        none = tuple(jnp.zeros_like(self.at.parts[at]) for at in self.at.shaped)
+        slopes = (self.slopes.get(name, none) for name in names)
+        return (*self.at, *(slope for each in slopes for slope in each))
 
 
 def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array, "sample"] | None]:
@@ -267,18 +274,19 @@ def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array
 
 
 @stored(effort="less")
-def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> LinearisedModel:
-    names = list(numbers)
-    several = len(names) > 1 and not any(jnp.ndim(value) for value in numbers.values())
+def _linearise(
+    model: Model, numbers: dict[str, Float[Array, "*sample"]], names: tuple[str, ...]
+) -> LinearisedModel:
+    several = len(names) > 1 and not any(jnp.ndim(numbers[name]) for name in names)
     if several and isinstance(model, ExactModel):
         # All derivatives in one pass over the nodes, which each alone would make again.
         def shaped_at(
             at: Float[Array, "number"],
         ) -> tuple[list[Float[AnyArray, "sample channel"]], Columns]:
-            columns = model.columns(dict(zip(names, at)))
+            columns = model.columns({**numbers, **dict(zip(names, at))})
             return [columns.parts[place] for place in columns.shaped], columns
 
-        at = jnp.stack(list(numbers.values()))
+        at = jnp.stack([numbers[name] for name in names])
         slopes, columns = jax.jacfwd(shaped_at, has_aux=True)(at)
         by_name = {
             name: tuple(slope[..., place] for slope in slopes) for place, name in enumerate(names)
@@ -286,7 +294,8 @@ def _linearise(model: Model, numbers: dict[str, Float[Array, "*sample"]]) -> Lin
         return LinearisedModel(columns, by_name, numbers)
     columns = model.columns(numbers)
     by_name = {}
-    for name, value in numbers.items():
+    for name in names:
+        value = numbers[name]
 
         def moved(to: Float[Array, "*sample"], name: str = name) -> Columns:
             return model.columns({**numbers, name: to})

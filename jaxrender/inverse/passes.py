@@ -161,7 +161,7 @@ def descend(
     before: _Step | None = None
     for _ in range(_STEPS):
         physical = problem.unknowns.unpack(jnp.asarray(point))
-        near = LinearisedModel.about(model, physical.numbers)
+        near = LinearisedModel.about(model, physical.numbers, problem.unknowns.free_numbers)
         gain = np.inf
         if before is not None:
             gain = before.cost - _cost(problem, near, before.stop.data, point)

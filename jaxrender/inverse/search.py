@@ -129,9 +129,9 @@ def _settle(
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
-    physical = problem.unknowns.unpack(point)
+    physical, free = problem.unknowns.unpack(point), problem.unknowns.free_numbers
     with jax.default_matmul_precision("highest"):
-        return condense(LinearisedModel.about(model, physical.numbers), data)
+        return condense(LinearisedModel.about(model, physical.numbers, free), data)
 
 
 @stored(jax.jit, effort="least")

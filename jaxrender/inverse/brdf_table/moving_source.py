@@ -124,7 +124,7 @@ def fit_table(table: BRDFTable, unknowns: Unknowns, variant: Microfacet) -> Tabl
     data = Data(values, 1 / deviation, np.zeros(len(values), int))
     fit = search(problem, model, data, unknowns.starts(_STARTS))
     physical = problem.unknowns.unpack(fit.solution.point)
-    near = LinearisedModel.about(model, physical.numbers)
+    near = LinearisedModel.about(model, physical.numbers, problem.unknowns.free_numbers)
     found = uncertain_parameters(problem, near, data, fit, noise_given=True)
     value = found.value
     lobe = variant.with_numbers({name: float(number) for name, number in value.numbers.items()})
