@@ -27,7 +27,15 @@ from scenes import unit
 
 from jaxrender.brdf import Bank, Parametric, lobe_named
 from jaxrender.geometry import SurfaceSamples, fibonacci_sphere, meridian_frames
-from jaxrender.inverse import BRDFFit, FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
+from jaxrender.inverse import (
+    BRDFFit,
+    FitSettings,
+    KnownLight,
+    Observations,
+    Stated,
+    fit_brdf,
+    unknowns_of,
+)
 from jaxrender.inverse.brdf_table.table import half_angle_coordinates
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import ExactModel
@@ -41,6 +49,11 @@ ROWS, ENERGY, SEEN = 32, 3.0, 14_000
 PAIRS = 200_000
 LAMP_FITTED, LAMP_TESTED = range(5, 106, 20), range(15, 96, 20)
 BALL_RADIUS, BALL_CENTRE, SATURATED, HIGHLIGHT = 70.751, (2.370, -8.368), 0.999, 8.0
+# What is found of a renderer's material besides what always is.
+FREED = {
+    "openpbr": ("specular_ior", "coat_weight", "coat_roughness", "fuzz_weight"),
+    "principled": ("sheen", "clearcoat", "specular"),
+}
 
 # A BRDF in 1/sr by local directions to the light and to the camera.
 Truth = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -207,7 +220,8 @@ def lobe(name: str) -> Parametric:
 
 def fitted(name: str, observations: Observations, light: KnownLight) -> BRDFFit:
     variant = lobe(name)
-    unknowns = unknowns_of(variant, ks_per_channel=True)
+    freed = dict.fromkeys(FREED.get(name, ()), Stated())
+    unknowns = unknowns_of(variant, freed, ks_per_channel=True)
     return fit_brdf(observations, light, unknowns, variant, FitSettings(diagnose=False))
 
 

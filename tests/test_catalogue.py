@@ -156,8 +156,10 @@ def test_every_number_is_described():
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_the_readme_has_a_row_for_every_model(model):
-    found = " ".join(model.names("amplitude", "searched"))
-    stated = ", ".join(f"`{name}`" for name in (*model.options, *model.names("stated")))
+    names = model.names("amplitude", "searched")
+    found = " ".join(name for name in names if name not in model.settled)
+    stated = [f"`{name}`" for name in (*model.options, *model.names("stated"))]
+    stated = ", ".join(stated + [f"`{name}` ({value:g})" for name, value in model.settled.items()])
     row = f"| `{model.name}` | {model.surface} | `{found}` | {stated} |"
     assert row in README.read_text(encoding="utf-8").splitlines()
 

@@ -16,6 +16,10 @@
     rough surfaces by geometric and by physical optics
 ``two_ggx``
     a sharp highlight in a haze
+``layered`` ``metallic_roughness`` ``principled`` ``openpbr``
+    the materials of renderers: a base under an interface, a coat and a fuzz
+``burley`` ``sheen`` ``layer_albedo``
+    parts of these, and how much light an interface takes from what lies below
 ``ward`` ``kajiya_kay`` ``poulin_fournier``
     brushed and fibrous surfaces, their direction along +X
 ``mixture`` ``bank``
@@ -66,8 +70,10 @@ from jaxrender.brdf.masking import (
     smith_masking,
     v_groove_masking,
 )
+from jaxrender.brdf.metallic_roughness import MetallicRoughness
 from jaxrender.brdf.microfacet import Microfacet, microfacet_distribution
 from jaxrender.brdf.mixture import Mixture
+from jaxrender.brdf.openpbr import OpenPBR
 from jaxrender.brdf.oren_nayar import OrenNayar, OrenNayarLobe
 from jaxrender.brdf.parametric import (
     INDEX_BOUNDS,
@@ -81,6 +87,7 @@ from jaxrender.brdf.parametric import (
 )
 from jaxrender.brdf.phong import Phong
 from jaxrender.brdf.poulin_fournier import PoulinFournier
+from jaxrender.brdf.principled import Principled
 from jaxrender.brdf.properties import (
     directional_albedo,
     isotropy_error,
@@ -156,9 +163,11 @@ __all__ = [
     "Lafortune",
     "Lambertian",
     "Masked",
+    "MetallicRoughness",
     "Microfacet",
     "Mixture",
     "Nearest",
+    "OpenPBR",
     "OrenNayar",
     "OrenNayarLobe",
     "PARAMETRIC",
@@ -167,6 +176,7 @@ __all__ = [
     "PolarIsotropicTable",
     "PolarNodesTable",
     "PoulinFournier",
+    "Principled",
     "RglBRDF",
     "Samples",
     "ScatteredFit",

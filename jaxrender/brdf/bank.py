@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf.burley import burley_diffuse
 from jaxrender.brdf.distributions import DISTRIBUTIONS
 from jaxrender.brdf.fresnel import normalised_fresnel
 from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
@@ -264,7 +265,7 @@ class Bank(WithoutIndex):
         for kind in dict.fromkeys(lobe.kind for lobe in self.lobes):
             widths = tuple(dict.fromkeys(one.width for one in self.lobes if one.kind == kind))
             if kind == "burley":
-                curves = [_burley(width, incoming, outgoing, cosine) for width in widths]
+                curves = [burley_diffuse(width, incoming, outgoing, cosine) for width in widths]
             else:
                 towards = mirrored if kind == "retro" else outgoing
                 curves = _facets(kind, widths, incoming, towards)
@@ -311,15 +312,3 @@ def _lambda_of_beckmann(
 
 
 _SMITH_LAMBDAS = {"ggx": _lambda_of_ggx, "beckmann": _lambda_of_beckmann}
-
-
-def _burley(
-    roughness: float, incoming: Components, outgoing: Components, cosine: Float[Array, "*batch"]
-) -> Float[Array, "*batch"]:
-    """Evaluate cos t_i (1 + (F - 1) (1 - cos t_i)^5) (1 + (F - 1) (1 - cos t_o)^5).
-
-    F = 1/2 + 2 roughness cos^2 t_d.
-    """
-    excess = 2 * roughness * cosine**2 - 0.5
-    one, other = (1 + excess * (1 - side.z) ** 5 for side in (incoming, outgoing))
-    return jnp.asarray(incoming.z * one * other)

@@ -14,6 +14,8 @@ from jaxrender.shapes import AnyArray, Array, Float, checked
 # The angle that the Fresnel ratio is taken at: the exit angle is what makes T 6.6 a product
 # (the thesis's choice), the angle to the half vector is what the physics says.
 FRESNEL_ANGLES = ("exit", "half")
+# Where the reflectance of most metals is furthest below Schlick's curve.
+EDGE_COSINE = 1 / 7
 
 
 @checked
@@ -79,6 +81,23 @@ def schlick_fresnel(
     """Evaluate Schlick's approximation F_0 + (1 - F_0) (1 - cos t)^5."""
     complement = 1 - _clipped(cosines)
     return jnp.asarray(head_on + (1 - head_on) * complement**5)
+
+
+@checked
+def schlick_growth(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
+    """Evaluate Schlick's (1 - cos t)^5, how far a reflectance has grown towards one."""
+    return jnp.asarray((1 - _clipped(cosines)) ** 5)
+
+
+@checked
+def edge_darkening(cosines: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
+    """Evaluate cos t (1 - cos t)^6 over its largest value, at cos t = 1/7 (82 degrees).
+
+    A metal's reflectance is Schlick's less (1 - tint) of it times Schlick's at that angle
+    (Kutz, Hasan and Edmondson 2021, "F82-tint").
+    """
+    c = _clipped(cosines)
+    return jnp.asarray(c * (1 - c) ** 6 / (EDGE_COSINE * (1 - EDGE_COSINE) ** 6))
 
 
 @checked

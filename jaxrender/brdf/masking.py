@@ -61,6 +61,17 @@ def smith_facet_masking(
     return 1 / (1 + distribution.smith_lambda(incoming) + distribution.smith_lambda(outgoing))
 
 
+def separate_smith_masking(
+    distribution: Distribution, incoming: Components, outgoing: Components
+) -> Float[Array, "*batch"]:
+    """Evaluate Smith's masking and his shadowing as if either did not know of the other.
+
+    It is darker than the height-correlated one, and what glTF 2.0 and Disney's model have.
+    """
+    masked, shadowed = (1 + distribution.smith_lambda(side) for side in (outgoing, incoming))
+    return 1 / (masked * shadowed)
+
+
 def v_groove_masking(
     distribution: Distribution, incoming: Components, outgoing: Components
 ) -> Float[Array, "*batch"]:
@@ -84,5 +95,6 @@ def no_facet_masking(
 FACET_MASKINGS = {
     "none": no_facet_masking,
     "smith": smith_facet_masking,
+    "smith-separate": separate_smith_masking,
     "v-groove": v_groove_masking,
 }

@@ -39,7 +39,8 @@ class Searched(NamedTuple):
     """A number that a fit looks for, by the name of its field.
 
     It is searched in log(value - origin), between ``lowest`` and ``highest`` and from ``start``
-    unless the user says otherwise.
+    unless the user says otherwise.  The bounds of a ``closed`` one are values like all others, as
+    the ends of a share are.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Searched(NamedTuple):
     highest: float
     start: float
     origin: float = 0.0
+    closed: bool = False
 
 
 class ShapeParameter(NamedTuple):
@@ -143,6 +145,16 @@ class Parametric(BRDF):
         """The numbers that a fit looks for: the lobe's, and the index unless there is none."""
         numbers = (self.shape.searched,)
         return numbers if self.mu is None else (*numbers, self.index.searched)
+
+    @property
+    def settled(self) -> Mapping[str, float]:
+        """What amplitudes and numbers are that nobody states or frees."""
+        return {}
+
+    @property
+    def closed(self) -> tuple[str, ...]:
+        """The names of what may end at a bound as at any other value."""
+        return tuple(one.name for one in self.searched if one.closed)
 
     @property
     def has_frequency_view(self) -> bool:

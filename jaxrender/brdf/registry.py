@@ -83,7 +83,9 @@ def lobe_named(name: str, channels: int = 3, *, metal: bool = False, **choices: 
     if kind is Bank:
         return Bank.black(channels)
     numbers: dict[str, float | None] = {
-        number.name: number.typical for number in model.numbers if number.part == "searched"
+        number.name: number.typical if number.settled is None else number.settled
+        for number in model.numbers
+        if number.part == "searched"
     }
     numbers[kind.shape.name] = kind.shape.of_width(_ANY_WIDTH)
     if kind.has_index():
@@ -106,7 +108,7 @@ def material_named(name: str, numbers: Mapping[str, Any]) -> Parametric:
     kind, model = _parametric(name)
     if kind is Bank:
         return Bank.of_lobes(numbers["lobes"])
-    stated = model.names("amplitude")
+    stated, numbers = model.names("amplitude"), {**model.settled, **numbers}
     shape = np.shape(numbers[stated[0]])
     amounts = [
         np.broadcast_to(np.asarray(numbers[own] if own in stated else 0.0, float), shape)

@@ -102,8 +102,9 @@ def error_bars(stop: Stop, settings: FitSettings) -> Uncertain:
 def _linearised(stop: Stop) -> LinearisedModel:
     if isinstance(stop.model, LinearisedModel):
         return stop.model
-    physical = stop.problem.unknowns.unpack(stop.fit.solution.point)
-    return LinearisedModel.about(stop.model, physical.numbers)
+    unknowns = stop.problem.unknowns
+    numbers = unknowns.unpack(stop.fit.solution.point).numbers
+    return LinearisedModel.about(stop.model, numbers, unknowns.free_numbers)
 
 
 def judge(
@@ -138,6 +139,8 @@ def judge(
         lobes = sum(float(np.mean(account.parameters.value.of(lobe))) for lobe in shaped)
         if base and lobes > 0 and not _is_stated(name, known[name], variant):
             # A metal has no base: 0 is its value, and no bound that anybody would widen.
+            bound[name] = False
+        if name in variant.closed and not _is_stated(name, known[name], variant):
             bound[name] = False
         silent = rests_on_prior(exact, name, known[name].prior)
         off = 0.0 if silent else off_prior(exact, name, known[name].prior)

@@ -24,6 +24,7 @@ import scipy.stats
 
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.elimination import Data, Fit, Problem
+from jaxrender.inverse.ends import numbers_at_ends
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import Parameters, slopes_of_parameters, to_parameters
 from jaxrender.inverse.unknowns import Prior
@@ -49,8 +50,8 @@ class Uncertain(NamedTuple):
     is that of all of ``Parameters`` one after the other.
     ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
     difference between what each of them says, over what 99.9 % of halves stay below.  ``origins``
-    are what the lobe's numbers lie above.  ``if_exact`` is the same as it would be if the model
-    were exact, where this one knows of misfit.
+    are what the lobe's numbers lie above, and ``ends`` what closed ones lie between.  ``if_exact``
+    is the same as it would be if the model were exact, where this one knows of misfit.
     """
 
     value: Parameters
@@ -60,12 +61,13 @@ class Uncertain(NamedTuple):
     covariance: Float[np.ndarray, "number number"] | None = None
     disagreement: float = 0.0
     origins: Mapping[str, float] = MappingProxyType({})
+    ends: Mapping[str, tuple[float, float]] = MappingProxyType({})
     if_exact: "Uncertain | None" = None
 
     def with_covariance(self, covariance: Float[np.ndarray, "number number"]) -> "Uncertain":
         """Put intervals of another covariance about the same values; these stay as ``if_exact``."""
         error = _spread_over(self.value, covariance)
-        found = intervals(self.value, error, self.origins, covariance)
+        found = intervals(self.value, error, self.origins, covariance, self.ends)
         return found._replace(disagreement=self.disagreement, if_exact=self.if_exact or self)
 
     def summed(self, sums: Mapping[str, tuple[str, ...]]) -> "Uncertain":
@@ -96,7 +98,8 @@ class Uncertain(NamedTuple):
             if name is not None:
                 adding[rows[f"{name}{bracket}{channel}"], column] = 1
         covariance = adding @ self.covariance @ adding.T
-        found = intervals(value, _spread_over(value, covariance), self.origins, covariance)
+        error = _spread_over(value, covariance)
+        found = intervals(value, error, self.origins, covariance, self.ends)
         exact = None if self.if_exact is None else self.if_exact._added(of)
         return found._replace(disagreement=self.disagreement, if_exact=exact)
 
@@ -138,18 +141,36 @@ def uncertain_parameters(
     end = fit.solution.point, fit.linear.eliminated
     drawn = Drawn(data, shares, half)
     factor = np.asarray(variance_factor)
-    value, covariance, apart, influence = _propagate(
+    value, covariance, apart, influence, variance = _propagate(
         problem, model, drawn, *end, held, noise_given, factor
     )
     value = jax.tree.map(lambda leaf: np.asarray(leaf, float), value)
     most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
     covariance = np.asarray(covariance)
-    error = _spread_over(value, covariance)
-    found = intervals(value, error, problem.unknowns.origins, covariance)
+    of_values = float(variance) * np.repeat(np.asarray(shares, float), data.radiance.shape[1])
+    near = numbers_at_ends(problem, model, data, fit, held)
+    reach = {name: one.within(of_values) for name, one in near.items()}
+    exact, unknowns = _reaching(covariance, value, reach), problem.unknowns
+    found = intervals(value, _spread_over(value, exact), unknowns.origins, exact, unknowns.ends)
     found = found._replace(disagreement=float(apart) / float(most))
     if clusters is None:
         return found
-    return found.with_covariance(widened(covariance, clusters.covariance(np.asarray(influence))))
+    wider = widened(covariance, clusters.covariance(np.asarray(influence)))
+    told = np.diag(covariance) > 0
+    more = np.median(np.diag(wider)[told] / np.diag(covariance)[told]) if told.any() else 1.0
+    reach = {name: one.within(more * of_values) for name, one in near.items()}
+    return found.with_covariance(_reaching(wider, value, reach))
+
+
+def _reaching(
+    covariance: Float[np.ndarray, "number number"], value: Parameters, reach: Mapping[str, float]
+) -> Float[np.ndarray, "number number"]:
+    """Give numbers that are at an end the error by which their interval reaches so far."""
+    changed, labels = covariance.copy(), value.labels
+    for name, far in reach.items():
+        place = labels.index(name)
+        changed[place, place] = (far / _NORMAL_90) ** 2
+    return changed
 
 
 def _spread_over(value: Parameters, covariance: Float[np.ndarray, "number number"]) -> Parameters:
@@ -166,10 +187,22 @@ def intervals(
     error: Parameters,
     origins: Mapping[str, float],
     covariance: Float[np.ndarray, "number number"] | None = None,
+    ends: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> Uncertain:
-    """Put 90 % intervals about values of known standard error."""
+    """Put 90 % intervals about values of known standard error, within the ends of closed ones."""
     low, high = (_bound(value, error, origins, sign) for sign in (-1, 1))
-    return Uncertain(value, low, high, error, covariance, origins=origins)
+    low, high = (
+        bound._replace(numbers={**bound.numbers, **_clipped(bound.numbers, ends)})
+        for bound in (low, high)
+    )
+    return Uncertain(value, low, high, error, covariance, origins=origins, ends=ends)
+
+
+def _clipped(
+    numbers: Mapping[str, Float[AnyArray, "..."]], ends: Mapping[str, tuple[float, float]]
+) -> dict[str, Float[AnyArray, "..."]]:
+    """Keep numbers between their ends."""
+    return {name: np.asarray(np.clip(numbers[name], *both)) for name, both in ends.items()}
 
 
 def within_reach(uncertain: Uncertain, name: str, beside: Iterable[str] = ()) -> bool:
@@ -229,13 +262,15 @@ class Drawn(NamedTuple):
 class Propagated(NamedTuple):
     """Parameters, their covariance, and the chi-squared between the two halves of a draw.
 
-    ``influence`` is how far what the model leaves of each sample moves each parameter.
+    ``influence`` is how far what the model leaves of each sample moves each parameter, and
+    ``variance`` that of a weighted residual.
     """
 
     value: Parameters
     covariance: Float[Array, "parameter parameter"]
     apart: Float[Array, ""]
     influence: Float[Array, "sample parameter"]
+    variance: Float[AnyArray, ""]
 
 
 @stored(effort="least")
@@ -284,6 +319,7 @@ def _propagate(
             spread @ covariance @ spread.T,
             apart @ _inverse(first + second) @ apart,
             jnp.sum(scores, axis=1) @ moves.T,
+            variance,
         )
 
 

@@ -164,6 +164,12 @@ class Unknowns(eqx.Module):
         """Each number's origin: its logarithm above there is what is searched."""
         return {one.name: one.origin for one in self.searched}
 
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """What each free number that is closed lies between."""
+        own = [(one, known) for one, known in zip(self.searched, self.numbers) if known.free]
+        return {one.name: (known.lower, known.upper) for one, known in own if one.closed}
+
     @eqx.filter_jit
     @checked
     def unpack(self, point: Float[Array, "unknown"]) -> Physical:
@@ -230,13 +236,15 @@ def unknowns_of(
 ) -> Unknowns:
     """Put what is stated of a model's own numbers, by their names, in the words of a search.
 
-    What is not stated is free.  ``diffuse`` leaves all but the base black.  With ``ks_per_channel``
-    every amplitude has a value for each channel, not only those that the model colours.
+    What is not stated is free, unless the model has settled it.  ``diffuse`` leaves all but the
+    base black.  With ``ks_per_channel`` every amplitude has a value for each channel, not only
+    those that the model colours.
 
     Raises ``ValueError`` that begins with the name of a number whose start is outside its bounds,
     for a name that there is none of, and for a model whose numbers contradict its class.
     """
-    stated = stated or {}
+    settled = {name: Stated(fixed=value) for name, value in lobe.settled.items()}
+    stated = {**settled, **(stated or {})}
     _check_numbers(lobe)
     # Of amplitudes that stand in for one another nobody states one, but of a base.
     parts = {part for names in lobe.sums.values() for part in names} - {*lobe.bases}

@@ -96,18 +96,24 @@ def _typical(model: str) -> dict[str, Any]:
     """Find the typical numbers of a model, for a name alone; an index is left out."""
     numbers = MODELS[model].numbers if model in MODELS else ()
     searched = [number for number in numbers if number.part == "searched"]
-    return {number.name: None if number.may_be_none else number.typical for number in searched}
+    settled = MODELS[model].settled if model in MODELS else {}
+    typical = {number.name: None if number.may_be_none else number.typical for number in searched}
+    return {name: settled.get(name, value) for name, value in typical.items()}
 
 
 def _amplitudes(model: str) -> dict[str, np.ndarray]:
-    """Set the amplitude of the lobe to one, and that of a base under it to zero."""
+    """Set the amplitude of the lobe to one, and that of a base under it to zero.
+
+    What a model has settled stays so.
+    """
+    settled: dict[str, float] = {}
     if model in MODELS:
-        names = MODELS[model].names("amplitude")
+        names, settled = MODELS[model].names("amplitude"), MODELS[model].settled
     else:
         fields = dataclasses.fields(BRDFS[model])
         names = tuple(field.name for field in fields if field.name in ("kd", "ks"))
-    alone = "ks" if "ks" in names else "kd"
-    return {name: np.full(1, float(name == alone)) for name in names}
+    alone = "ks" if "ks" in names else names[0]
+    return {name: np.full(1, settled.get(name, float(name == alone))) for name in names}
 
 
 def significant_degree(transfer: Float[np.ndarray, "degree"]) -> int:

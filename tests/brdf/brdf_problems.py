@@ -16,12 +16,15 @@ from jaxrender.brdf import (
     KajiyaKay,
     Lafortune,
     Lambertian,
+    MetallicRoughness,
     Microfacet,
     Mixture,
+    OpenPBR,
     OrenNayar,
     OrenNayarLobe,
     Phong,
     PoulinFournier,
+    Principled,
     TorranceSparrow,
     Ward,
     material_named,
@@ -30,6 +33,7 @@ from jaxrender.catalogue import MODELS as CATALOGUE
 from jaxrender.catalogue import STATED
 
 KD, KS = np.array([0.05, 0.1]), np.array([0.3, 0.2])
+COLOR, CLEAR = np.array([0.3, 0.7]), np.ones(2)
 GOLD = np.array([0.14, 1.5]), np.array([4.0, 1.9])
 
 # name -> (model, reciprocal, conserves energy, isotropic)
@@ -87,6 +91,34 @@ PROMISED = {
     "lafortune": (CosineLobe(KD, KS, 15.5, 0.9), True, True, True),
     "kajiya-kay": (KajiyaKay(KD, KS, 20.0), False, False, False),
     "poulin-fournier": (PoulinFournier(KD, KS, 40.0, 2.4, 0.7), True, True, False),
+    "metallic-roughness": (MetallicRoughness(COLOR, CLEAR, 0.3, 0.5), True, False, True),
+    "metallic-roughness metal": (MetallicRoughness(COLOR, CLEAR, 1.0, 0.5), True, True, True),
+    "principled": (
+        Principled(COLOR, CLEAR, 0.4 * CLEAR, 0.5 * CLEAR, 0.3, 0.5, 0.7, 0.8),
+        True,
+        False,
+        True,
+    ),
+    "openpbr": (OpenPBR(COLOR, CLEAR, 0.3, 0.5), True, True, True),
+    "openpbr in layers": (
+        OpenPBR(
+            CLEAR,
+            CLEAR,
+            base_metalness=0.2,
+            specular_roughness=0.7,
+            specular_color=0.8,
+            specular_roughness_anisotropy=0.6,
+            tangent_rotation=0.4,
+            coat_weight=0.6,
+            coat_color=0.7,
+            coat_roughness=0.4,
+            fuzz_weight=0.5,
+            multiple_scattering="facets",
+        ),
+        True,
+        True,
+        False,
+    ),
     "mixture": (
         Mixture(
             (BlinnPhong(KD, KS, 5.0), Ward(KD, KS, 0.2, 0.3, "bounded")),
@@ -102,7 +134,10 @@ PROMISED = {
 def typical(name):
     """A material of a model's typical numbers; its amplitudes are those of the others here."""
     own = {number.name: number.typical for number in CATALOGUE[name].numbers}
-    return material_named(name, {**own, "kd": KD, **({"ks": KS} if "ks" in own else {})})
+    amplitudes = {"kd": KD, "ks": KS}
+    return material_named(
+        name, {**own, **{key: amplitudes[key] for key in amplitudes if key in own}}
+    )
 
 
 MODELS = {name: model for name, (model, *_) in PROMISED.items()}

@@ -77,7 +77,7 @@ def test_a_name_and_lists_make_a_model():
         (
             "torrance-sparrow",
             {"roughness": 0.1, "masking": "v"},
-            "masking='v': choose one of none, smith, v-groove",
+            "masking='v': choose one of none, smith, smith-separate, v-groove",
         ),
         (
             "torrance-sparrow",

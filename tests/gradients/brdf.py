@@ -92,6 +92,19 @@ FACETS = {
     ),
     "gaussian smith": ({"roughness": scalar(0.3)}, {"masking": "smith"}),
 }
+COLOR = {"base_color": np.array([0.3, 0.7]), "interface": np.array([1.0, 0.9])}
+LAYERS = {
+    "base_metalness": 0.3,
+    "specular_roughness": 0.6,
+    "specular_color": 0.8,
+    "specular_roughness_anisotropy": 0.4,
+    "tangent_rotation": 0.3,
+    "coat_weight": 0.6,
+    "coat_color": 0.7,
+    "coat_roughness": 0.3,
+    "fuzz_weight": 0.4,
+    "fuzz_roughness": 0.5,
+}
 METAL = {"eta": np.array([0.14, 1.5]), "k": np.array([4.0, 1.9])}
 MU = {"mu": scalar(1.5, 1)}
 
@@ -143,6 +156,38 @@ MODELS = [
             **MU,
         },
         width("sigma", 0.01, 0.2) | INDICES,
+    ),
+    model(
+        "",
+        brdf.MetallicRoughness,
+        {**COLOR, "metallic": scalar(0.3), "roughness": scalar(0.5), "ior": scalar(1.5, 1)},
+        width("roughness", 0.1, 0.99),
+    ),
+    model(
+        "",
+        brdf.Principled,
+        {
+            **COLOR,
+            "sheen": np.array([0.2, 0.1]),
+            "clearcoat": np.array([0.4, 0.3]),
+            "metallic": scalar(0.3),
+            "roughness": scalar(0.5),
+            "specular": scalar(0.5),
+            "clearcoat_gloss": scalar(0.4),
+        },
+        width("roughness", 0.1, 0.99),
+    ),
+    model(
+        "",
+        brdf.OpenPBR,
+        {
+            **COLOR,
+            **{name: scalar(value) for name, value in LAYERS.items()},
+            "specular_ior": scalar(1.5, 1),
+            "coat_ior": scalar(1.6, 1),
+        },
+        width("specular_roughness", 0.15, 0.95),
+        multiple_scattering="facets",
     ),
     model(
         "no index",

@@ -1,5 +1,6 @@
 """Runs of every kind, as texts of configs, and another value of every key."""
 
+from jaxrender.catalogue import MODELS
 from jaxrender.pipelines.config.tasks import TASKS
 
 _LIT = "lighting: {environment: {path: probe.exr}}\n"
@@ -21,10 +22,15 @@ RUNS = {
     "free_scale: true}\n",
     "two lobes up to a scale": "task: brdf\nbrdf: {model: two-ggx}\nlighting: {environment: "
     "{path: probe.exr}, free_scale: true}\n",
+    "layers up to a scale": "task: brdf\nbrdf: {model: principled}\nlighting: {environment: "
+    "{path: probe.exr}, free_scale: true}\n",
     "brdf with bounces": f"task: brdf\nsolve: {{interreflection: true}}\n{_LIT}",
     **{
         f"brdf of {model}": f"task: brdf\nbrdf: {{model: {model}}}\n{_LIT}"
-        for model in ("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier", "two-ggx")
+        for model in (
+            *("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier", "two-ggx"),
+            *("metallic-roughness", "principled", "openpbr"),
+        )
     },
     "brdf of bank": f"task: brdf\nbrdf: {{model: bank}}\n{_LIT}",
     "brdf of lambertian": f"task: brdf\nbrdf: {{model: lambertian}}\n{_LIT}",
@@ -44,6 +50,25 @@ RUNS = {
     "texture of lambertian in the dark": _TEXTURE + "brdf: {model: lambertian}\n",
 }
 _SHAPES = {"brdf of lambertian": "mesh: ball.ply"}
+
+# Of renderers' materials alone: their indices, and all others.
+_INDICES = ("ior", "specular_ior", "coat_ior")
+LAYERS = tuple(
+    dict.fromkeys(
+        number.name
+        for model in ("metallic-roughness", "principled", "openpbr")
+        for number in MODELS[model].numbers
+        if number.name != "roughness"
+    )
+)
+
+
+def _of_layer(name: str) -> dict[str, str]:
+    """State a number in every way."""
+    if name in _INDICES:
+        return {"fixed": "1.7", "bounds": "[1.2, 1.9]", "start": "1.6", "prior": "[1.5, 0.1]"}
+    return {"fixed": "0.4", "bounds": "[0.3, 0.6]", "start": "0.45", "prior": "[0.4, 0.2]"}
+
 
 # Another value of each key, or two.
 OTHER = {
@@ -95,6 +120,8 @@ OTHER = {
             "prior": "[0.3, 0.2]",
         }.items()
     },
+    **{f"brdf.{name}.{key}": value for name in LAYERS for key, value in _of_layer(name).items()},
+    "brdf.multiple_scattering": "facets",
     "brdf.spread.fixed": "3",
     "brdf.spread.bounds": "[2, 9]",
     "brdf.spread.start": "3",

@@ -41,7 +41,8 @@ def supposition_of(
     values, sources = {}, {}
     for name in own:
         values[name], sources[name] = _one(name, config, recipe, supposed)
-    values["kd"] = np.broadcast_to(values["kd"], (3,))
+    first = model.names("amplitude")[0]
+    values[first] = np.broadcast_to(values[first], (3,))
     with fault_of("--suppose" if supposed else "brdf"):
         brdf = material_named(model.name, {**config.brdf.chosen(), **values})
     if sources.get("ks") == "typical":

@@ -30,13 +30,14 @@ else:
     Model = Literal[tuple(MODELS)]
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
+MultipleScattering = Literal["none", "facets"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
 
 # Those of facets, which have a choice of Fresnel angle and masking.
-FACET_MODELS = tuple(name for name, model in MODELS.items() if model.options)
+FACET_MODELS = tuple(name for name, model in MODELS.items() if "fresnel" in model.options)
 # Every key that belongs to some models alone.
-_CHOICES = ("fresnel", "masking")
-_KEYS_OF_SOME = (*(name for name in NAMES if name != "kd"), "ks_per_channel", *_CHOICES)
+_CHOICES = ("fresnel", "masking", "multiple_scattering")
+_KEYS_OF_SOME = (*NAMES, "ks_per_channel", *_CHOICES)
 
 
 def _keys(model: str) -> tuple[str, ...]:
@@ -111,6 +112,8 @@ class _Brdf(Section):
     """Angle of the Fresnel term: exit (default of microfacet) or half (of ggx and beckmann)."""
     masking: Masking = "none"
     """Masking of facets by each other: none (default of microfacet) or smith (of the others)."""
+    multiple_scattering: MultipleScattering = "none"
+    """Light that facets hand on to one another: none, or facets (it is added)."""
     gauge: Gauge = "per-channel"
     """Under unknown light: the convention that separates light from reflectance in each channel."""
 
@@ -132,11 +135,11 @@ class _Brdf(Section):
     def as_model(self, model: str) -> BrdfConfig:
         """Take another model, and keep what is known of the numbers that both have.
 
-        Options are kept if both models have the same defaults.  An amplitude is kept if it weighs
-        the same thing.
+        What the other model has settled stays so.  Options are kept if both models have the same
+        defaults.  An amplitude is kept if it weighs the same thing.
         """
         mine, other = MODELS[self.model], MODELS[model]
-        kept = set(_keys(model))
+        kept = ({*_keys(self.model)} | self.model_fields_set) & {*_keys(model)}
         if mine.options != other.options:
             kept -= set(other.options)
         for name in set(mine.names("amplitude")) & set(other.names("amplitude")):
@@ -195,11 +198,11 @@ def foreign_keys(models_of: Callable[[Any], Iterable[str]]) -> tuple[Case, ...]:
 
 
 def with_defaults_of_model(given: Any, make: Callable[[Any], Any]) -> Any:
-    """Make a section with the default options of its model."""
+    """Make a section with the default options of its model, and the numbers that it has settled."""
     model = MODELS.get(str(given.get("model"))) if isinstance(given, dict) else None
     if model is None:
         return make(given)
-    made = make({**model.options, **given})
+    made = make({**model.options, **model.settled, **given})
     # Nobody has stated these.
     made.model_fields_set.intersection_update(given)
     return made

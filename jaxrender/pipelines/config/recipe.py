@@ -11,6 +11,7 @@ from jaxrender.catalogue import MODELS, NAMES, STATED, described, numbers_named
 from jaxrender.pipelines.config.brdf import (
     Fresnel,
     Masking,
+    MultipleScattering,
     foreign_keys,
     none_for_nothing,
     refuse_outside,
@@ -49,6 +50,8 @@ class _RecipeBrdf(Section):
     """Angle of the Fresnel term: exit (default of microfacet) or half (of ggx and beckmann)."""
     masking: Masking = "none"
     """Masking of facets by each other: none (default of microfacet) or smith (of the others)."""
+    multiple_scattering: MultipleScattering = "none"
+    """Light that facets hand on to one another: none, or facets (it is added)."""
 
     def number(self, name: str) -> Any:
         """Look a number up: of an amplitude one for each channel, or the word none."""
@@ -65,7 +68,8 @@ class _RecipeBrdf(Section):
         for name in entry.names("searched"):
             value = self.number(name)
             refuse_outside(self.model, name, () if value == "none" else (value,))
-        missing = {*entry.names("amplitude", "searched")} - self.model_fields_set
+        needed = {*entry.names("amplitude", "searched")} - {*entry.settled}
+        missing = needed - self.model_fields_set
         if missing:
             names = ", ".join(sorted(missing))
             raise ValueError(f"a {self.model} recipe states its whole truth; missing: {names}")
@@ -75,8 +79,6 @@ class _RecipeBrdf(Section):
 def _truth(name: str) -> tuple[Any, Any]:
     """Make the type of a key that states a number, and its default with what it means."""
     number, text = next(iter(numbers_named(name).values())), described(name)
-    if name == "kd":
-        return Rgb, Field(description=text)
     if number.part == "amplitude":
         return Rgb, Field(default=(0.0, 0.0, 0.0), description=text)
     kind = stated(name)

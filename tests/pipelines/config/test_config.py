@@ -35,6 +35,14 @@ from jaxrender.pipelines.config import (
     resolved_yaml,
 )
 
+# The numbers of renderers' materials.
+LAYERS = (
+    *("base_color", "interface", "metallic", "ior", "sheen", "clearcoat", "specular"),
+    *("clearcoat_gloss", "specular_roughness", "base_metalness", "specular_ior"),
+    *("specular_color", "specular_roughness_anisotropy", "tangent_rotation", "coat_weight"),
+    *("coat_color", "coat_roughness", "coat_ior", "fuzz_weight", "fuzz_roughness"),
+)
+
 
 def test_defaults():
     config = run_config(GOOD)
@@ -84,10 +92,12 @@ def test_defaults():
         "height": 1.0,
         "ks_broad": "free",
         "spread": "free",
+        **dict.fromkeys(LAYERS, "free"),
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",
         "masking": "none",
+        "multiple_scattering": "none",
         "gauge": "per-channel",
     }
     assert config.samples.model_dump() == {"min_cosine": 0.15, "count": 12000, "seed": 0}

@@ -142,7 +142,7 @@ VALUES = {
         "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'torrance-sparrow', "
         "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune', 'he-torrance', "
         "'anisotropic-ward', 'kajiya-kay', 'poulin-fournier', 'oren-nayar', 'lambertian', "
-        "'two-ggx' or 'bank'"
+        "'two-ggx', 'metallic-roughness', 'principled', 'openpbr' or 'bank'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start, prior}"
@@ -364,8 +364,7 @@ RECIPES = {
         "bad.yaml:2:1: brdf: a microfacet recipe states its whole truth; missing: ks, sigma"
     ),
     ("kd: 0.1, ", ""): (
-        "bad.yaml:2:1: missing key 'brdf.kd', "
-        "accepted: a number of at least 0, or three of them (red, green, blue)"
+        "bad.yaml:2:1: brdf: a microfacet recipe states its whole truth; missing: kd"
     ),
     ("mu: 1.5", "mu: 1"): "bad.yaml:2:42: brdf.mu: found 1, accepted: 'none' or a number above 1",
     ("kd: 0.1, ks: 0.2", "model: ggx, kd: 0.1"): (
