@@ -176,10 +176,9 @@ class Unknowns(eqx.Module):
         """Turn a search vector into parameters in their own units."""
         free = iter(point)
         numbers = {
-            one.name: one.origin
-            + jnp.exp(
-                _inside(unknown, next(free) if unknown.free else None, one.origin, point.dtype)
-            )
+            one.name: one.origin + jnp.exp(_inside(unknown, next(free), one.origin))
+            if unknown.free
+            else jnp.asarray(unknown.first(one.start), point.dtype)
             for one, unknown in zip(self.searched, self.numbers)
         }
         gains = jnp.exp(jnp.stack([jnp.zeros((), point.dtype), *free]))
@@ -306,12 +305,9 @@ def _lattice(dimensions: int) -> Float[np.ndarray, "dimension"]:
     return root ** -np.arange(1.0, dimensions + 1)
 
 
-def _inside(unknown: Unknown, x: Float[Array, ""] | None, origin: float, dtype) -> Float[Array, ""]:
+def _inside(unknown: Unknown, x: Float[Array, ""], origin: float) -> Float[Array, ""]:
     """Map a search variable to the logarithm of (value - origin) between the bounds."""
-    if unknown.fixed is not None:
-        return jnp.log(jnp.asarray(unknown.fixed[0] - origin, dtype))
     low, high = np.log(unknown.lower - origin), np.log(unknown.upper - origin)
-    assert x is not None
     return low + (high - low) * _fraction(x)
 
 

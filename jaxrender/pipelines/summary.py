@@ -2,7 +2,16 @@
 
 from typing import Any
 
+from jaxrender.catalogue import MODELS
+
 _SOURCES_SHOWN = 3
+
+
+def _gauge(result: dict[str, Any]) -> str:
+    """Say what tells the scale of the light from that of the material."""
+    amplitudes = MODELS[result["brdf"]["model"]].names("amplitude")
+    fixed = [name for name in amplitudes if name not in result["identifiable"]]
+    return f"{fixed[0]} tells it, which is fixed" if fixed else "it makes the mean of kd + ks 1"
 
 
 def summary_of(result: dict[str, Any]) -> str:
@@ -10,7 +19,8 @@ def summary_of(result: dict[str, Any]) -> str:
     sensitive = result.get("model_sensitive", {})
     lines = [f"outcome: {result['outcome']} ({result['meaning']})"]
     lines += [f"  {reason}" for reason in result["reasons"]]
-    lines.append(f"{'':8}{'value':>30}   {'90 % interval':<36}")
+    width = max([8, *map(len, result["interval90"])])
+    lines.append(f"{'':{width}}{'value':>30}   {'90 % interval':<36}")
     for name, interval in result["interval90"].items():
         value = _shown(result["brdf"][name])
         pairs = interval if isinstance(interval[0], list) else [interval]
@@ -19,7 +29,7 @@ def summary_of(result: dict[str, Any]) -> str:
         remark = "" if known is None else ("" if known else "not identifiable")
         remark = "fixed" if known is None else remark
         remark += " model sensitive" if sensitive.get(name) else ""
-        lines.append(f"{name:8}{value:>30}   {span:<36} {remark}".rstrip())
+        lines.append(f"{name:{width}}{value:>30}   {span:<36} {remark}".rstrip())
     if "spectrum" in result:
         lines += _summary_of_spectrum(result["spectrum"])
     if "texture" in result:
@@ -34,7 +44,7 @@ def summary_of(result: dict[str, Any]) -> str:
     if "calibration" in result:
         lines.append(f"freed: {', '.join(result['calibration']['free'])}")
     if "scale" in result:
-        lines.append(f"scale of the light {result['scale']:.4g}; it makes the mean of kd + ks 1")
+        lines.append(f"scale of the light {result['scale']:.4g}; {_gauge(result)}")
     if "frequency" in result:
         bias = result["frequency"]["bias"]
         moved = ", ".join(f"{name} {_percent(value)}" for name, value in bias.items())

@@ -85,10 +85,17 @@ def forecast_joint(
     purely specular material only the shape of the lobe is unknown.
 
     Raises ``ValueError`` where ks is supposed to be zero, or kd in some channels only (log(ks / kd)
-    is infinite there).  The same holds for light that differs from photograph to photograph, and
-    for too few samples.
+    is infinite there).  The same holds for a material of several lobes, for light that differs from
+    photograph to photograph, and for too few samples.
     """
     brdf = supposed.brdf
+    known = {"kd", "ks", brdf.shape.name, brdf.index.name}
+    others = [name for name in (*brdf.amplitude_names, *brdf.numbers) if name not in known]
+    if others:
+        raise ValueError(
+            f"{', '.join(others[:3])}: what is not one lobe over a base is found under known light "
+            "alone"
+        )
     kd, ks = (np.asarray(a, float) for a in (brdf.base_amplitude, brdf.lobe_amplitude))
     if not np.any(ks):
         raise ValueError(

@@ -103,8 +103,11 @@ def _joint(forecast: JointForecast, brdf: Parametric) -> list[str]:
 def _parameters(
     parameters: Uncertain, identifiable: dict[str, bool], brdf: Parametric
 ) -> list[str]:
+    # A channel's name may follow.
+    width = max(11, *(len(name) + 6 * (name in brdf.amplitude_names) for name in identifiable), 0)
     lines = [
-        f"  {'':11s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   identifiable"
+        f"  {'':{width}s} {'supposed':>9s} {'standard error':>15s} {'90 % interval':>20s}   "
+        "identifiable"
     ]
     for name, known in identifiable.items():
         # Value, bounds and error; the covariance is for machines.
@@ -113,8 +116,9 @@ def _parameters(
         same = name not in brdf.amplitude_names or (len({f"{r}" for r in shown}) == 1)
         for channel, (value, low, high, error) in enumerate(shown[:1] if same else shown):
             title = name if same else f"{name} {_CHANNELS[channel]}"
+            span = f"{low:.4g} .. {high:.4g}"
             lines.append(
-                f"  {title:11s} {value:9.4g} {error:15.2g} {f'{low:.4g} .. {high:.4g}':>20s}   "
+                f"  {title:{width}s} {value:9.4g} {error:15.2g} {span:>20s}   "
                 f"{'yes' if known else 'no'}"
             )
     return lines

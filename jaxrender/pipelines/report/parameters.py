@@ -22,6 +22,8 @@ _KINDS = {
     "retro": "towards the light",
 }
 _DIFFUSE = ("lambertian", "burley")
+# Amplitudes that stand for the colour of a base, and what makes an albedo of them.
+_ALBEDOS = {"kd": np.pi, "base_color": 1.0}
 
 
 class Line(NamedTuple):
@@ -148,8 +150,9 @@ def _parameter(contents: Contents, name: str) -> Parameter:
         meaning, verdict = "none: a metal reflects the same at all angles", MISSING
     reasons = [reason for reason in result.get("reasons", ()) if _is_about(str(reason), name)]
     sensitive = {True: "yes", False: "no", None: MISSING}[_flag(result, "model_sensitive", name)]
-    albedo = np.pi * np.array(_values(contents, "value", name))
-    swatch = hex_colour(albedo) if name == "kd" and albedo.size and _is_absolute(result) else None
+    albedo = _ALBEDOS.get(name, 0) * np.array(_values(contents, "value", name))
+    coloured = name in _ALBEDOS and albedo.size and _is_absolute(result)
+    swatch = hex_colour(albedo) if coloured else None
     return Parameter(
         number.letter, number.index, meaning, lines, swatch, verdict, tuple(reasons), sensitive
     )
@@ -162,6 +165,7 @@ def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
     frequency = contents.result.get("frequency", {})
     before = numbers(frequency.get("brdf", {}).get(name))
     bias = numbers(frequency.get("bias", {}).get(name))
+    has_albedo = name in _ALBEDOS and _is_absolute(contents.result)
     return tuple(
         Line(
             _channel(k, len(values)),
@@ -170,7 +174,7 @@ def _lines(contents: Contents, name: str) -> tuple[Line, ...]:
             shown(_at(errors, k), 2),
             shown(_at(before, k)),
             percent(_at(bias, k), sign=True),
-            shown(np.pi * value, 3) if name == "kd" and _is_absolute(contents.result) else "",
+            shown(_ALBEDOS[name] * value, 3) if has_albedo else "",
         )
         for k, value in enumerate(values)
     )
