@@ -6,11 +6,14 @@ is fitted to the rest.  Each is scored by the exact integral on what was held ou
 
 chi^2 = mean ((B - predicted) / deviation)^2
 
+Under known light the pixels of each photograph are predicted by the fit to the other photographs
+(``left_out``): what is wrong with one photograph alone is nothing that a model may learn from it.
 The mean is over pixels; a sample of a draw counts for all pixels that it stands for.  The deviation
 is the same for all models, that of the noise left by the best.  So no model can take what it leaves
 unexplained for noise.  Large residuals count as in the fit's own loss: if it is robust, a few
 pixels in a highlight do not outweigh the others.  Under unknown light each model predicts by the
-light that it has found.  Differences from the best come with their standard errors; what is less
+light that it has found.  Differences from the best come with their standard errors, over whole
+photographs where there are enough.  The simplest model within one of them is kept; what is less
 than a few of them is no difference.
 """
 
@@ -18,7 +21,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Parametric
@@ -36,6 +38,7 @@ from jaxrender.inverse.factorization import (
 from jaxrender.inverse.factorization.state import NOTHING_KNOWN
 from jaxrender.inverse.forecast import weights_of
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.left_out import FEWEST_PHOTOGRAPHS, predicted_left_out
 from jaxrender.inverse.material_task import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations, random_subset
@@ -43,7 +46,7 @@ from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import robust_weights
-from jaxrender.shapes import Float
+from jaxrender.shapes import Float, Int
 
 # The exact integral of so many samples shows a difference of a per cent in chi-squared.
 _MOST_HELD_OUT = 2000
@@ -70,7 +73,7 @@ class Asked(NamedTuple):
 class Score(NamedTuple):
     """How well one model predicts what was held out.
 
-    ``behind`` is its chi-squared less that of the best, with its standard error.
+    ``behind`` is its chi-squared less the lowest, with its standard error.
     """
 
     name: str
@@ -87,14 +90,17 @@ class Score(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """The models in order, the best first, and how many samples were held out."""
+    """The model that is kept, then all others by what they predict; how many samples were held out.
+
+    Kept is the simplest of those that are within one standard error of the one that predicts best.
+    """
 
     scores: tuple[Score, ...]
     held_out: int
 
     @property
     def best(self) -> Score:
-        """The model that predicts best."""
+        """The model that is kept."""
         return self.scores[0]
 
 
@@ -105,31 +111,33 @@ def compare_models(
     settings: FitSettings,
     held_out: float = 0.2,
     *,
+    ladder: bool = False,
     stage: Callable[[str], AbstractContextManager] = lambda name: nullcontext(),
     shape: Shape | None = None,
 ) -> Comparison:
     """Fit every candidate to the same samples and rank them by those that were held out.
+
+    ``ladder`` says that the candidates go from simple to rich, and that the next is not tried
+    where the last has gained nothing.
 
     Raises ``ValueError`` for less than two candidates, a part outside (0, 1), and what ``fit_brdf``
     refuses.
     """
     _check_several(candidates)
     training, rest = divided(observations, held_out, settings.seed)
-    fits = [
-        fit_brdf(training, light, c.unknowns, c.variant, settings, stage, shape=shape)
-        for c in candidates
-    ]
-    with stage("compare"):
-        judged = [
-            _Judged(
-                candidate.name,
-                fit,
-                _predicted(fit, rest, light, shape),
-                settings.noise or fit.final.noise,
-            )
-            for candidate, fit in zip(candidates, fits)
-        ]
-        return _ranked(judged, rest, settings.loss)
+    judged: list[_Judged] = []
+    for candidate in candidates:
+        fit = fit_brdf(
+            training, light, candidate.unknowns, candidate.variant, settings, stage, shape=shape
+        )
+        with stage("compare"):
+            predicted = _predicted(fit, candidate.variant, rest, light, shape)
+            noise = settings.noise or fit.final.noise
+            judged.append(_Judged(candidate.name, fit, predicted, noise, _size(fit)))
+            ranked = _ranked(judged, rest, settings.loss)
+        if ladder and ranked.best.name != candidate.name:
+            break
+    return ranked
 
 
 def compare_factorizations(
@@ -167,7 +175,13 @@ def compare_factorizations(
     ]
     with stage("compare"):
         judged = [
-            _Judged(candidate.name, fit, predict(fit.brdf, fit.scene, rest, shape), fit.noise)
+            _Judged(
+                candidate.name,
+                fit,
+                predict(fit.brdf, fit.scene, rest, shape),
+                fit.noise,
+                _size(fit),
+            )
             for candidate, fit in zip(candidates, fits)
         ]
         return _ranked(judged, rest, settings.loss)
@@ -179,12 +193,23 @@ def _check_several(candidates: Sequence[Candidate] | Sequence[Asked]) -> None:
 
 
 class _Judged(NamedTuple):
-    """A fitted model, what it predicts of the samples held out, and the noise that it left."""
+    """A fitted model, what it predicts of the samples held out, and the noise that it left.
+
+    ``size`` is how many numbers it has found.
+    """
 
     name: str
     fit: BRDFFit | Factorization
     predicted: Float[np.ndarray, "sample channel"]
     noise: NoiseModel
+    size: int = 0
+
+
+def _size(fit: BRDFFit | Factorization) -> int:
+    """Count the numbers of the material that were found and have an error."""
+    errors = fit.parameters.standard_error
+    parts = (*errors.amplitudes.values(), *errors.numbers.values())
+    return sum(int(np.count_nonzero(np.asarray(part) > 0)) for part in parts)
 
 
 def _ranked(judged: Sequence[_Judged], rest: Observations, loss: str) -> Comparison:
@@ -200,13 +225,17 @@ def _ranked(judged: Sequence[_Judged], rest: Observations, loss: str) -> Compari
     left = [np.mean((robust_weights(r, loss) * r) ** 2, axis=1) for r in deviations]
     chi_squared = [float(np.average(one, weights=pixels)) for one in left]
     order = sorted(range(len(judged)), key=chi_squared.__getitem__)
+    behind = [_mean_and_error(one - left[order[0]], pixels, np.asarray(rest.frame)) for one in left]
+    near = [k for k in order if behind[k][0] <= behind[k][1]]
+    kept = min(near, key=lambda k: judged[k].size)
+    order = [kept, *(k for k in order if k != kept)]
     scores = tuple(
         Score(
             judged[k].name,
             judged[k].fit,
             chi_squared[k],
             float(np.sqrt(squares[k] / _energy(measured, pixels))),
-            *_mean_and_error(left[k] - left[order[0]], pixels),
+            *behind[k],
         )
         for k in order
     )
@@ -234,20 +263,18 @@ def divided(observations: Observations, held_out: float, seed: int) -> Divided:
 
 
 def _predicted(
-    fit: BRDFFit, rest: Observations, light: KnownLight, shape: Shape | None
+    fit: BRDFFit,
+    variant: Parametric,
+    rest: Observations,
+    light: KnownLight,
+    shape: Shape | None,
 ) -> Float[np.ndarray, "sample channel"]:
-    """Predict samples by the exact integral with what a fit has found, unknown gains included."""
+    """Predict samples by the exact integral, those of a photograph by the fit to the others."""
     shape = concave(shape)
     cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
     nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.width), cells)
     seen = nodes_seen(shape, rest, nodes)
-    model = ExactModel(fit.brdf, rest.samples, nodes, seen)
-    numbers = {name: jnp.asarray(value) for name, value in fit.brdf.numbers.items()}
-    found = fit.parameters.value
-    gains, frame = np.asarray(found.gains), np.asarray(rest.frame)
-    gain = gains[frame, None] if len(gains) > 1 else 1.0
-    amplitudes = jnp.asarray(fit.brdf.amplitudes)
-    return float(found.scale) * gain * np.asarray(model.columns(numbers).times(amplitudes))
+    return predicted_left_out(fit.final, ExactModel(variant, rest.samples, nodes, seen), rest)
 
 
 def _energy(
@@ -258,8 +285,18 @@ def _energy(
 
 
 def _mean_and_error(
-    values: Float[np.ndarray, "sample"], pixels: Float[np.ndarray, "sample"]
+    values: Float[np.ndarray, "sample"],
+    pixels: Float[np.ndarray, "sample"],
+    frame: Int[np.ndarray, "sample"],
 ) -> tuple[float, float]:
-    """Average over pixels; each sample was measured only once, however many it stands for."""
+    """Average over pixels; samples of one photograph may err together.
+
+    Each sample was measured only once, however many it stands for.
+    """
     mean = float(np.average(values, weights=pixels))
-    return mean, float(np.linalg.norm(pixels * (values - mean)) / np.sum(pixels))
+    off = pixels * (values - mean)
+    photographs, place = np.unique(frame, return_inverse=True)
+    count = len(photographs)
+    if count >= FEWEST_PHOTOGRAPHS:
+        off = np.sqrt(count / (count - 1)) * np.bincount(place, off)
+    return mean, float(np.linalg.norm(off) / np.sum(pixels))

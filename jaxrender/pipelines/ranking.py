@@ -11,7 +11,7 @@ def ranking_of(comparison: Comparison, one_ks: bool = False) -> dict[str, Any]:
 
     def one(score: Score) -> dict[str, Any]:
         words = OwnWords(score.name, score.fit.brdf, one_ks)
-        parameters = score.fit.parameters
+        parameters = score.fit.parameters.summed(score.fit.brdf.sums)
         return {
             "model": score.name,
             "outcome": score.fit.outcome.value,

@@ -43,6 +43,7 @@ from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.passes import DEFAULTS
 from jaxrender.lighting import DirectionalSources
+from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.reflection import integral_columns, radiance
 
 KD = np.array([0.19, 0.11, 0.07])
@@ -157,6 +158,8 @@ def test_it_comes_before_one_lobe_where_there_are_two(photographs):
     assert [score.name for score in compared.scores] == ["bank", "ggx"]
     # What is held out is predicted about as well as noise lets it.
     assert compared.best.relative_rms < 0.02
+    # Of a bank the sums of its lobes are told.
+    assert set(ranking_of(compared)["ranking"][0]["brdf"]) == {"kd", "ks"}
 
 
 def test_what_nobody_can_state_is_refused(photographs):

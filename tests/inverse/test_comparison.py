@@ -4,6 +4,8 @@
   chi-squared of one and the others told apart; a diffuse material is far behind.
 - What is held out was not fitted, is the same for all, and is drawn by the seed.
 - Two equal candidates are behind by nothing, and are not told apart.
+- The simplest model within one standard error is kept, and a ladder ends where nothing is gained.
+- Differences have the errors of whole photographs: one that is off makes them unsure.
 - A sample that stands for several pixels counts as if each of them had been held out.
 """
 
@@ -72,6 +74,44 @@ def test_the_same_model_twice_is_no_better():
     found = compare_models(noisy, known_light(), twice, settings)
     assert found.scores[1].behind == 0
     assert not found.scores[1].told_apart
+
+
+def test_the_simplest_of_equals_is_kept():
+    rest = photograph(WARD, *ball_samples(400))
+    exact = np.asarray(rest.radiance)
+    off = 0.01 * np.random.default_rng(0).normal(size=exact.shape) * exact
+    measured = rest._replace(radiance=exact + off)
+    rich = _Judged("rich", None, exact, NoiseModel(0.01, 0.0), 9)
+    # Worse in two photographs and better in the others; and then worse in all.
+    part = np.array([1.1, 0.95, 1.05, 0.93])[np.asarray(rest.frame), None]
+    near = rich._replace(name="simple", predicted=exact + (1 - part) * off, size=2)
+    far = near._replace(predicted=exact * 1.02)
+    kept = _ranked([rich, near], measured, "squares")
+    assert kept.best.name == "simple"
+    assert kept.best.behind <= kept.best.behind_error
+    assert _ranked([rich, far], measured, "squares").best.name == "rich"
+
+
+def test_a_photograph_that_is_off_makes_differences_unsure():
+    rest = photograph(WARD, *ball_samples(400))
+    exact, noise = np.asarray(rest.radiance), NoiseModel(0.01, 0.0)
+    one = (np.asarray(rest.frame) == 0)[:, None]
+    right = _Judged("right", None, exact, noise)
+    off = right._replace(name="off", predicted=np.where(one, 1.03, 1) * exact)
+    score = _ranked([right, off], rest, "squares").scores[1]
+    # A quarter of the pixels of one of four photographs: no more than a hint.
+    assert 0.5 * score.behind < score.behind_error < 2 * score.behind
+    assert not score.told_apart
+
+
+def test_a_ladder_ends_where_nothing_is_gained():
+    diffuse = WARD.with_amplitudes(KD, 0 * KS)
+    noisy = with_noise(photograph(diffuse, *ball_samples()), 0.01, 0.002)
+    rungs = (CANDIDATES[0], CANDIDATES[2], CANDIDATES[1])
+    settings = SETTINGS._replace(refine=False)
+    found = compare_models(noisy, known_light(), rungs, settings, ladder=True)
+    assert found.best.name == "lambertian"
+    assert {score.name for score in found.scores} == {"lambertian", "ggx"}
 
 
 def test_samples_count_by_their_pixels():

@@ -118,6 +118,13 @@ def test_a_comparison_takes_what_each_model_has():
     assert thesis.compare == ()
 
 
+def test_a_ladder_chooses_the_models_itself():
+    brdf = BrdfConfig.model_validate({"compare": "auto", "kd": 0.1, "masking": "none"})
+    assert brdf.models == ("lambertian", "ggx", "two-ggx", "bank")
+    ggx = brdf.as_model("ggx")
+    assert (ggx.kd.fixed, ggx.fresnel, ggx.masking) == (0.1, "half", "none")
+
+
 @pytest.mark.parametrize(
     ("sections", "fault"),
     [

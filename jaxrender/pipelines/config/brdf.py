@@ -22,16 +22,22 @@ from pydantic import (
 from jaxrender.catalogue import MODELS, NAMES, Interval, Number, described, numbers_named
 from jaxrender.pipelines.config.parameter import Parameter, numbers_inside, one_number
 from jaxrender.pipelines.config.stated import Case
-from jaxrender.pipelines.config.values import Accepts, Section, Switch
+from jaxrender.pipelines.config.values import Accepts, Section, Switch, auto_or_several
 
 if TYPE_CHECKING:
     Model = str
+    Compared = Literal["auto"] | tuple[str, ...]
 else:
     Model = Literal[tuple(MODELS)]
+    Compared = auto_or_several(Model)
 Fresnel = Literal["exit", "half"]
 Masking = Literal["none", "smith"]
 MultipleScattering = Literal["none", "facets"]
 Gauge = Literal["per-channel", "dielectric", "metal"]
+
+# What compare: auto tries, from simple to rich; and the model that stands for them in a config.
+LADDER = ("lambertian", "ggx", "two-ggx", "bank")
+_OF_LADDER = "ggx"
 
 # Those of facets, which have a choice of Fresnel angle and masking.
 FACET_MODELS = tuple(name for name, model in MODELS.items() if "fresnel" in model.options)
@@ -104,8 +110,9 @@ class _Brdf(Section):
 
     model: Model = "microfacet"
     """The model: microfacet is the thesis's Gaussian (T 6.2); renderers use ggx and beckmann."""
-    compare: tuple[Model, ...] = ()
-    """Other models to fit as well.  The model that best explains held-out pixels is the result."""
+    compare: Compared = ()
+    """Other models to fit as well.  auto: lambertian, ggx, two-ggx and bank in turn, until the next
+    gains nothing.  The simplest that explains held-out photographs as well as the best is kept."""
     ks_per_channel: Switch = False
     """Whether each channel has its own specular weight."""
     fresnel: Fresnel = "exit"
@@ -120,6 +127,8 @@ class _Brdf(Section):
     @property
     def models(self) -> tuple[str, ...]:
         """The model, and after it those that it is compared with, each once."""
+        if self.compare == "auto":
+            return LADDER
         return tuple(dict.fromkeys((self.model, *self.compare)))
 
     def known(self, name: str) -> Parameter | None:
@@ -199,10 +208,13 @@ def foreign_keys(models_of: Callable[[Any], Iterable[str]]) -> tuple[Case, ...]:
 
 def with_defaults_of_model(given: Any, make: Callable[[Any], Any]) -> Any:
     """Make a section with the default options of its model, and the numbers that it has settled."""
-    model = MODELS.get(str(given.get("model"))) if isinstance(given, dict) else None
+    if not isinstance(given, dict):
+        return make(given)
+    stated = {"model": _OF_LADDER, **given} if given.get("compare") == "auto" else given
+    model = MODELS.get(str(stated.get("model")))
     if model is None:
         return make(given)
-    made = make({**model.options, **model.settled, **given})
+    made = make({**model.options, **model.settled, **stated})
     # Nobody has stated these.
     made.model_fields_set.intersection_update(given)
     return made

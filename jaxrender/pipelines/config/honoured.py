@@ -114,6 +114,12 @@ _OF_SETTINGS = (
         instead="remove brdf.compare",
     ),
     Case(
+        "brdf.compare: auto",
+        lambda config: config.brdf.compare == "auto",
+        {"brdf.model": "chooses the models itself"},
+        instead="list models in brdf.compare",
+    ),
+    Case(
         "brdf.compare without a known light",
         lambda config: bool(config.brdf.compare) and config.task == "factorize",
         {"solve.diagnose": "names no causes of a misfit"},

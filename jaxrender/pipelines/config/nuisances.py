@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import Discriminator, Tag
-
-from jaxrender.pipelines.config.values import NonNegative, Section
+from jaxrender.pipelines.config.values import NonNegative, Section, auto_or_several
 
 NuisanceName = Literal[
     "exposure",
@@ -23,14 +21,10 @@ NuisanceName = Literal[
 ]
 
 
-def _kind(value: Any) -> str:
-    return "<named>" if isinstance(value, list | tuple) else "<word>"
-
-
-Free = Annotated[
-    Annotated[Literal["auto"], Tag("<word>")] | Annotated[tuple[NuisanceName, ...], Tag("<named>")],
-    Discriminator(_kind),
-]
+if TYPE_CHECKING:
+    Free = Literal["auto"] | tuple[NuisanceName, ...]
+else:
+    Free = auto_or_several(NuisanceName)
 
 
 class FaultsConfig(Section):

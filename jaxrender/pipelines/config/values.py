@@ -10,9 +10,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+)
 
 
 @dataclass(frozen=True)
@@ -98,3 +107,15 @@ Rgb = Annotated[
     ),
     Accepts("a number of at least 0, or three of them (red, green, blue)"),
 ]
+
+
+def auto_or_several(kind: Any) -> Any:
+    """Make the type of a key that is the word auto, or a list of what it names."""
+
+    def shape(value: Any) -> str:
+        return "<named>" if isinstance(value, list | tuple) else "<word>"
+
+    return Annotated[
+        Annotated[Literal["auto"], Tag("<word>")] | Annotated[tuple[kind, ...], Tag("<named>")],
+        Discriminator(shape),
+    ]

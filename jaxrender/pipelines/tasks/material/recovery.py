@@ -216,6 +216,7 @@ def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison
             tuple(candidates),
             settings_of(config),
             config.solve.held_out,
+            ladder=config.brdf.compare == "auto",
             stage=clock.stage,
             shape=evidence.shape,
         )
