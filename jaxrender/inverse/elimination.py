@@ -88,6 +88,18 @@ class Priors(eqx.Module):
         # Each of them depends on one unknown alone.
         return jnp.sum(jax.jacfwd(left)(vector) ** 2, axis=0)
 
+    def held_at(self, numbers: "Priors") -> "Priors":
+        """Add normal distributions of numbers; of one that has two the product counts."""
+        own = dict(zip(self.names, zip(self.means, self.precisions)))
+        for name, mean, precision in zip(numbers.names, numbers.means, numbers.precisions):
+            before, known = own.get(name, (mean, 0.0))
+            both = known**2 + precision**2
+            middle = known**2 * before + precision**2 * mean
+            centre = jnp.where(both > 0, middle / jnp.where(both > 0, both, 1), mean)
+            own[name] = centre, jnp.sqrt(both)
+        means, precisions = (jnp.stack(list(map(jnp.asarray, part))) for part in zip(*own.values()))
+        return dataclasses.replace(self, names=tuple(own), means=means, precisions=precisions)
+
     def times(self, factor: Float[Array, ""]) -> "Priors":
         """Count for more, or less, as data do whose weights are scaled."""
         own, linear = self.precisions * factor, self.linear_precisions * factor
@@ -142,6 +154,35 @@ class Problem(eqx.Module):
     def without_priors(self) -> "Problem":
         """The same problem with the data alone."""
         return self if self.priors is None else dataclasses.replace(self, priors=None)
+
+    def damped(
+        self, model: LinearisedModel, data: Data, linear: Linear, damping: float
+    ) -> "Problem":
+        """Hold the free numbers near those of a linearisation, the better the more they move it.
+
+        That is the step of Levenberg and Marquardt in the numbers' own units.
+        """
+        names = self.unknowns.free_numbers
+        amplitudes = [linear.amplitudes[at] for at in model.at.shaped]
+        precisions = []
+        for name in names:
+            of_lobes = zip(amplitudes, model.slopes[name])
+            moved = sum(amount[None, :] * slope for amount, slope in of_lobes)
+            precisions.append(
+                jnp.sqrt(damping * _sum_of_squares(jnp.asarray(data.weights) * moved))
+            )
+        none = jnp.zeros(self.mix.shape[1])
+        here = Priors(
+            names,
+            jnp.stack([model.numbers[name] for name in names]),
+            jnp.stack(precisions),
+            none,
+            none,
+        )
+        before = self.priors or dataclasses.replace(
+            here, names=(), means=jnp.zeros(0), precisions=jnp.zeros(0)
+        )
+        return dataclasses.replace(self, priors=before.held_at(here))
 
     def columns(self, model: Model, data: Data, physical: Physical) -> Columns:
         """Evaluate the model's columns, times the gain of each sample's photograph."""

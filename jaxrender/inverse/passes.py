@@ -19,8 +19,12 @@ from jaxrender.inverse.weights import deviations, noise_settled, robust_weights,
 from jaxrender.reflection import ViewFilter
 from jaxrender.shapes import Float
 
-# A descent gives up after so many steps.
-_STEPS = 20
+# A descent gives up after so many steps.  One that is in vain is halved; from the second on it is
+# damped, by this part of the curvature and so many times more or less as it fails or succeeds.
+_STEPS, _HALVED = 40, 2
+_FIRST_DAMPING, _DAMPED_MORE, _LEAST_DAMPING = 0.3, 5.0, 0.01
+# A step swings back when it undoes this part of the one before.
+_SWINGS = 0.5
 # A step that gains less than this of chi-squared / 2 came from within .02 standard errors of the
 # end, and has halved that many times over.
 _LEAST_GAIN = 2e-4
@@ -153,12 +157,14 @@ def descend(
 
     The model and its derivatives are evaluated once a step; everything else, the noise and the
     weights included, is solved to the end on the linearised columns.  A step that makes the true
-    residual larger is halved until it does not.  Ends when no search variable moves by more than
-    ``tolerance``, or when a step has gained nothing that noise could tell, as where a parameter is
-    at its bound or the data are silent about it.  The first of ``begin.starts`` is where it begins.
+    residual larger is halved; where that is in vain, too, the next steps are damped.  Ends when no
+    search variable moves by more than ``tolerance``, or when a step has gained nothing that noise
+    could tell, as where a parameter is at its bound or the data are silent about it.  The first of
+    ``begin.starts`` is where it begins.
     """
     noise, predicted, point = settings.noise or begin.noise, begin.predicted, begin.starts[0]
     before: _Step | None = None
+    in_vain, damping, onward = 0, 0.0, None
     for _ in range(_STEPS):
         physical = problem.unknowns.unpack(jnp.asarray(point))
         near = LinearisedModel.about(model, physical.numbers, problem.unknowns.free_numbers)
@@ -166,17 +172,53 @@ def descend(
         if before is not None:
             gain = before.cost - _cost(problem, near, before.stop.data, point)
             if gain < -_ROUNDING * before.cost:
-                point = (point + before.point) / 2
+                in_vain += 1
+                if in_vain < _HALVED:
+                    point = problem.unknowns.between(point, before.point)
+                    continue
+                damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
+                stop = _damped(problem, before, observations, settings, damping)
+                noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
+                point = np.asarray(stop.fit.solution.point)
+                if np.all(np.abs(point - before.point) < tolerance):
+                    return stop
+                before = before._replace(
+                    stop=stop, cost=_cost(problem, before.near, stop.data, before.point)
+                )
                 continue
+        in_vain, damping = 0, damping / _DAMPED_MORE
+        damping = damping if damping > _LEAST_DAMPING else 0.0
         begin = Begin(noise, predicted, point[None])
         stop = fit_in_rounds(problem, near, observations, begin, settings)
-        before = _Step(point, stop, _cost(problem, near, stop.data, point))
+        before = _Step(point, near, stop, _cost(problem, near, stop.data, point))
+        if damping:
+            stop = _damped(problem, before, observations, settings, damping)
+            before = _Step(point, near, stop, _cost(problem, near, stop.data, point))
         noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
         point = np.asarray(stop.fit.solution.point)
         if gain < _LEAST_GAIN or np.all(np.abs(point - before.point) < tolerance):
             return stop
+        # Weights follow the prediction: what swings about its end is met half-way.
+        onward, step = point - before.point, onward
+        if step is not None and onward @ step < -_SWINGS * (step @ step):
+            point = problem.unknowns.between(point, before.point)
     assert before is not None
     return _not_converged(before.stop)
+
+
+def _damped(
+    problem: Problem,
+    before: "_Step",
+    observations: Observations,
+    settings: FitSettings,
+    damping: float,
+) -> Stop:
+    """Solve the last linearisation once more, held near where it was made."""
+    stop = before.stop
+    held = problem.damped(before.near, stop.data, stop.fit.linear, damping)
+    begin = Begin(stop.noise, np.asarray(stop.fit.predicted), before.point[None])
+    found = fit_in_rounds(held, before.near, observations, begin, settings)
+    return found._replace(problem=problem)
 
 
 def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:
@@ -195,6 +237,7 @@ class _Step(NamedTuple):
     """One linearisation: where, what it led to, and the true cost there."""
 
     point: Float[np.ndarray, "unknown"]
+    near: LinearisedModel
     stop: Stop
     cost: float
 

@@ -20,6 +20,8 @@ from jaxrender.shapes import Array, Bool, Float, checked
 
 # Within this fraction of the logarithmic range a parameter counts as being at its bound.
 _AT_BOUND = 0.005
+# A search variable is kept this far from where it is infinite.
+_CLOSEST = 1e-9
 
 
 class Prior(NamedTuple):
@@ -209,6 +211,16 @@ class Unknowns(eqx.Module):
     def bounded(self) -> Bool[np.ndarray, "unknown"]:
         """Which nonlinear unknowns have bounds: the numbers, and no gain."""
         return np.arange(len(self.names)) < len(self.free_numbers)
+
+    @checked
+    def between(
+        self, one: Float[np.ndarray, "unknown"], other: Float[np.ndarray, "unknown"]
+    ) -> Float[np.ndarray, "unknown"]:
+        """Find the point half-way: between the parameters, since search variables have no end."""
+        halves = np.array([_fraction(one), _fraction(other)]).mean(axis=0)
+        centred = 2 * np.clip(halves, _CLOSEST, 1 - _CLOSEST) - 1
+        inside = 2 * centred / np.sqrt(1 - centred**2)
+        return np.where(self.bounded, inside, (one + other) / 2)
 
     @checked
     def restarts(

@@ -33,6 +33,9 @@ RUNS = {
             *("metallic-roughness", "principled", "openpbr"),
         )
     },
+    "brdf of a glTF metal": f"task: brdf\nbrdf: {{model: metallic-roughness, metallic: 1}}\n{_LIT}",
+    "brdf of Disney's metal": f"task: brdf\nbrdf: {{model: principled, metallic: 1}}\n{_LIT}",
+    "brdf of an OpenPBR metal": f"task: brdf\nbrdf: {{model: openpbr, base_metalness: 1}}\n{_LIT}",
     "brdf of bank": f"task: brdf\nbrdf: {{model: bank}}\n{_LIT}",
     "brdf of lambertian": f"task: brdf\nbrdf: {{model: lambertian}}\n{_LIT}",
     "lighting": f"task: lighting\n{_GIVEN}",

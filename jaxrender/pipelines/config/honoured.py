@@ -66,6 +66,14 @@ def _is_diffuse_texture(config: RunConfig) -> bool:
 
 _NO_VIEW = "has no frequency view of its lobe"
 _NO_DEGREES = "has no degrees of light"
+
+
+def _is_all_metal(config: Any, share: str) -> bool:
+    """Whether a material is stated to be a metal through and through."""
+    known = config.brdf.known(share)
+    return known is not None and known.fixed == 1
+
+
 _OF_SETTINGS = (
     Case(
         "a fit",
@@ -112,6 +120,19 @@ _OF_SETTINGS = (
         lambda config: bool(config.brdf.compare),
         {"solve.free": "compares models of the capture as it is told"},
         instead="remove brdf.compare",
+    ),
+    *(
+        Case(
+            f"{share}: 1",
+            lambda config, share=share: _is_all_metal(config, share),
+            {f"brdf.{index}": "is all metal, which has no clear interface"},
+            instead=f"leave brdf.{share} free",
+        )
+        for share, index in (
+            ("metallic", "ior"),
+            ("metallic", "specular"),
+            ("base_metalness", "specular_ior"),
+        )
     ),
     Case(
         "brdf.compare: auto",
