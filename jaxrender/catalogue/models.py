@@ -95,8 +95,8 @@ class Model(NamedTuple):
 
     @property
     def has_specular(self) -> bool:
-        """Whether the model has a specular lobe."""
-        return "ks" in self.names("amplitude", "sum")
+        """Whether the model has more than a diffuse lobe."""
+        return self.names("amplitude", "sum") != ("kd",)
 
 
 _ABOVE_0, _FROM_0, _TO_1 = Interval("(0, inf)"), Interval("[0, inf)"), Interval("(0, 1]")
