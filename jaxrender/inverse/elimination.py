@@ -163,6 +163,8 @@ class Problem(eqx.Module):
         That is the step of Levenberg and Marquardt in the numbers' own units.
         """
         names = self.unknowns.free_numbers
+        if not names:
+            return self
         amplitudes = [linear.amplitudes[at] for at in model.at.shaped]
         precisions = []
         for name in names:

@@ -171,29 +171,20 @@ def descend(
         gain = np.inf
         if before is not None:
             gain = before.cost - _cost(problem, near, before.stop.data, point)
-            if gain < -_ROUNDING * before.cost:
-                in_vain += 1
-                if in_vain < _HALVED:
-                    point = problem.unknowns.between(point, before.point)
-                    continue
-                damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
-                stop = _damped(problem, before, observations, settings, damping)
-                noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
-                point = np.asarray(stop.fit.solution.point)
-                if np.all(np.abs(point - before.point) < tolerance):
-                    return stop
-                before = before._replace(
-                    stop=stop, cost=_cost(problem, before.near, stop.data, before.point)
-                )
+        if before is not None and gain < -_ROUNDING * before.cost:
+            in_vain, gain = in_vain + 1, np.inf
+            if in_vain < _HALVED:
+                point = problem.unknowns.between(point, before.point)
                 continue
-        in_vain, damping = 0, damping / _DAMPED_MORE
-        damping = damping if damping > _LEAST_DAMPING else 0.0
+            # Once more from where the last step began.
+            point, near, onward = before.point, before.near, None
+            damping = max(_DAMPED_MORE * damping, _FIRST_DAMPING)
+        else:
+            in_vain, damping = 0, damping / _DAMPED_MORE
+            damping = damping if damping > _LEAST_DAMPING else 0.0
         begin = Begin(noise, predicted, point[None])
-        stop = fit_in_rounds(problem, near, observations, begin, settings)
+        stop = _solved(problem, near, observations, begin, settings, damping)
         before = _Step(point, near, stop, _cost(problem, near, stop.data, point))
-        if damping:
-            stop = _damped(problem, before, observations, settings, damping)
-            before = _Step(point, near, stop, _cost(problem, near, stop.data, point))
         noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
         point = np.asarray(stop.fit.solution.point)
         if gain < _LEAST_GAIN or np.all(np.abs(point - before.point) < tolerance):
@@ -206,19 +197,21 @@ def descend(
     return _not_converged(before.stop)
 
 
-def _damped(
+def _solved(
     problem: Problem,
-    before: "_Step",
+    near: LinearisedModel,
     observations: Observations,
+    begin: Begin,
     settings: FitSettings,
     damping: float,
 ) -> Stop:
-    """Solve the last linearisation once more, held near where it was made."""
-    stop = before.stop
-    held = problem.damped(before.near, stop.data, stop.fit.linear, damping)
-    begin = Begin(stop.noise, np.asarray(stop.fit.predicted), before.point[None])
-    found = fit_in_rounds(held, before.near, observations, begin, settings)
-    return found._replace(problem=problem)
+    """Solve a linearisation to the end, and where it is damped again, held near its place."""
+    stop = fit_in_rounds(problem, near, observations, begin, settings)
+    if not damping:
+        return stop
+    held = problem.damped(near, stop.data, stop.fit.linear, damping)
+    again = Begin(stop.noise, np.asarray(stop.fit.predicted), begin.starts)
+    return fit_in_rounds(held, near, observations, again, settings)._replace(problem=problem)
 
 
 def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:
