@@ -6,13 +6,14 @@
 - The clear interface is as bright as physics says: under light that is known up to a factor, base
   color and factor are both found.
 - Derivatives by what is settled are not made.
+- Where the surface has another lobe, that is what is named.
 """
 
 import numpy as np
 import pytest
 from inverse_problems import ball_samples, known_light, photograph, with_noise
 
-from jaxrender.brdf import MetallicRoughness, OpenPBR, Principled
+from jaxrender.brdf import MetallicRoughness, Microfacet, OpenPBR, Principled
 from jaxrender.inverse import FitSettings, Outcome, Stated, fit_brdf, unknowns_of
 from jaxrender.inverse.models import LinearisedModel
 
@@ -79,6 +80,16 @@ def test_the_interface_tells_how_bright_the_light_is():
     fit = found(GLTF, scale=1.7, free_scale=True)
     assert off(fit, "base_color", COLOR) < STATED_ERRORS
     assert float(fit.parameters.value.scale) == pytest.approx(1.7, rel=0.02)
+
+
+def test_another_lobe_is_named():
+    """Facets of the thesis, without masking, as the material of glTF."""
+    truth = Microfacet(COLOR / np.pi, 0.2 * CLEAR, 0.15, 1.5)
+    photographs = with_noise(photograph(truth, *ball_samples()))
+    settings = SETTINGS._replace(diagnose=True)
+    fit = fit_brdf(photographs, known_light(), unknowns_of(GLTF), GLTF, settings)
+    assert fit.outcome is Outcome.MISFIT
+    assert fit.diagnosis[0].cause == "lobe"
 
 
 def test_what_is_settled_has_no_derivatives(monkeypatch):

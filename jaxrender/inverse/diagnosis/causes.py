@@ -140,11 +140,13 @@ def _lobe(grounds: Grounds) -> Columns | None:
         kind = lobe_named("microfacet")
         lobes = [kind.with_roughness(width, mu) for width in dict.fromkeys(widths) for mu in _MUS]
         return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
-    if not (isinstance(material, Glossy) and material.has_frequency_view):
-        return None
     width, mu = float(material.width), material.mu
     # Some models know no width beyond the bounds that they are searched in.
     widths = np.clip(width * np.array(_WIDTHS), *WIDTH_BOUNDS)
+    if not (isinstance(material, Glossy) and material.has_frequency_view):
+        kinds = [lobe_named(name, metal=metal) for name in _OTHERS for metal in (False, True)]
+        lobes = [kind.with_roughness(float(w), kind.mu) for kind in kinds for w in widths]
+        return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
     others: list[Parametric] = [material.with_roughness(float(w), mu) for w in widths]
     for name in _OTHERS:
         kind = lobe_named(name, metal=mu is None)
