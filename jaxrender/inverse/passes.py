@@ -23,6 +23,8 @@ from jaxrender.shapes import Float
 # damped, by this part of the curvature and so many times more or less as it fails or succeeds.
 _STEPS, _HALVED = 40, 2
 _FIRST_DAMPING, _DAMPED_MORE, _LEAST_DAMPING = 0.3, 5.0, 0.01
+# After so many steps weights no longer follow the prediction: far from the truth they may go round.
+_FOLLOWED = 12
 # A step swings back when it undoes this part of the one before.
 _SWINGS = 0.5
 # A step that gains less than this of chi-squared / 2 came from within .02 standard errors of the
@@ -160,15 +162,20 @@ def descend(
     residual larger is halved; where that is in vain, too, the next steps are damped.  Ends when no
     search variable moves by more than ``tolerance``, or when a step has gained nothing that noise
     could tell, as where a parameter is at its bound or the data are silent about it.  The first of
-    ``begin.starts`` is where it begins.
+    ``begin.starts`` is where it begins.  Weights that follow the prediction for many steps are then
+    those of the measured radiance, and stay.
     """
     noise, predicted, point = settings.noise or begin.noise, begin.predicted, begin.starts[0]
     before: _Step | None = None
     in_vain, damping, onward = 0, 0.0, None
-    for _ in range(_STEPS):
+    kept: Data | None = None
+    for turn in range(_STEPS):
         physical = problem.unknowns.unpack(jnp.asarray(point))
         near = LinearisedModel.about(model, physical.numbers, problem.unknowns.free_numbers)
         gain = np.inf
+        if turn == _FOLLOWED and before is not None:
+            kept = _by_measured(before.stop, settings)
+            before, in_vain, damping, onward = None, 0, 0.0, None
         if before is not None:
             gain = before.cost - _cost(problem, near, before.stop.data, point)
         if before is not None and gain < -_ROUNDING * before.cost:
@@ -183,7 +190,7 @@ def descend(
             in_vain, damping = 0, damping / _DAMPED_MORE
             damping = damping if damping > _LEAST_DAMPING else 0.0
         begin = Begin(noise, predicted, point[None])
-        stop = _solved(problem, near, observations, begin, settings, damping)
+        stop = _solved(problem, near, observations, begin, settings, damping, kept)
         before = _Step(point, near, stop, _cost(problem, near, stop.data, point))
         noise, predicted = stop.noise, np.asarray(stop.fit.predicted)
         point = np.asarray(stop.fit.solution.point)
@@ -204,14 +211,35 @@ def _solved(
     begin: Begin,
     settings: FitSettings,
     damping: float,
+    kept: Data | None,
 ) -> Stop:
-    """Solve a linearisation to the end, and where it is damped again, held near its place."""
-    stop = fit_in_rounds(problem, near, observations, begin, settings)
+    """Solve a linearisation to the end, and where it is damped again, held near its place.
+
+    ``kept`` are data whose weights stay as they are.
+    """
+
+    def solved(posed: Problem, begin: Begin) -> Stop:
+        if kept is None or begin.noise is None:
+            return fit_in_rounds(posed, near, observations, begin, settings)
+        fit = search(posed, near, kept, posed.unknowns.restarts(begin.starts), settings.method)
+        return Stop(fit, posed, near, kept, observations, begin.noise)
+
+    stop = solved(problem, begin)
     if not damping:
         return stop
     held = problem.damped(near, stop.data, stop.fit.linear, damping)
     again = Begin(stop.noise, np.asarray(stop.fit.predicted), begin.starts)
-    return fit_in_rounds(held, near, observations, again, settings)._replace(problem=problem)
+    return solved(held, again)._replace(problem=problem)
+
+
+def _by_measured(stop: Stop, settings: FitSettings) -> Data:
+    """Weigh the data of a pass by its noise at the measured radiance, and by the loss."""
+    radiance = np.asarray(stop.data.radiance)
+    scale = float(np.sqrt(np.mean(radiance**2)))
+    share = np.sqrt(stop.observations.shares)[:, None].astype(radiance.dtype)
+    weights = 1 / deviations(stop.noise, radiance, scale)
+    left = (radiance - np.asarray(stop.fit.predicted)) * weights
+    return stop.data._replace(weights=weights * share * robust_weights(left, settings.loss))
 
 
 def in_deviations(stop: Stop) -> Float[np.ndarray, "sample channel"]:
