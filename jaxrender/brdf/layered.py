@@ -39,6 +39,8 @@ class Layered(ByOwnNumber):
     coloured: ClassVar[tuple[str, ...]] = ("base_color",)
     # The catalogue's name of the model.
     model: eqx.AbstractClassVar[str]
+    # The field that holds the share of the base that is metal.
+    metalness: ClassVar[str] = "metallic"
 
     if TYPE_CHECKING:
         base_color: Float[AnyArray, "channel"]
@@ -52,9 +54,9 @@ class Layered(ByOwnNumber):
             refuse_outside(number.name, value, number.domain.text, f"it is the {number.meaning}")
 
     @property
-    @abc.abstractmethod
     def metal(self) -> Scalar:
         """The share of the base that is metal."""
+        return getattr(self, self.metalness)
 
     @property
     @abc.abstractmethod

@@ -45,11 +45,6 @@ class MetallicRoughness(Layered):
         self._check_numbers()
 
     @property
-    def metal(self) -> Scalar:
-        """``metallic``."""
-        return self.metallic
-
-    @property
     def head_on(self) -> Scalar:
         """F_0 of the index."""
         return head_on_reflectance(self.ior)

@@ -70,6 +70,7 @@ class OpenPBR(Layered):
     """
 
     model: ClassVar[str] = "openpbr"
+    metalness: ClassVar[str] = "base_metalness"
     shape: ClassVar[ShapeParameter] = shape_of("specular_roughness")
 
     base_color: Float[AnyArray, "channel"]
@@ -91,11 +92,6 @@ class OpenPBR(Layered):
     def __check_init__(self):
         refuse_unlisted("multiple_scattering", self.multiple_scattering, MULTIPLE_SCATTERING)
         self._check_numbers()
-
-    @property
-    def metal(self) -> Scalar:
-        """``base_metalness``."""
-        return self.base_metalness
 
     @property
     def head_on(self) -> Scalar:

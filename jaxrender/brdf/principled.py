@@ -60,11 +60,6 @@ class Principled(Layered):
         self._check_numbers()
 
     @property
-    def metal(self) -> Scalar:
-        """``metallic``."""
-        return self.metallic
-
-    @property
     def ior(self) -> Scalar:
         """The index that ``specular`` stands for: 1.5 of .5."""
         root = jnp.sqrt(0.08 * jnp.maximum(jnp.asarray(self.specular), _LEAST_SPECULAR))

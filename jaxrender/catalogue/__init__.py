@@ -1,7 +1,9 @@
 """What a config may name, as plain data: models of materials and kinds of light.
 
-``models``
-    every model that a fit knows by name, and what each of its numbers is
+``model``
+    what a model and each of its numbers are
+``models`` ``layers``
+    every model that a fit knows by name; those of renderers
 ``lights``
     every kind of light that numbers can state, and what they are
 ``interval``
@@ -10,13 +12,12 @@
 
 from jaxrender.catalogue.interval import Interval
 from jaxrender.catalogue.lights import LIGHTS, LightKey, LightKind
+from jaxrender.catalogue.model import Model, Number
 from jaxrender.catalogue.models import (
     AMPLITUDES,
     MODELS,
     NAMES,
     STATED,
-    Model,
-    Number,
     described,
     numbers_named,
 )
