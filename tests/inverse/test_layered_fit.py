@@ -1,7 +1,8 @@
 """The materials of renderers from photographs by an integral of their own.
 
 - All free numbers are found within their stated errors; what is settled stays so and has none.
-- A share that ends at 0 is a value, and no bound that stands in the way.
+- A share that ends at 0 is a value, and no bound that stands in the way; how far it may lie from
+  there is what fits say in which it is held there.
 - A coat over the base is found where it is freed.
 - The clear interface is as bright as physics says: under light that is known up to a factor, base
   color and factor are both found.
@@ -16,6 +17,7 @@ from inverse_problems import ball_samples, known_light, photograph, with_noise
 
 from jaxrender.brdf import MetallicRoughness, OpenPBR, Principled
 from jaxrender.geometry import Sphere
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, Outcome, Stated, fit_brdf, unknowns_of
 from jaxrender.inverse.models import LinearisedModel
 
@@ -60,6 +62,38 @@ def test_a_share_that_ends_at_nothing_is_a_value():
     assert low == 0 < high
     assert 0.3 * error < high < 3 * error
     assert off(fit, "base_color", COLOR) < STATED_ERRORS
+
+
+def test_the_reach_of_a_share_at_its_end_is_that_of_fits_in_which_it_is_held():
+    """A smaller index than is supposed reflects less, as if there were less metal than none."""
+    truth = MetallicRoughness(COLOR, CLEAR, 0.0, 0.4, ior=1.48)
+    photographs = with_noise(photograph(truth, *ball_samples()))
+    settings = SETTINGS._replace(noise=NoiseModel(0.01, 0.0))
+
+    def fitted(**stated):
+        unknowns = unknowns_of(GLTF, stated)
+        return fit_brdf(photographs, known_light(), unknowns, GLTF, settings)
+
+    def cost(metallic):
+        end = fitted(metallic=Stated(fixed=metallic)).final
+        left = end.data.weights * (end.data.radiance - np.asarray(end.fit.predicted))
+        return float(np.sum(left**2) / 2)
+
+    free = fitted()
+    assert float(free.brdf.metallic) < 1e-4
+    exact = free.parameters.if_exact
+    assert float(exact.lower.of("metallic")) == 0
+    high = float(exact.upper.of("metallic"))
+    tried = np.array([0.0, high, 2 * high])
+    costs = np.array([cost(one) for one in tried])
+    # The wrong index leaves more than the noise, which counts as noise here.
+    parabola = np.polyfit(tried, costs / max(2 * costs[0] / photographs.radiance.size, 1), 2)
+    grid = np.linspace(0, 6 * high, 2000)
+    likelihood = np.exp(np.polyval(parabola, 0) - np.polyval(parabola, grid))
+    held = np.cumsum(likelihood) / np.sum(likelihood)
+    assert grid[np.searchsorted(held, 0.9)] == pytest.approx(high, rel=0.1)
+    # Samples that err together make the stated reach longer.
+    assert float(free.parameters.upper.of("metallic")) > high
 
 
 @pytest.mark.slow
