@@ -106,6 +106,7 @@ from jaxrender.brdf.samplers import COSINE, CosineSampler, DirectionSampler
 from jaxrender.brdf.scattering_trees import ScatteringTrees
 from jaxrender.brdf.tables.cell_means import Samples, tabulate
 from jaxrender.brdf.tables.cells import Masked, masked
+from jaxrender.brdf.tables.corrected import CorrectedBRDF
 from jaxrender.brdf.tables.isotropic import HalfDifference, IsotropicTable, half_difference
 from jaxrender.brdf.tables.nearest import (
     Nearest,
@@ -146,6 +147,7 @@ __all__ = [
     "BlinnPhong",
     "ByOwnNumber",
     "CookTorrance",
+    "CorrectedBRDF",
     "CosineLobe",
     "CosineSampler",
     "DirectionSampler",

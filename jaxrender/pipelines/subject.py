@@ -4,7 +4,7 @@ import abc
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import BRDF, Parametric
 from jaxrender.geometry import SurfaceView
 from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
 from jaxrender.shapes import Float
@@ -62,3 +62,16 @@ class UniformSubject(Subject):
         """Differentiate by amplitudes and numbers."""
         assert self.lobe is not None
         return np.asarray(sensitivities(self.lobe, view, model))
+
+
+class CorrectedSubject(Subject):
+    """A material whose values a table corrects: the integral alone renders it."""
+
+    def __init__(self, brdf: BRDF, width: float):
+        self.brdf, self.lobe, self.width = brdf, None, width
+
+    def image(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "row column channel"]:
+        """Render a view."""
+        return np.asarray(render_view(self.brdf, view, model))

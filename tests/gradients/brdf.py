@@ -285,6 +285,13 @@ TABLES = [
     ),
     model(
         "",
+        brdf.CorrectedBRDF,
+        {"factor": Above(TABLE)},
+        kinks=dict.fromkeys(("head-on", "at the mirror", "coincident"), MEANS_NOTHING),
+        model=brdf.Phong(CHANNELS["kd"], CHANNELS["ks"], 20.0),
+    ),
+    model(
+        "",
         brdf.PolarNodesTable,
         {"values": Above(np.abs(normal(4, 6, 4, 6, 2)))},
         kinks={"head-on": MEANS_NOTHING},

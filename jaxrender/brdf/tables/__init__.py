@@ -2,6 +2,8 @@
 
 ``isotropic`` ``scattered``
     a table over half and difference angles, fitted to scattered measurements
+``corrected``
+    a model times such a table, where measurements differ from it
 ``tabulated`` ``reconstruction`` ``cells`` ``polar_isotropic``
     tables over two directions, and what is between their samples
 ``cell_means``

@@ -121,6 +121,9 @@ class _Brdf(Section):
     """Masking of facets by each other: none (default of microfacet) or smith (of the others)."""
     multiple_scattering: MultipleScattering = "none"
     """Light that facets hand on to one another: none, or facets (it is added)."""
+    table: Switch = False
+    """Whether a table over half and difference angles corrects the model where the photographs ask
+    for it.  Its nodes have errors of their own, and the model stands where nothing was seen."""
     gauge: Gauge = "per-channel"
     """Under unknown light: the convention that separates light from reflectance in each channel."""
 

@@ -135,6 +135,15 @@ _OF_SETTINGS = (
         )
     ),
     Case(
+        "brdf.table",
+        lambda config: config.brdf.table,
+        {
+            "solve.free": "corrects the material, and takes the capture as it is told",
+            "solve.interreflection": "knows no bounced light",
+        },
+        instead="remove brdf.table",
+    ),
+    Case(
         "brdf.compare: auto",
         lambda config: config.brdf.compare == "auto",
         {"brdf.model": "chooses the models itself"},

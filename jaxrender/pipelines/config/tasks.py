@@ -80,6 +80,7 @@ _UNKNOWN_LIGHT = (
         "solve.method": "has one search",
         "solve.starts": "has one start",
         "solve.refine_samples": "refines on all samples",
+        "brdf.table": "finds only the ratio of light and material at each pair of angles",
         "brdf.kd.bounds": "finds only the ratio of kd and ks",
         "brdf.ks.bounds": "finds only the ratio of kd and ks",
     }
@@ -91,6 +92,7 @@ _TEXTURE = {
     "solve.most_sources": "looks for no sources",
     "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
     "brdf.compare": "fits one model",
+    "brdf.table": "has a material at each site, of which a few directions are seen",
     "brdf.kd": "finds kd of every site",
     "brdf.ks": "finds ks of every site",
     "brdf.ks_per_channel": "has one ks for all channels",

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
+from jaxrender.inverse.brdf_table import Correction
 from jaxrender.shapes import Bool, Float
 
 
@@ -58,6 +59,7 @@ class MaterialContents(NamedTuple):
     fit: BRDFFit
     light: KnownLight
     frames: tuple[FramePictures, ...]
+    correction: Correction | None = None
 
 
 class Page(NamedTuple):

@@ -9,6 +9,7 @@ from jaxrender.pipelines.report.light import direction_discs, environment_map
 from jaxrender.pipelines.report.material import spheres
 from jaxrender.pipelines.report.residuals import residual_plots
 from jaxrender.pipelines.report.spectra import spectrum_plots
+from jaxrender.pipelines.report.table import table
 
 
 def material_page(contents: MaterialContents) -> Page:
@@ -18,6 +19,7 @@ def material_page(contents: MaterialContents) -> Page:
         "variants": parameters.variants(contents),
         "evidence": parameters.evidence(contents),
         "comparison": comparison(contents),
+        "table": table(contents),
         "forecast": forecast(contents),
         "refined": "frequency" in contents.result,
         "by_integral": not isinstance(contents.fit.brdf, Glossy),

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jaxrender.brdf import Bank, Glossy, Parametric
+from jaxrender.brdf import BRDF, Bank, Glossy, Parametric
 from jaxrender.geometry import Mesh
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
+from jaxrender.inverse.brdf_table import correct_by_table
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
+from jaxrender.io.merl import MerlTable, write_merl
 from jaxrender.io.netcdf import Group
 from jaxrender.pipelines.calibration import far_sources, mended, near_image, write_cameras
 from jaxrender.pipelines.clock import Clock
@@ -32,6 +34,7 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
 from jaxrender.pipelines.tasks.material.result import Finding, groups_of, result_of
+from jaxrender.pipelines.tasks.material.table import MERL, brdf_of_run, subject_of_run
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 from jaxrender.pipelines.tasks.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
@@ -47,6 +50,9 @@ from jaxrender.reflection import (
 
 if TYPE_CHECKING:
     from jaxrender.pipelines.report import FramePictures, Page
+
+
+_COLOURS = 3
 
 
 class MaterialRecovery(Recovery):
@@ -65,12 +71,14 @@ class MaterialRecovery(Recovery):
         return groups_of(self.finding)
 
     def write_images(self, folder: Path) -> None:
-        """Write the light that was given, and its slow part."""
+        """Write the light that was given, its slow part, and a corrected material's table."""
         finding = self.finding
         if finding.light.environment is not None:
             write_environment(folder / "lighting.exr", finding.light.environment)
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
+        if finding.correction is not None and finding.fit.brdf.amplitudes.shape[1] == _COLOURS:
+            write_merl(folder / MERL, MerlTable.of(finding.correction.brdf))
         calibration = finding.fit.calibration
         if calibration is not None:
             write_cameras(folder, calibration, finding.photographs, finding.shape, self.source)
@@ -80,7 +88,8 @@ class MaterialRecovery(Recovery):
         from jaxrender.pipelines.report.known_light import MaterialContents, material_page
 
         found = self.finding
-        return material_page(MaterialContents(title, result, found.fit, found.light, frames))
+        contents = MaterialContents(title, result, found.fit, found.light, frames, found.correction)
+        return material_page(contents)
 
     def predict(self) -> list[np.ndarray]:
         """Render every photograph again, by the dual model if the material has it."""
@@ -97,19 +106,20 @@ class MaterialRecovery(Recovery):
         scale = float(finding.fit.parameters.value.scale)
         views = [photograph.view for photograph in finding.photographs]
 
-        def light_of(number: int, part: Parametric) -> ForwardModel | ShadowedModel:
+        def light_of(number: int, part: BRDF) -> ForwardModel | ShadowedModel:
             own = far_sources(finding.light, number)
             if not isinstance(part, Glossy):
                 if finding.light.environment is None and not np.any(own.irradiance):
                     return ExactForward(own.nodes())
                 light = KnownLight(finding.light.environment, own)
-                return exact_forward(light, float(part.width), finding.shape, condensed=True)
+                width = part.width if isinstance(part, Parametric) else material.width
+                return exact_forward(light, float(width), finding.shape, condensed=True)
             dual = dual_light(prepared.split, own, prepared.dual.band_limit)
             if finding.transfer is None:
                 return DualForward(dual)
             return ShadowedDual(finding.transfer.shape, dual, finding.transfer.at)
 
-        def rendered(part: Parametric) -> list[np.ndarray]:
+        def rendered(part: BRDF) -> list[np.ndarray]:
             if finding.light.per_frame is None:
                 return [np.asarray(image) for image in render_views(part, views, light_of(0, part))]
             return [
@@ -117,7 +127,11 @@ class MaterialRecovery(Recovery):
                 for k, view in enumerate(views)
             ]
 
-        parts = material.by_width if isinstance(material, Bank) else (material,)
+        parts: tuple[BRDF, ...] = (material,)
+        if finding.correction is not None:
+            parts = (finding.correction.brdf,)
+        elif isinstance(material, Bank):
+            parts = material.by_width
         images = [np.sum(of_view, axis=0) for of_view in zip(*map(rendered, parts), strict=True)]
         bounced = finding.fit.bounced
         if bounced is not None:
@@ -185,6 +199,12 @@ def recover_material(
     if not isinstance(found.brdf, Bank):
         with clock.stage("forecast"):
             forecast = forecast_of_fit(found, light.far)
+    correction = None
+    if config.brdf.table:
+        with fault_of("brdf.table"):
+            correction = correct_by_table(
+                found, light, settings, clock.stage, shape=shape, pool=pool
+            )
     finding = Finding(
         found,
         variants,
@@ -197,6 +217,7 @@ def recover_material(
         comparison,
         forecast,
         settings,
+        correction,
     )
     assert config.capture.transforms is not None
     return MaterialRecovery(finding, config.capture.transforms)
@@ -222,4 +243,4 @@ def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison
         )
 
 
-TASK = Task(draw_samples, check_samples, would_fit, recover_material)
+TASK = Task(draw_samples, check_samples, would_fit, recover_material, brdf_of_run, subject_of_run)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
+from jaxrender.inverse.brdf_table import Correction
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.misfit import Left
@@ -23,6 +24,7 @@ from jaxrender.pipelines.deviation import covariance_groups
 from jaxrender.pipelines.ranking import ranking_of
 from jaxrender.pipelines.result import Result, causes_of
 from jaxrender.pipelines.shadows import interreflection, sentence_on
+from jaxrender.pipelines.tasks.material.table import table_document, table_groups
 from jaxrender.spectra import light_coefficients
 
 # Keys of a config that make up for a cause.
@@ -48,6 +50,7 @@ class Finding(NamedTuple):
     comparison: Comparison | None = None
     forecast: MaterialForecast | None = None
     settings: FitSettings = DEFAULTS
+    correction: Correction | None = None
 
 
 def result_of(finding: Finding) -> Result:
@@ -96,6 +99,8 @@ def _own(finding: Finding) -> dict[str, Any]:
         own["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
     if finding.comparison is not None:
         own["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
+    if finding.correction is not None:
+        own["table"] = table_document(finding.correction)
     if finding.forecast is not None:
         own["forecast"] = _forecast(finding, finding.forecast)
     if fit.exact is not None and isinstance(fit.brdf, Glossy):
@@ -130,6 +135,8 @@ def groups_of(finding: Finding) -> dict[str, Group]:
         groups["exact"] = _samples(fit.exact)
     sources = dual.sources
     light = light_group(dual.slow, direction=sources.directions, irradiance=sources.irradiance)
+    if finding.correction is not None:
+        groups |= table_groups(finding.correction)
     return groups | covariance_groups(fit.parameters) | {"light": light}
 
 

@@ -1,0 +1,97 @@
+"""``brdf.table`` from its config to its folder.
+
+- The table of a facet ball that was fitted as another model leaves the noise alone; result.json
+  says so, and the arrays and the MERL file hold the table.
+- The photographs are predicted with it, and rendered again from the folder with it.
+- The folder is read as one BRDF.  A damaged table is named.
+- A table needs two photographs; it is refused beside what it cannot use.
+"""
+
+import numpy as np
+import pytest
+from small_captures import CONFIG, Ball, jaxrender, read_result, write_ball
+
+from jaxrender.brdf import CorrectedBRDF, IsotropicTable
+from jaxrender.io import read_image
+from jaxrender.io.merl import read_merl
+from jaxrender.io.netcdf import opened
+from jaxrender.pipelines.brdf_sources import source_of
+from jaxrender.pipelines.result import ARRAYS_FORMAT
+
+TASK = CONFIG.replace("samples: {count: 600}", "samples: {count: 900}")
+TABLE = ("brdf.model=phong", "brdf.table=true")
+NOISE = 0.005
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("table") / "capture"
+    write_ball(folder, Ball(size=48)).write_text(TASK)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(ball):
+    out = ball.parent / "out"
+    assert jaxrender("fit", str(ball / "config.yaml"), *TABLE, f"output={out}") == 0
+    return out, read_result(out)
+
+
+def test_the_result_says_what_the_table_leaves(finished):
+    out, result = finished
+    found = result["table"]
+    assert result["outcome"] == "misfit"
+    assert found["residual"]["of_the_model"] > 4 * NOISE
+    assert found["residual"]["relative_rms"] < 2 * NOISE
+    assert 0 < found["seen"] < 1
+    assert "of the radiance unexplained" in found["sentence"]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert found["sentence"] in page
+    assert "table-factor" in page
+
+
+def test_the_arrays_hold_the_table(finished):
+    out, result = finished
+    nodes = result["table"]["nodes"]
+    with opened(out / "result.nc", ARRAYS_FORMAT) as file:
+        axes = ("theta_h", "theta_d", "phi_d")
+        group = file.group("table")
+        factor, error = (group.array(name, (*axes, "channel")) for name in ("factor", "log_error"))
+        seen = group.array("seen", axes)
+    assert factor.shape == error.shape == (*nodes, 3)
+    assert np.mean(seen) == pytest.approx(result["table"]["seen"])
+    assert np.all(factor > 0)
+
+
+def test_the_folder_is_one_brdf_and_a_merl_file(finished):
+    out, _ = finished
+    brdf = source_of(str(out)).brdf
+    assert isinstance(brdf, CorrectedBRDF)
+    wanted = IsotropicTable.of(brdf, (90, 90, 180)).values
+    there = ~read_merl(out / "table.binary").invalid
+    found = read_merl(out / "table.binary").brdf().values
+    np.testing.assert_allclose(np.asarray(found)[there], np.asarray(wanted)[there], rtol=1e-6)
+
+
+def test_photographs_are_predicted_and_rendered_with_it(finished, ball):
+    out, _ = finished
+    again = ball.parent / "again"
+    assert jaxrender("render", str(out), "--model", "integral", "--out", str(again)) == 0
+    for number in range(4):
+        photograph = read_image(ball / f"images/{number}.exr").pixels
+        predicted = read_image(out / f"images/{number}_predicted.exr").pixels
+        rendered = read_image(again / f"{number}.exr").pixels
+        inside = photograph[..., 3] > 0.999
+        true = photograph[inside][:, :3]
+        off = predicted[inside][:, :3] - true
+        assert np.sqrt(np.sum(off**2) / np.sum(true**2)) < 3 * NOISE
+        np.testing.assert_allclose(
+            rendered[inside][:, :3], predicted[inside][:, :3], rtol=1e-3, atol=1e-5
+        )
+
+
+def test_one_photograph_is_too_few(ball, capsys):
+    text = (ball / "config.yaml").read_text()
+    (ball / "one.yaml").write_text(text)
+    (ball / "lights1.json").write_text("[" + (ball / "lights.json").read_text()[1:].split("],")[0])
+    assert ball.exists()
