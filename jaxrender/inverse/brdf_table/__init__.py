@@ -12,6 +12,7 @@ from jaxrender.inverse.brdf_table.correction import (
     Correction,
     Prediction,
     correct_by_table,
+    predict_corrected,
 )
 from jaxrender.inverse.brdf_table.moving_source import (
     TableFit,
@@ -31,6 +32,7 @@ __all__ = [
     "brdf_samples",
     "correct_by_table",
     "fit_table",
+    "predict_corrected",
     "table_error",
     "tabulate",
 ]

@@ -42,6 +42,8 @@ _FIRST_STRENGTH, _LEAST_STRENGTH, _MOST_STRENGTH = 0.5, 1e-3, 3.0
 _ROUNDS, _SETTLED = 60, 0.02
 # No logarithm moves farther than this in one step, and a step is halved so often at most.
 _LONGEST_STEP, _HALVINGS = 1.0, 8
+# Samples that are predicted at once.
+_AT_ONCE = 2_000
 # A node is seen where the photographs leave less than this part of the prior's deviation.
 _SEEN = 0.5
 
@@ -79,15 +81,31 @@ class Correction(NamedTuple):
 
     def predict(self, exact: ExactModel) -> Prediction:
         """Predict radiance under the light of an exact model, whose material does not matter."""
-        assert isinstance(self.brdf.model, Parametric)
-        shape = self.brdf.nodes
-        of_model = ExactModel(self.brdf.model, exact.samples, exact.nodes, exact.seen)
-        factor = np.asarray(self.brdf.factor, float).reshape(int(np.prod(shape)), -1)
-        sums = cell_sums(of_model, shape) * factor.T
-        smooth = smooth_functions(shape)
+        return predict_corrected(self.brdf, self.covariance, exact)
+
+
+def predict_corrected(
+    brdf: CorrectedBRDF,
+    covariance: Float[np.ndarray, "channel function function"],
+    exact: ExactModel,
+) -> Prediction:
+    """Predict radiance by a corrected material, whose smooth functions have this covariance.
+
+    ``exact`` has the samples and the light; its material does not matter.
+    """
+    assert isinstance(brdf.model, Parametric)
+    of_model = ExactModel(brdf.model, exact.samples, exact.nodes, exact.seen)
+    factor = np.asarray(brdf.factor, float).reshape(int(np.prod(brdf.nodes)), -1)
+    smooth = smooth_functions(brdf.nodes)
+    count = len(np.asarray(exact.samples.normals))
+    found = np.zeros((2, count, factor.shape[1]))
+    for first in range(0, count, _AT_ONCE):
+        rows = slice(first, first + _AT_ONCE)
+        sums = cell_sums(of_model.take(rows), brdf.nodes) * factor.T
         moves = smooth.by_place(sums) @ smooth.functions
-        variance = np.einsum("scf,cfg,scg->sc", moves, self.covariance, moves, optimize=True)
-        return Prediction(sums.sum(axis=-1), np.sqrt(np.maximum(variance, 0)))
+        variance = np.einsum("scf,cfg,scg->sc", moves, covariance, moves, optimize=True)
+        found[0, rows], found[1, rows] = sums.sum(axis=-1), np.sqrt(np.maximum(variance, 0))
+    return Prediction(*found)
 
 
 def correct_by_table(

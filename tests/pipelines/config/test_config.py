@@ -98,6 +98,7 @@ def test_defaults():
         "fresnel": "exit",
         "masking": "none",
         "multiple_scattering": "none",
+        "table": False,
         "gauge": "per-channel",
     }
     assert config.samples.model_dump() == {"min_cosine": 0.15, "count": 12000, "seed": 0}

@@ -192,6 +192,12 @@ def recover_material(
     if config.solve.variants and model != "lambertian" and settings.refine:
         with clock.stage("variants"):
             variants = fit_variants(found, light, settings, shape)
+    correction = None
+    if config.brdf.table:
+        with fault_of("brdf.table"):
+            correction = correct_by_table(
+                found, light, settings, clock.stage, shape=shape, pool=pool
+            )
     if transfer is not None:
         progress.note(sentence_on(interreflection(found)))
     forecast = None
@@ -199,12 +205,6 @@ def recover_material(
     if not isinstance(found.brdf, Bank):
         with clock.stage("forecast"):
             forecast = forecast_of_fit(found, light.far)
-    correction = None
-    if config.brdf.table:
-        with fault_of("brdf.table"):
-            correction = correct_by_table(
-                found, light, settings, clock.stage, shape=shape, pool=pool
-            )
     finding = Finding(
         found,
         variants,

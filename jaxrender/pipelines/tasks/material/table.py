@@ -15,6 +15,7 @@ from jaxrender.pipelines.tasks.task import material_of_run
 # The corrected material as the MERL database writes one.
 MERL = "table.binary"
 _GROUP = "table"
+_COVARIANCE = ("channel", "function", "function_again")
 _NODES = ("theta_h", "theta_d", "phi_d", "channel")
 
 
@@ -57,7 +58,7 @@ def table_groups(correction: Correction) -> dict[str, Group]:
         ),
         "seen": Variable(_NODES[:3], correction.seen, "1", "whether photographs tell the factor"),
         "covariance": Variable(
-            ("channel", "function", "function_again"),
+            _COVARIANCE,
             correction.covariance,
             "1",
             "covariance of the weights of the smooth functions that log(factor) is a sum of",
@@ -83,5 +84,7 @@ def subject_of_run(run: FinishedRun, shape: Shape) -> Subject:
     """Make what can be rendered of a finished run."""
     brdf = brdf_of_run(run)
     if isinstance(brdf, CorrectedBRDF):
-        return CorrectedSubject(brdf, float(material_of_run(run).width))
+        with opened(run.folder / ARRAYS, ARRAYS_FORMAT) as file:
+            covariance = file.group(_GROUP).array("covariance", _COVARIANCE)
+        return CorrectedSubject(brdf, covariance, float(material_of_run(run).width))
     return UniformSubject(material_of_run(run))
