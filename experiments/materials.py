@@ -1,12 +1,13 @@
 """Measured materials, photographed by the integral with the measurement as truth, and relit.
 
     python experiments/materials.py [--paints FILE ...] [--networks ZIP] [--ball FOLDER]
-        [--probes FILE FILE --convention cross] [--count 100] [--models ggx bank]
+        [--probes FILE FILE --convention cross] [--count 100] [--models ggx bank] [--table]
 
 Paints and networks (small ones fitted to MERL, six inputs: half and difference vector) are balls
 under a probe and a lamp, seen from twelve sides with .5 % noise.  What is found is then relit by
 another probe, by that with a small sun, and by a lamp, seen from elsewhere, at exit cosines above
-.15: rms, median pixel, and the median of error over stated error.  ``--lamp`` has the networks
+.15: rms, median pixel, and the median of error over stated error; with ``--table`` also as
+corrected by a table.  ``--lamp`` has the networks
 under one lamp at 5 to 105 degrees instead, and tests between.  ``--ball`` is a folder of real
 photographs under distant lamps, of which every third is kept back.
 """
@@ -36,6 +37,7 @@ from jaxrender.inverse import (
     fit_brdf,
     unknowns_of,
 )
+from jaxrender.inverse.brdf_table import correct_by_table
 from jaxrender.inverse.brdf_table.table import half_angle_coordinates
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import ExactModel
@@ -194,10 +196,14 @@ def relit(fit: BRDFFit, truth: np.ndarray, found: np.ndarray) -> Relit:
         rows = [labels.index(own[place]) for place in kept]
         moves = found[:, kept, channel]
         variance[:, channel] = np.sum((moves @ covariance[np.ix_(rows, rows)]) * moves, axis=1)
+    return compared(predicted, np.sqrt(np.maximum(variance, 1e-30)), truth)
+
+
+def compared(predicted: np.ndarray, stated: np.ndarray, truth: np.ndarray) -> Relit:
+    """Hold a predicted picture against the true one."""
     off = predicted - truth
     size = np.linalg.norm(truth, axis=1)
     lit = size > 1e-3 * size.max()
-    stated = np.sqrt(np.maximum(variance, 1e-30))
     return Relit(
         100 * np.sqrt(np.sum(off**2) / np.sum(truth**2)),
         100 * float(np.median(np.linalg.norm(off, axis=1)[lit] / size[lit])),
@@ -271,6 +277,9 @@ def under_probes(truths: dict[str, Truth], options: argparse.Namespace) -> None:
                 relit(fit, pictures[key], columns(found_by(fit), aside, frame_aside, by))
                 for key, by in others.items()
             ]
+            if options.table:
+                elsewhere = Aside(aside, frame_aside, others, pictures)
+                corrected(f"{name:28s} {model:6s}", fit, told, elsewhere)
             used = int(np.sum(np.any(np.asarray(fit.brdf.amplitudes) > 0, axis=1)))
             print(
                 f"{name:28s} {model:6s} left {100 * fit.final.relative_rms:5.2f}  "
@@ -285,6 +294,34 @@ def under_probes(truths: dict[str, Truth], options: argparse.Namespace) -> None:
     for model, rows in every.items():
         median, most = np.median(rows, axis=0), np.quantile(rows, 0.9, axis=0)
         print(f"{model}: median {np.round(median, 2)}, 90th percentile {np.round(most, 2)}")
+
+
+class Aside(NamedTuple):
+    """Where the material is looked at from elsewhere, under which lights, and what is seen."""
+
+    samples: SurfaceSamples
+    frame: np.ndarray
+    lights: dict[str, KnownLight]
+    pictures: dict[str, np.ndarray]
+
+
+def corrected(title: str, fit: BRDFFit, told: KnownLight, aside: Aside) -> None:
+    """Correct the material by a table, and relight it."""
+    start = time.perf_counter()
+    correction = correct_by_table(fit, told)
+    seconds = time.perf_counter() - start
+    results = []
+    for key, light in aside.lights.items():
+        nodes = exact_nodes(light, aside.frame, float(fit.brdf.width))
+        found = correction.predict(ExactModel(fit.brdf, aside.samples, nodes))
+        stated = np.maximum(found.deviation, 1e-30)
+        results.append((key, compared(found.radiance, stated, aside.pictures[key])))
+    print(
+        f"{title} and its table: left {100 * correction.before:.1f}, {100 * correction.after:.2f}  "
+        + "  ".join(f"{key} {r.rms:5.2f} {r.median:5.2f} z {r.stated:4.1f}" for key, r in results)
+        + f"  {seconds:.1f} s",
+        flush=True,
+    )
 
 
 def lamps_about(degrees: range) -> tuple[DirectionalSources, ...]:
@@ -385,6 +422,7 @@ def main():
     parser.add_argument("--networks", type=Path)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--lamp", action="store_true")
+    parser.add_argument("--table", action="store_true")
     parser.add_argument("--ball", type=Path)
     parser.add_argument("--probes", type=Path, nargs=2, default=[])
     parser.add_argument("--convention", default="cross")
