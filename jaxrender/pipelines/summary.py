@@ -51,6 +51,8 @@ def summary_of(result: dict[str, Any]) -> str:
         lines.append(f"bias of the frequency fit: {moved}")
     if "evidence" in result:
         lines.append(result["evidence"]["sentence"])
+    if "table" in result:
+        lines.append(result["table"]["sentence"])
     if "interreflection" in result:
         lines.append(result["interreflection"]["sentence"])
     seconds = result.get("seconds", {})

@@ -20,6 +20,7 @@ from jaxrender.io.merl import read_merl
 from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.result import ARRAYS_FORMAT
+from jaxrender.pipelines.summary import summary_of
 
 TASK = CONFIG.replace("samples: {count: 600}", "samples: {count: 900}")
 TABLE = ("brdf.model=phong", "brdf.table=true")
@@ -57,6 +58,7 @@ def test_the_result_says_what_the_table_leaves(finished):
     page = (out / "report.html").read_text(encoding="utf-8")
     assert found["sentence"] in page
     assert "table-factor" in page
+    assert found["sentence"] in summary_of(result)
 
 
 def test_the_arrays_hold_the_table(finished):

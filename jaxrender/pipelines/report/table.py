@@ -14,8 +14,11 @@ from jaxrender.pipelines.report.wording import percent, shown
 
 # Difference angles (degrees) that are drawn, each as a line.
 _DRAWN = (15.0, 45.0, 75.0)
-# The factor is drawn in this interval; and beyond this half angle there is little to see.
-_LEAST, _MOST, _WIDEST = 0.1, 10.0, 60.0
+# The factor is drawn from 1/2 to 2, or as far as it goes, but to no more than ten times either way.
+_REACH = (2.0, 10.0)
+# Beyond this half angle (degrees) there is little to see.
+_WIDEST = 60.0
+_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10)
 
 
 class TableSection(NamedTuple):
@@ -56,17 +59,21 @@ def _paint(axes: Axes, correction: Correction) -> None:
     logarithm = np.log(np.asarray(correction.brdf.factor, float)).mean(axis=(2, 3))
     error = np.asarray(correction.log_error, float).mean(axis=(2, 3))
     inside = half <= _WIDEST
-    for wanted, colour in zip(_DRAWN, SERIES):
-        at = int(np.argmin(np.abs(difference - wanted)))
+    drawn = [int(np.argmin(np.abs(difference - wanted))) for wanted in _DRAWN]
+    farthest = float(np.exp(np.max(np.abs(logarithm[inside][:, drawn]))))
+    reach = float(np.clip(1.1 * farthest, *_REACH))
+    for wanted, at, colour in zip(_DRAWN, drawn, SERIES):
         middle, spread = logarithm[inside, at], error[inside, at]
-        low, high = (np.clip(np.exp(middle + s * spread), _LEAST, _MOST) for s in (-1, 1))
+        low, high = (np.clip(np.exp(middle + s * spread), 1 / reach, reach) for s in (-1, 1))
         axes.fill_between(half[inside], low, high, color=colour, alpha=0.2, linewidth=0)
-        line = np.clip(np.exp(middle), _LEAST, _MOST)
-        axes.plot(half[inside], line, color=colour, label=f"difference angle {wanted:g}°")
+        line = np.clip(np.exp(middle), 1 / reach, reach)
+        axes.plot(half[inside], line, color=colour, label=f"difference {wanted:g}°")
     axes.axhline(1, color=INK, linewidth=0.6, linestyle="--")
     axes.set_yscale("log")
-    axes.set_ylim(_LEAST, _MOST)
-    axes.set_yticks([0.1, 0.3, 1, 3, 10], ["0.1", "0.3", "1", "3", "10"])
+    axes.set_ylim(1 / reach, reach)
+    ticks = [tick for tick in _TICKS if 1 / reach <= tick <= reach]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
+    axes.set_yticks([], minor=True)
     axes.set_xlabel("half angle [degrees]")
     axes.set_ylabel("corrected / model")
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
