@@ -132,6 +132,7 @@ def test_mirrored_cells_are_one_place():
 
 
 def test_another_lobe_is_found(fitted, corrected):
+    assert corrected.settled
     assert corrected.before > 5 * NOISE
     assert corrected.after < 1.2 * NOISE
     samples, frame = ball_samples(400, seed=5)

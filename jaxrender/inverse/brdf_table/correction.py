@@ -61,7 +61,8 @@ class Correction(NamedTuple):
     ``log_error`` is the standard error of the factor's logarithm at each node (about its relative
     error).  ``strength`` is the deviation that the prior gives that logarithm, ``unexplained`` how
     many times the noise the table leaves.  ``before`` and ``after`` are relative rms residuals of
-    the ``samples``, of the model and of the corrected material.
+    the ``samples``, of the model and of the corrected material.  ``settled`` says whether the
+    rounds came to an end by themselves.
     """
 
     brdf: CorrectedBRDF
@@ -71,7 +72,7 @@ class Correction(NamedTuple):
     before: float
     after: float
     samples: int
-    log_evidence: float
+    settled: bool
     covariance: Float[np.ndarray, "channel function function"]
 
     @property
@@ -139,7 +140,6 @@ def correct_by_table(
         some, _ = draw(observations, weight, count, settings.seed)
         exact = task.integral(some, task.nodes(light, some, float(model.width)))
         sums = cell_sums(exact, NODES) * _gains(fit, some)[:, None, None]
-    with stage("table"):
         return _fitted(fit, some, sums)
 
 
@@ -198,7 +198,6 @@ class _Posterior(NamedTuple):
     told: float
     squares: float
     moved: float
-    log_evidence: float
 
 
 def _fitted(
@@ -211,7 +210,8 @@ def _fitted(
     own = smooth.by_place(sums)
     met = np.any(own > 0, axis=(0, 1))
     own, places = np.ascontiguousarray(np.moveaxis(own[..., met], 1, 0)), smooth.functions[met]
-    strength, noise = _FIRST_STRENGTH, 1.0
+    strength, noise, settled = _FIRST_STRENGTH, 1.0, False
+    found: list[_Posterior] = []
     at = [np.zeros(places.shape[1])] * channels
     predicted = own.sum(axis=-1).T
     for _ in range(_ROUNDS):
@@ -229,7 +229,8 @@ def _fitted(
         free = max(measured.size - told, 1.0)
         noise = float(np.sqrt(sum(one.squares for one in found) / free))
         changes = np.abs(np.log([strength / before[0], noise / before[1]]))
-        if max(*changes, *(one.moved for one in found)) < _SETTLED:
+        settled = bool(max(*changes, *(one.moved for one in found)) < _SETTLED)
+        if settled:
             break
     functions = smooth.at_cells
     covariance = np.stack([one.covariance for one in found])
@@ -244,7 +245,7 @@ def _fitted(
         _relative(measured - sums.sum(axis=-1), measured),
         _relative(measured - predicted, measured),
         some.count,
-        sum(one.log_evidence for one in found),
+        settled,
         covariance,
     )
 
@@ -282,13 +283,7 @@ def _step(
     left = (channel.measured - channel.sums @ channel.factor(weights)) / channel.deviation
     told = len(weights) - float(np.trace(covariance)) / strength**2
     moved = float(np.max(np.abs(channel.functions @ step), initial=0))
-    log_evidence = (
-        float(np.linalg.slogdet(covariance)[1]) / 2
-        - len(weights) * np.log(strength)
-        - float(np.sum(np.log(noise * channel.deviation)))
-        - channel.cost(weights, strength, noise)
-    )
-    return _Posterior(weights, covariance, told, float(left @ left), moved, log_evidence)
+    return _Posterior(weights, covariance, told, float(left @ left), moved)
 
 
 def _relative(off: Float[np.ndarray, "..."], measured: Float[np.ndarray, "..."]) -> float:

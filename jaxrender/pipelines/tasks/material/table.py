@@ -27,6 +27,7 @@ def table_document(correction: Correction) -> dict[str, Any]:
         "seen": float(np.mean(seen)),
         "prior_deviation": correction.strength,
         "unexplained": correction.unexplained,
+        "settled": correction.settled,
         "residual": {
             "relative_rms": correction.after,
             "of_the_model": correction.before,
@@ -40,10 +41,11 @@ def sentence(correction: Correction) -> str:
     """Say what the table has changed."""
     before, after = 100 * correction.before, 100 * correction.after
     seen = 100 * float(np.mean(correction.seen))
+    unsettled = "" if correction.settled else "; its fit had not come to an end"
     return (
         f"the table leaves {after:.2g} % of the radiance unexplained where the model leaves "
         f"{before:.2g} %; the photographs tell {seen:.0f} % of its "
-        "nodes, and the others are filled from the model"
+        f"nodes, and the others are filled from the model{unsettled}"
     )
 
 
