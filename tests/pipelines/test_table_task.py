@@ -105,7 +105,8 @@ def test_rendered_pictures_have_their_deviation(finished, ball):
         rendered = read_image(again / f"{number}.exr").pixels
         deviation = read_image(again / f"{number}_deviation.exr").pixels
         share = deviation[inside(rendered)] / rendered[inside(rendered)]
-        assert 1e-4 < np.median(share) < 0.05
+        # Thousands of pixels tell each node: less than the noise of one.
+        assert 0.02 * NOISE < np.median(share) < NOISE
 
 
 def test_a_table_that_has_gone_is_named(finished, tmp_path, capsys):
