@@ -8,6 +8,7 @@
 """
 
 import shutil
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,12 +16,14 @@ from small_captures import CONFIG, MOVING, Ball, jaxrender, read_result, write_b
 
 from jaxrender.brdf import CorrectedBRDF, IsotropicTable
 from jaxrender.imaging import erode
+from jaxrender.inverse.brdf_table import Correction
 from jaxrender.io import read_image
 from jaxrender.io.merl import read_merl
 from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.result import ARRAYS_FORMAT
 from jaxrender.pipelines.summary import summary_of
+from jaxrender.pipelines.tasks.material.table import sentence
 
 TASK = CONFIG.replace("samples: {count: 600}", "samples: {count: 900}")
 TABLE = ("brdf.model=phong", "brdf.table=true")
@@ -59,6 +62,17 @@ def test_the_result_says_what_the_table_leaves(finished):
     assert found["sentence"] in page
     assert "table-factor" in page
     assert found["sentence"] in summary_of(result)
+
+
+def test_what_no_material_explains_is_said(finished):
+    _, result = finished
+    assert "times the noise" not in result["table"]["sentence"]
+    correction = mock.NonCallableMock(
+        Correction, before=0.4, after=0.3, seen=np.ones(4, bool), settled=False, unexplained=18.0
+    )
+    said = sentence(correction)
+    assert "18 times the noise" in said
+    assert "not come to an end" in said
 
 
 def test_the_arrays_hold_the_table(finished):

@@ -128,7 +128,7 @@ def correct_by_table(
     """
     model = fit.brdf
     observations = fit.final.observations if pool is None else pool
-    refuse_what_no_table_corrects(fit, observations)
+    _refuse_what_no_table_corrects(fit, observations)
     task = MaterialTask(
         fit.final.problem, model, observations, light, settings, concave(shape), stage
     )
@@ -143,7 +143,7 @@ def correct_by_table(
         return _fitted(fit, some, sums)
 
 
-def refuse_what_no_table_corrects(fit: BRDFFit, observations: Observations) -> None:
+def _refuse_what_no_table_corrects(fit: BRDFFit, observations: Observations) -> None:
     """Raise ``ValueError`` where a correction would mean nothing."""
     if not fit.brdf.isotropic:
         raise ValueError(
