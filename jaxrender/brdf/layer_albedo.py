@@ -173,6 +173,13 @@ def _dielectric_table() -> _Table:
     return _Table(_coefficients(np.moveaxis(np.array(found), 2, 1)))
 
 
+@functools.cache
+def _disc_radii() -> tuple[Float[np.ndarray, "node"], Float[np.ndarray, "node"]]:
+    """Return nodes and weights along the radius: they take longer than the integral they serve."""
+    x, weights = np.polynomial.legendre.leggauss(_RADII)
+    return (x + 1) / 2, weights
+
+
 def _reflected(
     roughness: float, cosine: float, indices: Float[np.ndarray, "index"] | None
 ) -> Float[np.ndarray, "index"]:
@@ -181,8 +188,7 @@ def _reflected(
     sine = np.sqrt(1 - cosine**2)
     stretched = np.array([alpha * sine, 0.0, cosine]) / np.hypot(alpha * sine, cosine)
     # A disc, squeezed to the half of the ellipsoid that is seen.
-    x, w = np.polynomial.legendre.leggauss(_RADII)
-    radius = (x + 1) / 2
+    radius, w = _disc_radii()
     # One half of the circle mirrors the other.
     azimuth = 2 * np.pi * (np.arange(_AZIMUTHS // 2) + 0.5 - _AZIMUTHS / 4) / _AZIMUTHS
     t1 = radius[:, None] * np.cos(azimuth)
