@@ -24,7 +24,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.inverse import KnownLight, fit_brdf, unknowns_of
 from jaxrender.inverse.brdf_table.moving_source import fit_table, table_error
 from jaxrender.inverse.brdf_table.table import BRDFTable
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.intervals import Uncertain
 
 
 class Column(NamedTuple):

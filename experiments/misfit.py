@@ -39,9 +39,9 @@ from jaxrender.inverse import (  # noqa: E402
     fit_brdf,
     unknowns_of,
 )
+from jaxrender.inverse.intervals import Uncertain  # noqa: E402
 from jaxrender.inverse.leverage import draw, leverage  # noqa: E402
 from jaxrender.inverse.nuisances import NUISANCES  # noqa: E402
-from jaxrender.inverse.uncertainty import Uncertain  # noqa: E402
 
 SAMPLES, SAMPLES_UNKNOWN = 12_000, 4000
 NUMBERS = ("kd", "ks", "sigma", "mu")

@@ -9,16 +9,16 @@
     in a material's own units
 ``observations``
     usable pixels as measurements, and how a subset of them is drawn
-``elimination`` ``search`` ``descent``
-    variable projection: the linear unknowns solved for inside each step; the search for the others;
-    a descent with halved steps
+``priors`` ``elimination`` ``search`` ``descent``
+    what is known beforehand, laid out for a search; variable projection: the linear unknowns solved
+    for inside each step; the search for the others; a descent with halved steps
 ``models``
     the exact integral behind the same interface as the dual model's table
 ``passes`` ``weights``
     one pass of a fit: least squares, noise and robust weights in turn; noise as weights
-``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
-    intervals; what rests on grazing angles; what is identifiable and why not, in words; what rests
-    on the model
+``intervals`` ``uncertainty`` ``conditioning`` ``account`` ``reasons`` ``variants``
+    values with their intervals; the covariance behind them; what rests on grazing angles; what is
+    identifiable and why not, in words; what rests on the model
 ``misfit`` ``clusters`` ``saturation`` ``diagnosis`` ``examination``
     noise apart from misfit, by neighbouring pixels; error bars that know of misfit; values that
     were clipped; what would explain it; all of that for one fit

@@ -10,6 +10,7 @@ from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.diagnosis import Diagnosis, reaching
+from jaxrender.inverse.intervals import Uncertain, off_prior, rests_on_prior, within_reach
 from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
@@ -17,13 +18,7 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.reasons import MOVED, not_identifiable, out_of_reach_by_misfit
 from jaxrender.inverse.shadowing import shadows_of
-from jaxrender.inverse.uncertainty import (
-    Uncertain,
-    off_prior,
-    rests_on_prior,
-    uncertain_parameters,
-    within_reach,
-)
+from jaxrender.inverse.uncertainty import uncertain_parameters
 from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import variance_factor
 

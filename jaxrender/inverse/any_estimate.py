@@ -14,9 +14,6 @@ from jaxrender.inverse.own_words import plain
 from jaxrender.io.atomic import replacing
 from jaxrender.shapes import Float
 
-# Half the width of a 90 % interval, in standard errors.
-NORMAL_90 = 1.6448536269514722
-
 
 class AnyEstimate(abc.ABC):
     """What a fit found, by name, and how well it is known.

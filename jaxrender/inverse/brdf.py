@@ -39,6 +39,7 @@ from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.examination import examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.known_light import (
     KnownLight,
     PreparedLight,
@@ -53,7 +54,6 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, descend, values_of
 from jaxrender.inverse.shadowing import concave
-from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FrameNodes

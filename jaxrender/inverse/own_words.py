@@ -6,8 +6,8 @@ import numpy as np
 
 from jaxrender.brdf import Bank, Parametric
 from jaxrender.catalogue import MODELS
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.uncertainty import Uncertain
 
 
 class OwnWords(NamedTuple):

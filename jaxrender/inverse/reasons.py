@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxrender.brdf import Glossy, Parametric
-from jaxrender.inverse.uncertainty import Uncertain, within_reach
+from jaxrender.inverse.intervals import Uncertain, within_reach
 
 
 def not_identifiable(name: str, parameters: Uncertain) -> str:

@@ -16,13 +16,13 @@ import numpy as np
 from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet, normalised_fresnel
 from jaxrender.geometry import Components, Shape
 from jaxrender.inverse.brdf import BRDFFit
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, Uncertain
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.leverage import draw, leverage, width_range
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.parameters import Parameters, to_parameters
 from jaxrender.inverse.passes import FitSettings, Stop, descend
 from jaxrender.inverse.shadowing import concave, nodes_seen
-from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, Uncertain
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # A variant is rejected when its chi-squared is this much above that of the model that was fitted.

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.result import ARRAYS_FORMAT
 from jaxrender.shapes import Float

@@ -23,8 +23,9 @@ from inverse_problems import (
 
 from jaxrender.brdf import MetallicRoughness, Microfacet, OpenPBR, lobe_named
 from jaxrender.inverse import FitSettings, Outcome, Stated, fit_brdf, unknowns_of
-from jaxrender.inverse.elimination import Priors, Problem
+from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.priors import Priors
 from jaxrender.inverse.search import search
 
 LOBE = Microfacet(np.full(3, 0.1), np.full(3, 0.2), 0.1, 1.5)

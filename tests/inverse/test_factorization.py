@@ -26,9 +26,10 @@ from jaxrender.geometry import fibonacci_sphere
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
-from jaxrender.inverse.factorization.account import GAUGES, _inverse, _moves, account_of
+from jaxrender.inverse.factorization.account import _inverse, _moves, account_of
 from jaxrender.inverse.factorization.blocks import Measured
 from jaxrender.inverse.factorization.correction import change, corrected
+from jaxrender.inverse.factorization.gauges import GAUGES
 from jaxrender.inverse.factorization.joint import Descent, _damped, _moved, descend_jointly
 from jaxrender.inverse.factorization.projection import Drawn, mixed, reduced_system, scatter
 from jaxrender.inverse.factorization.pursuit import pursue

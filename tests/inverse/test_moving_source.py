@@ -29,7 +29,7 @@ from jaxrender.inverse.brdf_table.table import (
     half_angle_coordinates,
     tabulate,
 )
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import integral_columns, radiance
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from jaxrender.brdf import Microfacet
+from jaxrender.inverse.intervals import intervals
 from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.uncertainty import intervals
 
 MATERIAL = Microfacet(np.array([0.1, 0.2, 0.3]), np.full(3, 0.1), 0.2, 1.5)
 VALUE = Parameters(

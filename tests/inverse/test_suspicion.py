@@ -17,8 +17,9 @@ from jaxrender.geometry import Sphere
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization import FactorSettings, factorize
-from jaxrender.inverse.factorization.account import account_of, gauge_factors, widened_light
+from jaxrender.inverse.factorization.account import account_of, widened_light
 from jaxrender.inverse.factorization.band_limits import task_of
+from jaxrender.inverse.factorization.gauges import gauge_factors
 from jaxrender.inverse.factorization.projection import mixed
 from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.rounds import light_the_scene

@@ -23,16 +23,12 @@ from scipy.stats import binom
 
 from jaxrender.inverse import Unknown
 from jaxrender.inverse.elimination import Problem
+from jaxrender.inverse.intervals import Uncertain, intervals, within_reach
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.reasons import not_identifiable
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import (
-    Uncertain,
-    intervals,
-    uncertain_parameters,
-    within_reach,
-)
+from jaxrender.inverse.uncertainty import uncertain_parameters
 
 MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62

@@ -9,8 +9,8 @@ import pytest
 
 from jaxrender.errors import InputError
 from jaxrender.harmonics import LatLongGrid
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.io import BRDFTable, TreeAbout, read_table, read_tree, write_table, write_tree
 from jaxrender.io.netcdf import Format, Group, write
 from jaxrender.pipelines.brdf_sources import source_of

@@ -15,7 +15,7 @@ import numpy as np
 from jaxrender.geometry import Shape, fibonacci_sphere
 from jaxrender.harmonics import degrees
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
+from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.brdf_spectrum.basis import SpectrumBasis
 from jaxrender.inverse.brdf_spectrum.examination import (
     MORE,
@@ -26,6 +26,7 @@ from jaxrender.inverse.brdf_spectrum.examination import (
 from jaxrender.inverse.brdf_spectrum.harmonic_brdf import HarmonicBRDF
 from jaxrender.inverse.brdf_spectrum.recovery import BRDFSpectrum, fit_brdf_spectrum
 from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.observations import Observations, random_subset
@@ -38,8 +39,6 @@ from jaxrender.spectra import light_coefficients
 
 # Directions of either side in which the lobe's error is judged, and the smallest cosine there.
 _DIRECTIONS, _LOWEST_COSINE = 64, 0.15
-# How wide half a 90 % interval may be beside the lobe (DESIGN 5).
-_IDENTIFIABLE_WITHIN = 0.25
 # More than this left unexplained is worth a word.
 _MUCH_LEFT = 0.1
 # Light of this amplitude beside degree 0 is next to none of a degree.
@@ -273,7 +272,7 @@ def _judged(
 ) -> tuple[Outcome, tuple[str, ...]]:
     """Decide whether the lobe is identifiable, and say what it lacks."""
     error = lobe_error(spectrum)
-    if NORMAL_90 * error <= _IDENTIFIABLE_WITHIN:
+    if NORMAL_90 * error <= IDENTIFIABLE_WITHIN:
         left = spectrum.relative_rms
         if left < _MUCH_LEFT:
             return Outcome.CONVERGED, ()

@@ -17,10 +17,11 @@ from jaxrender.geometry import Components, to_local, world_from_local
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf_table.table import BRDFSamples, BRDFTable
 from jaxrender.inverse.elimination import Data, Problem
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.models import Columns, LinearisedModel, Numbers, Rows
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import Uncertain, uncertain_parameters
+from jaxrender.inverse.uncertainty import uncertain_parameters
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import AnyArray, Float

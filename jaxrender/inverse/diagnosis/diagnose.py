@@ -9,9 +9,9 @@ from jaxrender.inverse.diagnosis.causes import CAUSES, typical_amounts
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.grounds import Grounds, Suspect
 from jaxrender.inverse.diagnosis.scores import Leftover, Score
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.saturation import clipped_values
-from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Float, Int
 

@@ -13,9 +13,9 @@
     the best of several widths to begin with; the order of all that
 ``band_limits``
     to which degree slow light is followed
-``account`` ``recovered_scene`` ``source_clusters`` ``chroma``
-    gauges and error bars; the light with its own; sources that the lobe does not tell apart;
-    colours tied together
+``gauges`` ``account`` ``recovered_scene`` ``source_clusters`` ``chroma``
+    what stands for all products of light and reflectance; error bars; the light with its own;
+    sources that the lobe does not tell apart; colours tied together
 ``suspicion`` ``free_capture`` ``calibrate`` ``examination``
     what would explain the rest; a capture of which something is free; its corrections found on some
     samples and then on all; all of that in order
@@ -27,10 +27,10 @@
     the thesis's own method on these matrices; roughness from a directional source (T 6.25)
 """
 
-from jaxrender.inverse.factorization.account import GAUGES
 from jaxrender.inverse.factorization.band_limits import FIRST_DEGREE
 from jaxrender.inverse.factorization.calibrate import OF_LIGHT
 from jaxrender.inverse.factorization.chroma import tied
+from jaxrender.inverse.factorization.gauges import GAUGES
 from jaxrender.inverse.factorization.given import in_units_of, known_of, reflectances_of
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize

@@ -1,14 +1,5 @@
 """Material and light of a factorization in a stated gauge, with error bars.
 
-Photographs alone fix the product of light and reflectance in each channel.  The gauges:
-
-``per-channel``
-    kd + ks = 1 in each channel (T 6.4.4); light of each channel is scaled to match
-``dielectric``
-    one ks for all channels, since a dielectric's specular part has no colour; mean kd + ks = 1
-``metal``
-    the light's mean radiance is the same in all channels; mean kd + ks = 1
-
 The covariance is that of least squares over all unknowns together.  It is (J' W J + Lambda)^-1
 times the mean squared weighted residual and the loss's ``variance_factor``.  A sample that stands
 for c pixels is measured only once.  So J' C W J + Lambda stands between two of these inverses
@@ -20,15 +11,13 @@ part to both.
 
 from typing import NamedTuple
 
-import jax
-import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 
-from jaxrender.brdf import Parametric
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.clusters import Clusters, widened
+from jaxrender.inverse.factorization.gauges import GAUGES, carried, gauge_factors, in_gauge
 from jaxrender.inverse.factorization.projection import (
     Drawn,
     Scatter,
@@ -48,14 +37,11 @@ from jaxrender.inverse.factorization.state import (
     measured,
     response_of,
 )
-from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.uncertainty import Uncertain, intervals
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
-from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Float, Int
 
-GAUGES = ("per-channel", "dielectric", "metal")
 # The prior variance of an unknown's logarithm: it matters only where the data are silent.
 _PRIOR_VARIANCE = 4.0
 
@@ -96,8 +82,8 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
     variant = task.response.variant
-    parameters, lit = _in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
-    if_exact, _ = _in_gauge(unknown, exact[np.ix_(kept, kept)], variant, gauge, light.shape)
+    parameters, lit = in_gauge(unknown, whole[np.ix_(kept, kept)], variant, gauge, light.shape)
+    if_exact, _ = in_gauge(unknown, exact[np.ix_(kept, kept)], variant, gauge, light.shape)
     parameters = parameters._replace(if_exact=if_exact)
     alone = np.sqrt(np.diag(whole)[len(covariance) :]).reshape(light.T.shape).T
     determined = _determined(np.asarray(data.penalty)[: response.slow_count], alone, variance)
@@ -116,16 +102,6 @@ def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unk
     found = np.zeros_like(np.asarray(system.curvature))
     found[np.ix_(free, free)] = np.linalg.inv(curvature + np.eye(len(curvature)) / _PRIOR_VARIANCE)
     return found
-
-
-def gauge_factors(
-    share: Float[AnyArray, "channel"], mean: Float[AnyArray, "channel"], gauge: str
-) -> Float[AnyArray, "channel"]:
-    """Compute the factors that multiply the reflectance of each channel and divide its light."""
-    if gauge == "per-channel":
-        return 0 * share + 1
-    wanted = 1 / share if gauge == "dielectric" else abs(mean)
-    return wanted / wanted.mean()
 
 
 def _joint_covariance(
@@ -171,32 +147,6 @@ def _moves(
     return np.concatenate(found, axis=1)
 
 
-def _in_gauge(
-    unknown: Float[np.ndarray, "number"],
-    covariance: Float[np.ndarray, "number number"],
-    variant: Parametric,
-    gauge: str,
-    shape: tuple[int, int],
-) -> tuple[Uncertain, Float[np.ndarray, "channel part channel part"]]:
-    """Carry log(ks / kd), log sigma, log(mu - 1) and light over to a gauge, with their covariance.
-
-    The lobe is put in the numbers of ``variant``; ``shape`` is the light's.  What is returned is
-    the material, and the covariance of the light.
-    """
-    parts, channels = shape
-    at, slopes = _carried(unknown, variant, gauge, shape)
-    spread = np.asarray(slopes) @ covariance @ np.asarray(slopes).T
-    error = np.sqrt(np.maximum(np.diag(spread), 0))
-    leaves, structure = jax.tree.flatten(jax.tree.map(lambda leaf: np.asarray(leaf, float), at))
-    cuts = np.cumsum([leaf.size for leaf in leaves])[:-1]
-    each = [part.reshape(leaf.shape) for part, leaf in zip(np.split(error, cuts), leaves)]
-    (value, _), (errors, _) = (structure.unflatten(one) for one in (leaves, each))
-    size = len(spread) - channels * parts
-    origins = {one.name: one.origin for one in variant.searched}
-    of_light = spread[size:, size:].reshape(channels, parts, channels, parts)
-    return intervals(value, errors, origins, spread[:size, :size]), of_light
-
-
 def parameter_slopes(
     task: Task, state: State, gauge: str
 ) -> tuple[Float[np.ndarray, "parameter unknown"], Float[np.ndarray, "parameter channel part"]]:
@@ -208,7 +158,7 @@ def parameter_slopes(
     assert state.joint is not None
     light = np.asarray(state.joint.solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
-    slopes = np.asarray(_carried(unknown, task.response.variant, gauge, light.shape)[1])
+    slopes = np.asarray(carried(unknown, task.response.variant, gauge, light.shape)[1])
     by_material, by_light = np.split(slopes, [len(unknown) - light.size], axis=1)
     steps = np.eye(2 * len(state.active))
     by_light = np.pad(by_light, ((0, len(steps)), (0, 0)))
@@ -262,48 +212,6 @@ def _widened(
         direction_error=float(np.sqrt(cluster.direction_error**2 + np.sum(moved**2))),
         irradiance_error=np.sqrt(cluster.irradiance_error**2 + changed),
     )
-
-
-@stored(effort="least")
-def _carried(
-    unknown: Float[AnyArray, "number"], variant: Parametric, gauge: str, shape: tuple[int, int]
-) -> tuple[tuple[Parameters, Float[Array, "channel part"]], Float[Array, "parameter number"]]:
-    """Carry the unknowns over to a gauge; with the derivatives of all numbers in a row."""
-    parts, channels = shape
-
-    def body_and_light(
-        vector: Float[AnyArray, "number"],
-    ) -> tuple[Parameters, Float[Array, "channel part"]]:
-        logit, lobe, light = jnp.split(vector, [channels, channels + 2])
-        share, light = jax.nn.sigmoid(logit), light.reshape(channels, parts)
-        factor = gauge_factors(share, light[:, 0], gauge)
-        numbers = own_numbers(variant, jnp.exp(lobe[0]), 1 + jnp.exp(lobe[1]))
-        one = jnp.ones((), vector.dtype)
-        amplitudes = amplitudes_of(variant, (1 - share) * factor, share * factor)
-        body = Parameters(amplitudes, numbers, one[None], one)
-        return body, light / factor[:, None]
-
-    def flat(vector: Float[Array, "number"]) -> Float[Array, "parameter"]:
-        return jax.flatten_util.ravel_pytree(body_and_light(vector))[0]
-
-    unknown = jnp.asarray(unknown)
-    return body_and_light(unknown), jax.jacfwd(flat)(unknown)
-
-
-def amplitudes_of(
-    variant: Parametric, base: Float[AnyArray, "channel"], lobe: Float[AnyArray, "channel"]
-) -> dict[str, Float[AnyArray, "channel"]]:
-    """Name the amplitudes of a base and a lobe, or of the lobe alone where there is no base."""
-    names = variant.amplitude_names
-    return dict(zip(names, (base, lobe)[-len(names) :]))
-
-
-def own_numbers(
-    variant: Parametric, sigma: Float[AnyArray, ""], mu: Float[AnyArray, ""]
-) -> dict[str, Float[AnyArray, ""]]:
-    """Put a width, and an index where there is one, in the model's own numbers."""
-    index = {} if variant.mu is None else {variant.index.name: variant.index.of_index(mu)}
-    return {variant.shape.name: variant.shape.of_width(sigma), **index}
 
 
 def _scene(

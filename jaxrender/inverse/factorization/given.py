@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxrender.brdf import Parametric
-from jaxrender.inverse.factorization.account import amplitudes_of
+from jaxrender.inverse.factorization.gauges import amplitudes_of
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.state import Known
-from jaxrender.inverse.uncertainty import Uncertain
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.unknowns import Unknown, Unknowns
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import AnyArray, Float

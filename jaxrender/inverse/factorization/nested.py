@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import INDEX_BOUNDS, Microfacet, normalised_fresnel
-from jaxrender.inverse.factorization.account import GAUGES, gauge_factors
+from jaxrender.inverse.factorization.gauges import GAUGES, gauge_factors
 from jaxrender.inverse.factorization.gram import BinnedGram
 from jaxrender.inverse.factorization.roughness import (
     Filter,

@@ -28,6 +28,7 @@ from jaxrender.inverse.factorization.state import (
     free_unknowns,
     in_deviations,
 )
+from jaxrender.inverse.intervals import Uncertain, within_reach
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.nuisances import Told
 from jaxrender.inverse.observations import Observations
@@ -40,7 +41,6 @@ from jaxrender.inverse.reasons import (
 )
 from jaxrender.inverse.saturation import saturation_sentence
 from jaxrender.inverse.shadowing import concave
-from jaxrender.inverse.uncertainty import Uncertain, within_reach
 from jaxrender.shapes import Float
 
 # A logarithm this close to its bound is at it.

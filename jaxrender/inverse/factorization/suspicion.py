@@ -17,7 +17,8 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.diagnosis import Suspect
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
-from jaxrender.inverse.factorization.account import amplitudes_of, parameter_slopes
+from jaxrender.inverse.factorization.account import parameter_slopes
+from jaxrender.inverse.factorization.gauges import amplitudes_of
 from jaxrender.inverse.factorization.projection import mixed
 from jaxrender.inverse.factorization.response import Guess, Response, specular_share
 from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes

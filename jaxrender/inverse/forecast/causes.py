@@ -15,13 +15,13 @@ from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.information import Reading, frame_grams, reading_of
 from jaxrender.inverse.forecast.situation import Foreseen, Situation, foresee
 from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree, mean_irradiance
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.known_light import KnownLight
-from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import Float
 
 # Half a 90 % interval in standard errors: a relative error that is just identifiable.
-_IDENTIFIABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
+_IDENTIFIABLE = IDENTIFIABLE_WITHIN / NORMAL_90
 # A remedy helps when it leaves less than this part of the error.
 _HELPS = 0.5
 # A remedy has samples down to this exit cosine; above the second a capture has none that graze.

@@ -14,17 +14,17 @@ from scipy.special import expit, logit
 
 from jaxrender.brdf import Parametric
 from jaxrender.harmonics import degrees
-from jaxrender.inverse.factorization.account import amplitudes_of, own_numbers
 from jaxrender.inverse.factorization.blocks import Measured
+from jaxrender.inverse.factorization.gauges import amplitudes_of, own_numbers
 from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.projection import mixed, reduced_system
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
+from jaxrender.inverse.intervals import Uncertain, intervals, relative_error, within_reach
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.reasons import missing_under_unknown_light
-from jaxrender.inverse.uncertainty import Uncertain, intervals, relative_error, within_reach
 from jaxrender.lighting import DirectionalSources, candidates, take
 from jaxrender.shapes import AnyArray, Array, Float
 

@@ -26,16 +26,12 @@ from jaxrender.inverse.forecast.situation import (
     unknowns_at,
 )
 from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree
+from jaxrender.inverse.intervals import Uncertain, relative_error, within_reach
 from jaxrender.inverse.known_light import KnownLight, prepare_light
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.solvers import Solution
-from jaxrender.inverse.uncertainty import (
-    Uncertain,
-    relative_error,
-    uncertain_parameters,
-    within_reach,
-)
+from jaxrender.inverse.uncertainty import uncertain_parameters
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.shapes import Float
 

@@ -9,6 +9,7 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import widened
 from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import Model
 from jaxrender.inverse.outcomes import Outcome
@@ -18,9 +19,6 @@ from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap, VaryingSigma
 from jaxrender.inverse.texture.whole_surface import Lobe, Surface
-
-# Half the width of a 90 % interval, in standard errors; and how narrow it must be (DESIGN 5).
-_NORMAL_90, _IDENTIFIABLE_WITHIN = 1.6448536269514722, 0.25
 
 
 class TextureFit(NamedTuple):
@@ -91,7 +89,7 @@ def account_of(surface: Surface, lobe: Lobe, searched: Searched, noise: NoiseMod
             "diffuse; give more photographs"
         )
     for name, value, error in (("sigma", sigma, sigma_error), ("mu", mu - 1, mu_error)):
-        if _NORMAL_90 * error > _IDENTIFIABLE_WITHIN * value:
+        if NORMAL_90 * error > IDENTIFIABLE_WITHIN * value:
             outcome = Outcome.NOT_IDENTIFIABLE
             reasons.append(f"{name} is not identifiable: its standard error is {error:.2g}")
     if bounded.any():
@@ -119,5 +117,5 @@ def _kd_is_lost(texture: Texture) -> bool:
     error, kd = (
         np.asarray(part)[np.asarray(texture.seen) > 0] for part in (texture.kd_error, texture.kd)
     )
-    lost = _NORMAL_90 * error > _IDENTIFIABLE_WITHIN * np.maximum(kd.mean(axis=0), kd)
+    lost = NORMAL_90 * error > IDENTIFIABLE_WITHIN * np.maximum(kd.mean(axis=0), kd)
     return bool(lost.any(axis=1).mean() > 0.5)

@@ -9,9 +9,10 @@ import numpy as np
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.any_estimate import NORMAL_90, AnyEstimate
+from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.diagnosis import Diagnosis
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
@@ -24,8 +25,6 @@ from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.io import write_image, write_mesh
 from jaxrender.shapes import Bool, Float
 
-# How narrow half a 90 % interval must be beside the value (DESIGN 5).
-IDENTIFIABLE_WITHIN = 0.25
 # Where an interval is symmetric in the logarithm of value - origin.
 _ORIGIN = {"sigma": 0.0, "mu": 1.0}
 # An interval that reaches beyond this factor above its origin has no end there.

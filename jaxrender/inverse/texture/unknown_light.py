@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.any_estimate import NORMAL_90
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -27,7 +27,6 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
 )
 from jaxrender.inverse.texture.estimate import (
-    IDENTIFIABLE_WITHIN,
     RegionLobe,
     TextureEstimate,
     facets_of,

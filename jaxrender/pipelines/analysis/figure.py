@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90, relative_error
 from jaxrender.inverse.posedness import RECOVERABLE
-from jaxrender.inverse.uncertainty import IDENTIFIABLE_WITHIN, relative_error
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis
 
 # A relative standard error at which a 90 % interval reaches as far as it may.
-_TELLABLE = IDENTIFIABLE_WITHIN / 1.6448536269514722
+_TELLABLE = IDENTIFIABLE_WITHIN / NORMAL_90
 _TITLES = {"kd": "$k_d$", "ks": "$k_s$", "sigma": "$\\sigma$", "mu": "$\\mu - 1$"}
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from jaxrender.brdf import Parametric
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.forecast import JointForecast, LightForecast, MaterialForecast
+from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.next_best import Suggestion
 from jaxrender.inverse.posedness import RECOVERABLE
-from jaxrender.inverse.uncertainty import Uncertain
 from jaxrender.pipelines.analysis.forecast import ConfigAnalysis, Options
 
 _CHANNELS = ("red", "green", "blue")

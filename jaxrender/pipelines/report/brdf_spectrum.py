@@ -9,6 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
+from jaxrender.inverse.intervals import NORMAL_90
 from jaxrender.pipelines.report.contents import FramePictures, Page
 from jaxrender.pipelines.report.display import data_uri
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
@@ -17,7 +18,6 @@ from jaxrender.shapes import Float
 
 # The slices' exit angle is that of T figure 6.2; the plots stop short of the horizon.
 _EXIT_DEGREES, _STEEPEST = 63.0, 85.0
-_NORMAL_90 = 1.6448536269514722
 # A slice as a picture: incident angles down, azimuth differences across.
 _ROWS, _COLUMNS = 45, 180
 
@@ -88,7 +88,7 @@ def _lobe_plot(orders: tuple[BRDFSpectrum, ...]) -> Markup:
             label = f"order {spectrum.basis.band_limit}"
             axes.plot(degrees, values.mean(axis=1), color=style[0], linestyle=style[1], label=label)
         values, errors = (part.mean(axis=1) for part in found[-1])
-        low, high = values - _NORMAL_90 * errors, values + _NORMAL_90 * errors
+        low, high = values - NORMAL_90 * errors, values + NORMAL_90 * errors
         axes.fill_between(degrees, low, high, color=SERIES[0], alpha=0.22, linewidth=0)
         axes.axhline(0, color=INK, linewidth=0.8)
         axes.axvline(_EXIT_DEGREES, color=MUTED, linewidth=0.9, linestyle=(0, (1.5, 2)))

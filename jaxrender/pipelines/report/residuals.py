@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.conditioning import GRAZING_COSINE
+from jaxrender.inverse.intervals import NORMAL_90
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
 from jaxrender.lighting import DirectionalSources
@@ -24,8 +25,6 @@ _BINS = 14
 # Fewer residuals than this have no 5th percentile to speak of.
 _FEWEST = 40
 _PERCENTILES = (5, 50, 95)
-# Where the 5th and 95th percentile of a normal distribution lie.
-_NORMAL_90 = 1.645
 # Cells of the sphere of normals, all of one area, and the fewest residuals that one shows.
 _ROWS, _COLUMNS, _FEWEST_IN_CELL = 12, 24, 5
 # Beyond this half angle (degrees) no lobe is left.
@@ -215,9 +214,9 @@ def binned(
 
 
 def _paint_noise(axes: Axes, bins: Bins, paint_angles: Callable[[Axes, float], None]) -> None:
-    for level in (-_NORMAL_90, _NORMAL_90):
+    for level in (-NORMAL_90, NORMAL_90):
         axes.axhline(level, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
-    paint_angles(axes, _paint(axes, bins, 2 * _NORMAL_90))
+    paint_angles(axes, _paint(axes, bins, 2 * NORMAL_90))
     axes.set_ylabel("residual [noise standard deviations]")
 
 
