@@ -15,19 +15,18 @@ photographs under distant lamps, of which every third is kept back.
 import argparse
 import time
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scenes
+from measured import Truth, network, photographed, table
 from scenes import unit
 
 from jaxrender.brdf import Bank, Parametric, lobe_named
-from jaxrender.geometry import SurfaceSamples, fibonacci_sphere, meridian_frames
+from jaxrender.geometry import SurfaceSamples, fibonacci_sphere
 from jaxrender.inverse import (
     BRDFFit,
     FitSettings,
@@ -38,17 +37,13 @@ from jaxrender.inverse import (
     unknowns_of,
 )
 from jaxrender.inverse.brdf_table import correct_by_table
-from jaxrender.inverse.brdf_table.table import half_angle_coordinates
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.io import read_environment, read_image
 from jaxrender.lighting import DirectionalSources, Environment
-from jaxrender.pipelines.brdf_sources import source_of
 
 NOISE, LOWEST_COSINE, VIEWS, PIXELS, SIDE = 0.005, 0.15, 12, 400, 64
 ROWS, ENERGY, SEEN = 32, 3.0, 14_000
-# Pairs of a sample and a direction that are worked on at once.
-PAIRS = 200_000
 LAMP_FITTED, LAMP_TESTED = range(5, 106, 20), range(15, 96, 20)
 BALL_RADIUS, BALL_CENTRE, SATURATED, HIGHLIGHT = 70.751, (2.370, -8.368), 0.999, 8.0
 # What is found of a renderer's material besides what always is.
@@ -57,9 +52,6 @@ FREED = {
     "principled": ("sheen", "clearcoat", "specular"),
 }
 
-# A BRDF in 1/sr by local directions to the light and to the camera.
-Truth = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
 
 class Relit(NamedTuple):
     """How well a picture under another light was foretold."""
@@ -67,61 +59,6 @@ class Relit(NamedTuple):
     rms: float
     median: float
     stated: float
-
-
-def network(archive: zipfile.ZipFile, name: str) -> Truth:
-    with archive.open(name) as opened, h5py.File(opened) as file:
-        layers: dict[str, dict[str, np.ndarray]] = {}
-
-        def visit(place: str, item: object) -> None:
-            if isinstance(item, h5py.Dataset):
-                layer, kind = place.split("/")[0], place.split("/")[-1].split(":")[0]
-                layers.setdefault(layer, {})[kind] = np.asarray(item, float)
-
-        file.visititems(visit)
-    ordered = [layers[key] for key in sorted(layers)]
-
-    def evaluate(incoming: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-        polar, difference, azimuth = np.moveaxis(half_angle_coordinates(incoming, outgoing), -1, 0)
-        azimuth = np.abs(azimuth)
-        sine = np.sin(difference)
-        values = np.stack(
-            [
-                np.sin(polar),
-                np.zeros_like(polar),
-                np.cos(polar),
-                sine * np.cos(azimuth),
-                sine * np.sin(azimuth),
-                np.cos(difference),
-            ],
-            axis=-1,
-        )
-        for number, layer in enumerate(ordered):
-            values = values @ layer["kernel"] + layer["bias"]
-            if number < len(ordered) - 1:
-                values = np.maximum(values, 0)
-        return np.maximum(np.expm1(values), 0)
-
-    return evaluate
-
-
-def table(path: str) -> Truth:
-    brdf = source_of(path).brdf
-    evaluated = jax.jit(lambda incoming, outgoing: brdf.evaluate(incoming, outgoing))
-
-    def evaluate(incoming: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-        # As many each time: every number would be a program of its own.
-        padded = np.tile([0.0, 0.0, 1.0], (PAIRS, 1))
-        found = np.zeros((len(incoming), 3))
-        for first in range(0, len(incoming), PAIRS):
-            some = slice(first, first + PAIRS)
-            pairs = [padded.copy(), padded.copy()]
-            for pair, directions in zip(pairs, (incoming, outgoing)):
-                pair[: len(directions[some])] = directions[some]
-            found[some] = np.asarray(evaluated(*pairs))[: len(incoming[some])]
-        return np.maximum(found, 0)
-
-    return evaluate
 
 
 def ball(views: np.ndarray, count: int, seed: int) -> tuple[SurfaceSamples, np.ndarray]:
@@ -147,32 +84,6 @@ def pictures(count: int) -> tuple[SurfaceSamples, np.ndarray]:
     frame = np.repeat(np.arange(count), len(normals))
     every = np.tile(normals, (count, 1))
     return SurfaceSamples(every, np.tile([0.0, 0.0, 1.0], (len(every), 1))), frame
-
-
-def photographed(truth: Truth, samples: SurfaceSamples, frame: np.ndarray, light: KnownLight):
-    """Add up what every node of the light sends to the camera."""
-    frames = np.asarray(meridian_frames(jnp.asarray(samples.normals)))
-    leaving = np.einsum("si,sij->sj", np.asarray(samples.outgoing), frames)
-    found = np.zeros((len(frame), 3))
-    for part in exact_nodes(light, frame, 0.05):
-        directions, irradiance = (np.asarray(a, float) for a in part[:2])
-        block = max(1, PAIRS // directions.shape[-2])
-        for first in range(0, len(frame), block):
-            some = slice(first, first + block)
-            own = directions.ndim == 3
-            towards = (
-                directions[frame[some]]
-                if own
-                else np.broadcast_to(directions, (len(frame[some]), *directions.shape))
-            )
-            energy = irradiance[frame[some]] if own else irradiance[None]
-            seen = np.einsum("sni,sij->snj", towards, frames[some])
-            up = seen[..., 2] > 0
-            out = np.broadcast_to(leaving[some, None], seen.shape)
-            sent = np.zeros_like(seen)
-            sent[up] = truth(seen[up], out[up]) * seen[up][:, 2:]
-            found[some] += np.sum(sent * energy, axis=1)
-    return found
 
 
 def columns(material: Parametric, samples: SurfaceSamples, frame: np.ndarray, light: KnownLight):
