@@ -118,7 +118,7 @@ def test_a_metal_has_no_base():
     assert np.max(metal.parameters.summed(BANK.sums).value.kd) < 0.01
 
 
-@pytest.mark.parametrize("degrees", [0, 1])
+@pytest.mark.parametrize("degrees", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_narrower_lobes_than_photographs_agree_on_are_left_out(degrees):
     truth = Microfacet(KD, np.full(3, 0.2), 0.08, 1.5, "half", "smith", "ggx")
     samples, frame = ball_samples(6000)
@@ -134,6 +134,7 @@ def test_narrower_lobes_than_photographs_agree_on_are_left_out(degrees):
     assert 0.06 < chosen.task.material(chosen.stop).width < 0.1
 
 
+@pytest.mark.slow
 def test_by_name_and_by_class_it_is_the_same(photographs):
     light = known_light()
     scene = Scene(unknown("bank"), Sphere(), light.environment + light.directional)

@@ -148,6 +148,7 @@ def test_without_refinement_there_is_no_bias_to_report(light, exact):
     np.testing.assert_allclose(parameter_vector(found.brdf), TRUTH, rtol=0.04)
 
 
+@pytest.mark.slow
 def test_a_metal_has_no_index(light):
     metal = material(mu=None)
     noisy = with_noise(photograph(metal, *ball_samples()))
@@ -161,6 +162,7 @@ def test_a_metal_has_no_index(light):
     )
 
 
+@pytest.mark.slow
 def test_parameters_at_their_bounds_are_an_outcome(light, exact):
     unknowns = microfacet_unknowns(
         ks=Unknown(upper=0.15), sigma=sigma_unknown(lower=0.25, upper=0.6)
@@ -177,6 +179,7 @@ def test_parameters_at_their_bounds_are_an_outcome(light, exact):
     np.testing.assert_array_equal(found.parameters.standard_error.ks, 0)
 
 
+@pytest.mark.slow
 def test_outliers_do_not_matter_to_a_robust_loss(light, exact):
     noisy = with_noise(exact)
     rng = np.random.default_rng(7)

@@ -37,9 +37,8 @@ CANDIDATES = (
 SETTINGS = FitSettings(starts=1, refine_samples=320)
 
 
-@pytest.mark.parametrize(
-    ("name", "truth"), [pytest.param("ggx", GGX, marks=pytest.mark.slow), ("ward", WARD)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "truth"), [("ggx", GGX), ("ward", WARD)])
 def test_the_true_model_comes_first(name, truth):
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
     found = compare_models(noisy, known_light(), CANDIDATES, SETTINGS)

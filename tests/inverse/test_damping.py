@@ -77,6 +77,7 @@ def test_a_damped_step_is_a_share_of_the_whole():
     assert moved(1e9) == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_weights_that_would_go_round_are_kept():
     """The material of glTF on facets that it has none of, with few samples to tell it."""
     facets = Microfacet(np.array([0.19, 0.11, 0.05]), np.full(3, 0.2), 0.15, 1.5)

@@ -338,6 +338,7 @@ def test_a_blur_is_named_rather_than_its_general_case_and_neither_where_it_is_no
     assert fitted(PHOTOGRAPHS + part**2 * blur).diagnosis[0].cause == "defocus"
 
 
+@pytest.mark.slow
 def test_no_diagnosis_where_none_is_wanted():
     fit = fitted(PHOTOGRAPHS + 0.03, diagnose=False)
     assert not fit.diagnosis

@@ -115,6 +115,7 @@ def test_a_metal_has_no_fresnel_ratio():
     assert "mu" not in found.numbers
 
 
+@pytest.mark.slow
 def test_the_simplex_twin_ends_at_the_same_place():
     data = toy_data(noisy())
     newton, found = vary_projected(microfacet_unknowns(), data)
@@ -265,6 +266,7 @@ def test_a_part_of_many_samples_leads_where_all_of_them_lead(noise):
     np.testing.assert_allclose(short.predicted, long.predicted, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_where_the_short_way_does_not_settle_the_long_one_is_taken(monkeypatch):
     model = toy_model(count=5000, seed=4)
     radiance = toy_radiance(model, KD, KS, SIGMA, MU)

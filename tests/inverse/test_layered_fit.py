@@ -64,6 +64,7 @@ def test_a_share_that_ends_at_nothing_is_a_value():
     assert off(fit, "base_color", COLOR) < STATED_ERRORS
 
 
+@pytest.mark.slow
 def test_the_reach_of_a_share_at_its_end_is_that_of_fits_in_which_it_is_held():
     """A smaller index than is supposed reflects less, as if there were less metal than none."""
     truth = MetallicRoughness(COLOR, CLEAR, 0.0, 0.4, ior=1.48)
@@ -112,6 +113,7 @@ def test_sheen_is_found():
         assert off(fit, name, true) < STATED_ERRORS
 
 
+@pytest.mark.slow
 def test_the_interface_tells_how_bright_the_light_is():
     fit = found(GLTF, scale=1.7, free_scale=True)
     assert off(fit, "base_color", COLOR) < STATED_ERRORS
@@ -127,11 +129,13 @@ def other_facets():
     return fit_brdf(pool, KNOWN, unknowns_of(GLTF), GLTF, settings, shape=Sphere(), pool=pool)
 
 
+@pytest.mark.slow
 def test_another_lobe_is_named(other_facets):
     assert other_facets.outcome is Outcome.MISFIT
     assert other_facets.diagnosis[0].cause == "lobe"
 
 
+@pytest.mark.slow
 def test_errors_grow_with_what_is_wrong(other_facets):
     wide, exact = other_facets.parameters, other_facets.parameters.if_exact
     for name in ("base_color", "roughness"):

@@ -86,6 +86,7 @@ def test_a_wide_prior_changes_nothing(photographs, free):
         assert np.all(np.abs(value - before) < 0.01 * error)
 
 
+@pytest.mark.slow
 def test_what_the_photographs_do_not_say_stays_the_prior():
     # Under uniform light seen head-on nothing tells the index from ks.
     light = KnownLight(Environment(np.ones((16, 32, 3))), DirectionalSources.none())

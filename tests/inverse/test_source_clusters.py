@@ -119,6 +119,7 @@ def test_two_lamps_of_a_ball_make_a_cluster(exact):
     assert np.all(scene.direction_error >= cluster.width)
 
 
+@pytest.mark.slow
 def test_its_errors_are_those_of_many_photographs(exact):
     """Noise drawn anew: what is off is as large as it is said to be."""
     weights = (ENERGIES * TOTAL).sum(axis=1)

@@ -83,7 +83,9 @@ def test_clipped_photographs_are_a_misfit():
 
 
 @pytest.mark.parametrize(
-    ("source", "start"), [(False, 0.06), (True, None)], ids=["smooth", "source"]
+    ("source", "start"),
+    [pytest.param(False, 0.06, marks=pytest.mark.slow), (True, None)],
+    ids=["smooth", "source"],
 )
 def test_the_material_is_found_whatever_the_start(source, start):
     """From .06 alone, smooth light ends as two sources under a lobe that is too sharp.

@@ -128,6 +128,7 @@ def test_sites_are_solved_on_the_integral_under_light_of_any_detail(ball):
     assert np.sqrt(np.mean((final - exact) ** 2)) < 3e-3 * size
 
 
+@pytest.mark.slow
 def test_a_light_of_too_many_cells_falls_to_the_dual_model(ball):
     """Its slow light is integrated over the lobe, not filtered by its mean."""
     seen = noisy(ball).take(np.arange(0, 1200, 4))

@@ -65,6 +65,7 @@ def off(fit):
     return abs(fit.sigma - SIGMA) / fit.sigma_error, abs(fit.mu - MU) / fit.mu_error
 
 
+@pytest.mark.slow
 def test_auto_frees_exposures(ball):
     fit = recovered(ball, "auto", exposed)
     assert (fit.outcome, fit.diagnosis, fit.reasons) == (Outcome.CONVERGED, (), ())

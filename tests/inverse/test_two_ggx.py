@@ -37,6 +37,7 @@ def test_it_is_its_parts(spread, width):
     np.testing.assert_allclose(both.evaluate(*pairs), expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_every_number_is_found(photographs):
     found = fit_brdf(photographs, known_light(), unknowns_of(TRUTH), TRUTH, SETTINGS)
     assert found.outcome in (Outcome.CONVERGED, Outcome.NOT_IDENTIFIABLE)

@@ -503,6 +503,7 @@ def die_once() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_spawned_workers_fit_and_a_killed_ones_run_is_done_again(place, monkeypatch):
     monkeypatch.setenv("BATCH_TEST_DEAD", str(place / "dead"))
     # The second leaves no samples.

@@ -244,6 +244,7 @@ def test_a_recipe_whose_light_leaves_no_room_for_a_key(tmp_path, monkeypatch, ca
     ) in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_diffuse_material_and_strict_exit_codes(capture, capsys):
     """Bounds that exclude the answer: ends at one of them, says so, and fails only if strict."""
     overrides = [*FAST, "brdf={model: lambertian, kd: {bounds: [0.3, 0.5]}}"]

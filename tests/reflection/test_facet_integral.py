@@ -57,12 +57,12 @@ def slow():
     "kind",
     [
         Microfacet(ONES, ONES, 0.08, 1.6),
-        Microfacet(ONES, ONES, 0.3, None, "exit", "smith"),
+        pytest.param(Microfacet(ONES, ONES, 0.3, None, "exit", "smith"), marks=pytest.mark.slow),
         pytest.param(
             Microfacet(ONES, ONES, 0.2, 1.5, "half", "smith", "ggx"), marks=pytest.mark.slow
         ),
         pytest.param(Ward(ONES, ONES, 0.15), marks=pytest.mark.slow),
-        BlinnPhong(ONES, ONES, 80.0),
+        pytest.param(BlinnPhong(ONES, ONES, 80.0), marks=pytest.mark.slow),
     ],
     ids=["gaussian", "masked", "ggx", "ward", "blinn-phong"],
 )

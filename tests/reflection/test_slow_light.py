@@ -39,7 +39,10 @@ def scene():
     [
         pytest.param(Microfacet(np.ones(2), np.ones(2), 0.12, 1.6), marks=pytest.mark.slow),
         Microfacet(np.ones(2), np.ones(2), 0.3, None, "exit", "smith"),
-        Microfacet(np.ones(2), np.ones(2), 0.2, 1.5, "half", "smith", "ggx"),
+        pytest.param(
+            Microfacet(np.ones(2), np.ones(2), 0.2, 1.5, "half", "smith", "ggx"),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["gaussian", "masked", "ggx"],
 )
