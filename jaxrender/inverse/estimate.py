@@ -5,16 +5,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import BRDF, Parametric
 from jaxrender.geometry import Orthographic, Sphere, look_at
 from jaxrender.imaging import NoiseModel
 from jaxrender.imaging.display import exposed, exposure_for, png_of
 from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.brdf import BRDFFit
+from jaxrender.inverse.brdf_table import Correction
 from jaxrender.inverse.factorization import Factorization
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
-from jaxrender.io import write_environment
+from jaxrender.io import MerlTable, write_environment, write_merl
 from jaxrender.io.atomic import replacing
 from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight, Light
 from jaxrender.reflection import render_lit
@@ -22,6 +23,8 @@ from jaxrender.shapes import Float
 
 # The ball is seen from a little above, so that light from the zenith and the horizon both show.
 _SIDE, _EYE = 192, np.array([2.0, -3.0, 1.2])
+# The corrected material as the MERL database writes one.
+_MERL = "table.binary"
 # Rows of a picture of light that has no picture of its own.
 _ROWS = 128
 
@@ -41,6 +44,7 @@ class _Fields(NamedTuple):
     noise: NoiseModel
     relative_rms: float
     details: BRDFFit | Factorization
+    correction: Correction | None = None
 
 
 class Estimate(_Fields, AnyEstimate):
@@ -50,12 +54,25 @@ class Estimate(_Fields, AnyEstimate):
     of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
     place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
     the fit itself.
+
+    ``correction`` is the table that corrects the material, where one was asked for, and ``brdf``
+    the material with it: what ``render`` shows best.
     """
 
     @property
     def title(self) -> str:
         """Name the model."""
         return self.model or type(self.material).__name__
+
+    @property
+    def brdf(self) -> BRDF:
+        """The material, corrected by its table where it has one."""
+        return self.material if self.correction is None else self.correction.brdf
+
+    def _rows(self) -> list[str]:
+        """List the numbers, and what a table has changed."""
+        rows = super()._rows()
+        return rows if self.correction is None else [*rows, f"  {self.correction.sentence}"]
 
     def ball(self, side: int = _SIDE) -> Float[np.ndarray, "row column channel"]:
         """Render a ball of the material in the light, seen from a little above; [side, side, C].
@@ -70,7 +87,7 @@ class Estimate(_Fields, AnyEstimate):
             white = np.ones((1, self.material.amplitudes.shape[1]))
             towards = np.array([[1.0, -3.0, 2.5]])
             light = DirectionalSources(towards / np.linalg.norm(towards), white)
-        return np.asarray(render_lit(self.material, light, Sphere(np.zeros(3), 1.0), camera))
+        return np.asarray(render_lit(self.brdf, light, Sphere(np.zeros(3), 1.0), camera))
 
     def _repr_png_(self) -> bytes:
         """Show the ball in a notebook."""
@@ -80,12 +97,20 @@ class Estimate(_Fields, AnyEstimate):
     def _write(self, folder: Path) -> dict[str, Any]:
         """Write ``ball.png`` and panoramas of the light (z-up EXR); lay out the light.
 
-        Sources and coefficients are numbers, the rest the names of the panoramas.
+        Sources and coefficients are numbers, the rest the names of the panoramas.  A material of
+        three channels that a table corrects is written as ``table.binary``, as the MERL database
+        has it.
         """
         lights = [_light(part, folder, k) for k, part in enumerate(self.light.parts)]
         with replacing(folder / "ball.png") as aside:
             aside.write_bytes(self._repr_png_())
-        return {"light": lights}
+        if self.correction is None:
+            return {"light": lights}
+        # A MERL file has three channels.
+        merl = _MERL if self.brdf.amplitudes.shape[1] == 3 else None
+        if merl is not None:
+            write_merl(folder / merl, MerlTable.of(self.brdf))
+        return {"light": lights, "table": {"merl": merl, "sentence": self.correction.sentence}}
 
 
 def _light(part: Light, folder: Path, number: int) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from jaxrender.catalogue import MODELS, Number
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
+from jaxrender.inverse.brdf_table import correct_by_table
 from jaxrender.inverse.estimate import Estimate
 from jaxrender.inverse.factorization import (
     Factorization,
@@ -47,13 +48,15 @@ _OF_THE_LIGHT = {"environment", "lamps"}
 class UnknownMaterial(NamedTuple):
     """A material to be found: its model, and what is stated of its numbers.
 
-    ``model`` is a name of the catalogue, or "" of a model of one's own.
+    ``model`` is a name of the catalogue, or "" of a model of one's own.  ``table`` asks for a
+    table that corrects the model.
     """
 
     model: str
     lobe: Parametric
     stated: Mapping[str, Stated]
     ks_per_channel: bool = False
+    table: bool = False
 
     def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> Unknowns:
         """Put this in the words of a search.  Raises ``ValueError`` as ``unknowns_of`` does."""
@@ -68,19 +71,20 @@ class UnknownMaterial(NamedTuple):
 
 
 def unknown(
-    model: str | Parametric, *, ks_per_channel: bool = False, **numbers: Any
+    model: str | Parametric, *, ks_per_channel: bool = False, table: bool = False, **numbers: Any
 ) -> UnknownMaterial:
     """Say what you know of a material, by the numbers of its model; what is left out is free.
 
     Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
     ``Stated`` with a start or a prior besides, or None for an index that a metal has none of.
     What a model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a
-    material of a model of one's own, whose numbers do not matter.
+    material of a model of one's own, whose numbers do not matter.  ``table=True`` corrects what is
+    found by a table over half and difference angles.
 
     Raises ``ValueError`` for a model, a number or a choice that there is none of.
     """
     if isinstance(model, Parametric):
-        material = UnknownMaterial("", model, _stated(numbers), ks_per_channel)
+        material = UnknownMaterial("", model, _stated(numbers), ks_per_channel, table)
     else:
         entry = MODELS.get(model)
         chosen = () if entry is None else (*entry.options, *entry.names("stated"))
@@ -95,7 +99,7 @@ def unknown(
         for number in MODELS[model].numbers:
             if number.name in stated:
                 _check_domain(number, stated[number.name])
-        material = UnknownMaterial(model, lobe, stated, ks_per_channel)
+        material = UnknownMaterial(model, lobe, stated, ks_per_channel, table)
     for name, one in material.stated.items():
         linear = name in material.lobe.amplitude_names
         if linear and one.start is not None:
@@ -232,7 +236,11 @@ def _under_known_light(
     light = scene.light or known.directional
     if found.calibration is not None and _OF_THE_LIGHT & set(found.calibration.free):
         light = found.calibration.light.shared
-    return _estimate(material, found, light, found.noise, found.final.relative_rms)
+    estimate = _estimate(material, found, light, found.noise, found.final.relative_rms)
+    if not material.table:
+        return estimate
+    correction = correct_by_table(found, known, settings, shape=scene.shape, pool=pool)
+    return estimate._replace(correction=correction)
 
 
 def _check_lights(per_frame: tuple[DirectionalSources, ...], photographs: int) -> None:
@@ -252,6 +260,8 @@ def _with_the_light(
             "free_exposure and free_scale"
         )
     material = scene.material
+    if material.table:
+        raise ValueError("a table corrects a material under known light; leave table out")
     unknowns = material.unknowns()
     channels = pool.radiance.shape[1]
     diffuse = material.model in MODELS and not MODELS[material.model].has_specular

@@ -8,22 +8,35 @@
 - Nodes that no photograph saw return to the model, with the prior's deviation.
 - The posterior stands where its cost is least, and its curvature is that of the cost.
 - Exposures and the scale of the light that a fit has found are made up for.
+- A scene's material that asks for a table is corrected by one, printed and saved with it.
 - What no table corrects is refused.
 """
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 from inverse_problems import ball_samples, material, microfacet_unknowns, unit, with_noise
 
 from jaxrender.brdf import AnisotropicWard, CorrectedBRDF, Microfacet, Mixture, lobe_named
-from jaxrender.inverse import FitSettings, KnownLight, Observations, fit_brdf, unknowns_of
+from jaxrender.geometry import Sphere
+from jaxrender.inverse import (
+    FitSettings,
+    KnownLight,
+    Observations,
+    Scene,
+    fit,
+    fit_brdf,
+    unknown,
+    unknowns_of,
+)
 from jaxrender.inverse.brdf_table import correct_by_table
 from jaxrender.inverse.brdf_table.cell_sums import cell_sums
 from jaxrender.inverse.brdf_table.correction import _Channel, _step
 from jaxrender.inverse.brdf_table.smoothness import smooth_functions
 from jaxrender.inverse.models import ExactModel
+from jaxrender.io import read_merl
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import FrameNodes, integral_columns, integral_columns_by_frame, radiance
 
@@ -157,8 +170,8 @@ def test_of_a_right_model_the_factor_is_one():
     truth = material()
     photographs = with_noise(photograph(truth, *ball_samples(1500)), NOISE)
     variant = Microfacet(np.zeros(3), np.zeros(3), 0.1, 1.5)
-    fit = fit_brdf(photographs, light(), microfacet_unknowns(), variant, SETTINGS)
-    found = correct_by_table(fit, light(), SETTINGS, pool=photographs)
+    plain = fit_brdf(photographs, light(), microfacet_unknowns(), variant, SETTINGS)
+    found = correct_by_table(plain, light(), SETTINGS, pool=photographs)
     assert found.strength < 0.1
     assert found.unexplained == pytest.approx(1, abs=0.1)
     off = np.log(np.asarray(found.brdf.factor)) / np.maximum(found.log_error, 1e-9)
@@ -217,7 +230,30 @@ def test_exposures_and_scale_are_made_up_for(fitted, photographs, corrected):
     )
 
 
+def test_a_scene_asks_for_a_table(photographs, tmp_path):
+    scene = Scene(unknown("ggx", table=True), Sphere(), SOURCES)
+    estimate = fit(scene, photographs, SETTINGS)
+    assert isinstance(estimate.brdf, CorrectedBRDF)
+    assert estimate.correction.after < estimate.correction.before / 3
+    assert estimate.correction.sentence in str(estimate)
+    saved = estimate.save(tmp_path)
+    table = read_merl(saved / "table.binary").brdf()
+    pair = unit(np.array([[0.3, 0.2, 0.9]])), unit(np.array([[-0.2, 0.1, 0.8]]))
+    np.testing.assert_allclose(table.evaluate(*pair), estimate.brdf.evaluate(*pair), rtol=0.05)
+    stated = json.loads((saved / "estimate.json").read_text())["table"]
+    assert stated == {"merl": "table.binary", "sentence": estimate.correction.sentence}
+    # The picture is that of the corrected material.
+    plain = estimate._replace(correction=None)
+    assert plain.brdf is estimate.material
+    assert np.abs(estimate.ball(32) - plain.ball(32)).max() > 0.01
+
+
 # ---------------------------------------------------------------- refusals
+
+
+def test_a_table_under_unknown_light_is_refused(photographs):
+    with pytest.raises(ValueError, match="under known light; leave table out"):
+        fit(Scene(unknown("ggx", table=True), Sphere()), photographs)
 
 
 def test_what_no_table_corrects_is_refused(fitted, photographs):

@@ -23,7 +23,6 @@ from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.result import ARRAYS_FORMAT
 from jaxrender.pipelines.summary import summary_of
-from jaxrender.pipelines.tasks.material.table import sentence
 
 TASK = CONFIG.replace("samples: {count: 600}", "samples: {count: 900}")
 TABLE = ("brdf.model=phong", "brdf.table=true")
@@ -70,7 +69,7 @@ def test_what_no_material_explains_is_said(finished):
     correction = mock.NonCallableMock(
         Correction, before=0.4, after=0.3, seen=np.ones(4, bool), settled=False, unexplained=18.0
     )
-    said = sentence(correction)
+    said = correction.sentence
     assert "18 times the noise" in said
     assert "not come to an end" in said
 

@@ -46,6 +46,8 @@ _LONGEST_STEP, _HALVINGS = 1.0, 8
 _AT_ONCE = 2_000
 # A node is seen where the photographs leave less than this part of the prior's deviation.
 _SEEN = 0.5
+# A right capture leaves about the noise; so many times the noise is no matter of the material.
+_MUCH = 3.0
 
 
 class Prediction(NamedTuple):
@@ -79,6 +81,23 @@ class Correction(NamedTuple):
     def seen(self) -> Bool[np.ndarray, "theta_h theta_d phi_d"]:
         """Where the photographs tell the factor; elsewhere it is filled from the prior."""
         return np.all(self.log_error < _SEEN * self.strength, axis=-1)
+
+    @property
+    def sentence(self) -> str:
+        """Say what the table has changed."""
+        before, after = 100 * self.before, 100 * self.after
+        seen = 100 * float(np.mean(self.seen))
+        more = "" if self.settled else "; its fit had not come to an end"
+        if self.unexplained > _MUCH:
+            more += (
+                f"; that is {self.unexplained:.2g} times the noise, so more than the material is "
+                "wrong: the capture, the light or the shape"
+            )
+        return (
+            f"the table leaves {after:.2g} % of the radiance unexplained where the model leaves "
+            f"{before:.2g} %; the photographs tell {seen:.0f} % of its nodes, and the others are "
+            f"filled from the model{more}"
+        )
 
     def predict(self, exact: ExactModel) -> Prediction:
         """Predict radiance under the light of an exact model, whose material does not matter."""

@@ -15,8 +15,6 @@ from jaxrender.pipelines.tasks.task import material_of_run
 # The corrected material as the MERL database writes one.
 MERL = "table.binary"
 _GROUP = "table"
-# A right capture leaves about the noise; so many times the noise is no matter of the material.
-_MUCH = 3.0
 _COVARIANCE = ("channel", "function", "function_again")
 _NODES = ("theta_h", "theta_d", "phi_d", "channel")
 
@@ -35,25 +33,8 @@ def table_document(correction: Correction) -> dict[str, Any]:
             "of_the_model": correction.before,
             "samples": correction.samples,
         },
-        "sentence": sentence(correction),
+        "sentence": correction.sentence,
     }
-
-
-def sentence(correction: Correction) -> str:
-    """Say what the table has changed."""
-    before, after = 100 * correction.before, 100 * correction.after
-    seen = 100 * float(np.mean(correction.seen))
-    more = "" if correction.settled else "; its fit had not come to an end"
-    if correction.unexplained > _MUCH:
-        more += (
-            f"; that is {correction.unexplained:.2g} times the noise, so more than the material is "
-            "wrong: the capture, the light or the shape"
-        )
-    return (
-        f"the table leaves {after:.2g} % of the radiance unexplained where the model leaves "
-        f"{before:.2g} %; the photographs tell {seen:.0f} % of its "
-        f"nodes, and the others are filled from the model{more}"
-    )
 
 
 def table_groups(correction: Correction) -> dict[str, Group]:
