@@ -66,6 +66,7 @@ def test_held_out_samples_take_no_part():
     assert np.any(divided(observations, 0.2, 4)[1].radiance != rest.radiance)
 
 
+@pytest.mark.slow
 def test_the_same_model_twice_is_no_better():
     noisy = with_noise(photograph(WARD, *ball_samples()), 0.01, 0.002)
     settings = SETTINGS._replace(refine=False)

@@ -42,11 +42,11 @@ def predicted(fit, observations):
     return predicted_left_out(fit.final, model_of(observations), observations)
 
 
-def by_refits(observations, stated):
-    """Fit to the others again and again."""
+def by_refits(observations, stated, photographs):
+    """Fit to the others again and again; what is not asked for stays 0."""
     found = np.zeros(observations.radiance.shape)
     frame = np.asarray(observations.frame)
-    for number in np.unique(frame):
+    for number in photographs:
         fit = fitted(observations.take(np.flatnonzero(frame != number)), stated)
         own = observations.take(np.flatnonzero(frame == number))
         found[frame == number] = plain(fit, own)
@@ -61,13 +61,15 @@ def plain(fit, observations):
 
 def test_of_linear_unknowns_they_are_exact(photographs):
     found = predicted(fitted(photographs, LOBE), photographs)
-    np.testing.assert_allclose(found, by_refits(photographs, LOBE), rtol=1e-6)
+    asked = np.asarray(photographs.frame) < 2
+    refits = by_refits(photographs, LOBE, range(2))
+    np.testing.assert_allclose(found[asked], refits[asked], rtol=1e-6)
 
 
 @pytest.mark.slow
 def test_of_free_numbers_they_are_near(photographs):
     fit = fitted(photographs, {})
-    found, exact = predicted(fit, photographs), by_refits(photographs, {})
+    found, exact = predicted(fit, photographs), by_refits(photographs, {}, range(4))
     changed = np.linalg.norm(exact - plain(fit, photographs))
     assert 0 < np.linalg.norm(found - exact) < 0.25 * changed
 

@@ -69,7 +69,7 @@ def test_what_no_material_explains_is_said(finished):
     correction = mock.NonCallableMock(
         Correction, before=0.4, after=0.3, seen=np.ones(4, bool), settled=False, unexplained=18.0
     )
-    said = correction.sentence
+    said = Correction.sentence.fget(correction)
     assert "18 times the noise" in said
     assert "not come to an end" in said
 
