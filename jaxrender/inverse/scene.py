@@ -17,7 +17,7 @@ from jaxrender.catalogue import MODELS, Number
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
-from jaxrender.inverse.brdf_table import correct_by_table
+from jaxrender.inverse.brdf_table import check_correctable, correct_by_table
 from jaxrender.inverse.estimate import Estimate
 from jaxrender.inverse.factorization import (
     Factorization,
@@ -219,6 +219,9 @@ def _under_known_light(
     if known.per_frame is not None:
         _check_lights(known.per_frame, frames)
     material = scene.material
+    if material.table:
+        # Before the fit, which takes longer.
+        check_correctable(pool, material.lobe)
     unknowns = material.unknowns(frames if scene.free_exposure else 0, scene.free_scale)
     drawn = draw(pool, leverage(pool, known), *draws).observations
     convex = scene.shape.is_convex()

@@ -6,6 +6,7 @@ geometry is traced again and whose radiance is the integral.
 """
 
 import dataclasses
+import functools
 
 import jax.numpy as jnp
 import numpy as np
@@ -82,6 +83,7 @@ def near_lamp():
     return lit + photographed(CLEAN, energy=0 * ENERGY)
 
 
+@functools.cache
 def blurred():
     """Average over rays through the four pixels beside each one's own, where all meet the ball."""
     total, whole = 0.0, np.full(CLEAN.count, True)

@@ -263,6 +263,11 @@ def test_what_no_table_corrects_is_refused(fitted, photographs):
     first = photographs.take(np.flatnonzero(photographs.frame == 0))
     with pytest.raises(ValueError, match="two photographs"):
         correct_by_table(fitted, light(), SETTINGS, pool=first)
+    # A scene is refused before its fit.
+    with pytest.raises(ValueError, match="two photographs"):
+        fit(Scene(unknown("ggx", table=True), Sphere(), SOURCES), first)
+    with pytest.raises(ValueError, match="anisotropic"):
+        fit(Scene(unknown("anisotropic-ward", table=True), Sphere(), SOURCES), photographs)
     few = photographs.take(np.arange(100))
     with pytest.raises(ValueError, match="100 samples are too few"):
         correct_by_table(fitted, light(), SETTINGS, pool=few)

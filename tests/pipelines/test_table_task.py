@@ -140,6 +140,9 @@ def test_one_photograph_is_too_few(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "brdf.table" in said
     assert "two photographs" in said
+    # Before the fit.
+    assert "degrees" not in said
+    assert "refine" not in said
 
 
 @pytest.mark.parametrize(

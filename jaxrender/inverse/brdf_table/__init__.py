@@ -11,6 +11,7 @@
 from jaxrender.inverse.brdf_table.correction import (
     Correction,
     Prediction,
+    check_correctable,
     correct_by_table,
     predict_corrected,
 )
@@ -30,6 +31,7 @@ __all__ = [
     "Prediction",
     "TableFit",
     "brdf_samples",
+    "check_correctable",
     "correct_by_table",
     "fit_table",
     "predict_corrected",

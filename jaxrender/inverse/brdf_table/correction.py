@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import CorrectedBRDF, Parametric
+from jaxrender.brdf import BRDF, CorrectedBRDF, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.brdf_table.cell_sums import cell_sums
@@ -147,7 +147,11 @@ def correct_by_table(
     """
     model = fit.brdf
     observations = fit.final.observations if pool is None else pool
-    _refuse_what_no_table_corrects(fit, observations)
+    check_correctable(observations, model)
+    if fit.calibration is not None:
+        raise ValueError("the fit has freed nuisances; write the mended capture, and fit that")
+    if fit.bounced is not None:
+        raise ValueError("the table knows no bounced light: leave interreflection out")
     task = MaterialTask(
         fit.final.problem, model, observations, light, settings, concave(shape), stage
     )
@@ -162,16 +166,15 @@ def correct_by_table(
         return _fitted(fit, some, sums)
 
 
-def _refuse_what_no_table_corrects(fit: BRDFFit, observations: Observations) -> None:
-    """Raise ``ValueError`` where a correction would mean nothing."""
-    if not fit.brdf.isotropic:
+def check_correctable(observations: Observations, model: BRDF | None = None) -> None:
+    """Raise ``ValueError`` where no table corrects a material that these photographs show.
+
+    This needs no fit.  ``model`` is the material, or one of its kind, where that is known.
+    """
+    if model is not None and not model.isotropic:
         raise ValueError(
             "the material is anisotropic, and the table is isotropic: choose another model"
         )
-    if fit.calibration is not None:
-        raise ValueError("the fit has freed nuisances; write the mended capture, and fit that")
-    if fit.bounced is not None:
-        raise ValueError("the table knows no bounced light: leave interreflection out")
     frames = len(np.unique(np.asarray(observations.frame)))
     if frames < 2:
         raise ValueError(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxrender.brdf import BRDF, Bank, Glossy, Parametric
 from jaxrender.geometry import Mesh
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
-from jaxrender.inverse.brdf_table import correct_by_table
+from jaxrender.inverse.brdf_table import check_correctable, correct_by_table
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.known_light import prepare_light
@@ -162,6 +162,9 @@ def recover_material(
     photographs, shape, light, pool, observations = evidence
     assert light is not None
     settings = settings_of(config)
+    if config.brdf.table:
+        with fault_of("brdf.table"):
+            check_correctable(pool, None if config.brdf.compare else lobe_of(config.brdf))
     transfer = None
     if not shape.is_convex():
         with clock.stage("shadows"):
