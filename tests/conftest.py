@@ -5,6 +5,7 @@ import gc
 import mmap
 import os
 from pathlib import Path
+from unittest import mock
 
 import jax
 import pytest
@@ -85,6 +86,13 @@ def pytest_runtest_teardown():
         # The C library keeps what is freed until it is told to give it back.
         ctypes.CDLL(None).malloc_trim(0)
         _limit = max(_LIMIT, _resident_bytes() + _LEAST_GROWTH)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commands_leave_the_settings_of_jax_alone():
+    """A command keeps its programs in the user's folder, and would keep those of later tests, too."""
+    with mock.patch("jaxrender.cli.process.set_up_jax"):
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

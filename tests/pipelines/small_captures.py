@@ -130,9 +130,9 @@ def edit_json(path: Path, change) -> None:
 
 
 def jaxrender(*arguments, cache: Path | None = None) -> int:
-    """Run the command line in this process, with the precision that the tests have set already."""
+    """Run the command line in this process."""
     environment = {} if cache is None else {"XDG_CACHE_HOME": str(cache)}
-    with mock.patch.object(cli.process, "set_up_jax"), mock.patch.dict(os.environ, environment):
+    with mock.patch.dict(os.environ, environment):
         return cli.main([str(argument) for argument in arguments])
 
 

@@ -7,6 +7,7 @@ its cases.  A stated key without effect is an error at that key.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, model_validator
@@ -37,13 +38,17 @@ class Root(Section):
 
     cases: ClassVar[tuple[Case, ...]] = ()
 
-    def in_vain(self) -> dict[str, str]:
-        """Give reason and remedy for each key without effect, stated or not."""
+    def in_vain(self, asked: Callable[[str], bool] = lambda key: True) -> dict[str, str]:
+        """Give reason and remedy for each key without effect, stated or not, of those asked for."""
         found: dict[str, str] = {}
-        for case in (one for one in self.cases if one.applies(self)):
+        for case in self.cases:
+            # Whether a case applies takes longer to say than whether anything of it is asked for.
+            keys = {key: why for key, why in case.keys.items() if asked(key)}
+            if not keys or not case.applies(self):
+                continue
             name = case.name if isinstance(case.name, str) else case.name(self)
             instead = f", or {case.instead}" if case.instead else ""
-            for key, why in case.keys.items():
+            for key, why in keys.items():
                 value = at(self, key)
                 agrees = value is False or value in case.agrees.get(key, ())
                 if not agrees and not any(f"{key}.".startswith(f"{one}.") for one in found):
@@ -52,7 +57,7 @@ class Root(Section):
 
     def refuse_in_vain(self) -> None:
         """Raise ``StatedInVain``, a ``ValueError``, for stated keys that have no effect."""
-        found = {key: why for key, why in self.in_vain().items() if is_stated(self, key)}
+        found = self.in_vain(partial(is_stated, self))
         if found:
             lines = (stated_in_vain(key, _written(self, key), why) for key, why in found.items())
             reasons: dict[Location, str] = {tuple(k.split(".")): why for k, why in found.items()}
