@@ -90,7 +90,7 @@ def pytest_runtest_teardown():
 
 @pytest.fixture(scope="session", autouse=True)
 def commands_leave_the_settings_of_jax_alone():
-    """A command keeps its programs in the user's folder, and would keep those of later tests, too."""
+    """A command keeps its programs in the user's folder, and would keep later ones there, too."""
     with mock.patch("jaxrender.cli.process.set_up_jax"):
         yield
 
