@@ -96,7 +96,7 @@ def test_density_of_a_draw_is_that_of_its_direction(name):
     seen = LUMINAIRES[name].radiance_along(points, drawn.directions)
     near = (np.abs(seen.distance - drawn.distance) < 1e-6) & drawn_at_all
     # At edges a rounding decides whether the ray meets it.
-    assert near.sum() > 0.99 * drawn_at_all.sum()
+    assert near.sum() > 0.98 * drawn_at_all.sum()
     density = sampler.density(points, drawn.directions)
     np.testing.assert_allclose(density[near], drawn.density[near], rtol=1e-5)
     same = (np.asarray(seen.radiance) == np.asarray(drawn.radiance)).all(axis=1)
