@@ -15,7 +15,7 @@ from jaxrender.inverse.brdf_table import Correction
 from jaxrender.inverse.factorization import Factorization
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
-from jaxrender.io import MerlTable, write_environment, write_merl
+from jaxrender.io import write_environment
 from jaxrender.io.atomic import replacing
 from jaxrender.lighting import DirectionalSources, Environment, HarmonicLight, Light
 from jaxrender.reflection import render_lit
@@ -23,8 +23,6 @@ from jaxrender.shapes import Float
 
 # The ball is seen from a little above, so that light from the zenith and the horizon both show.
 _SIDE, _EYE = 192, np.array([2.0, -3.0, 1.2])
-# The corrected material as the MERL database writes one.
-_MERL = "table.binary"
 # Rows of a picture of light that has no picture of its own.
 _ROWS = 128
 
@@ -106,10 +104,7 @@ class Estimate(_Fields, AnyEstimate):
             aside.write_bytes(self._repr_png_())
         if self.correction is None:
             return {"light": lights}
-        # A MERL file has three channels.
-        merl = _MERL if self.brdf.amplitudes.shape[1] == 3 else None
-        if merl is not None:
-            write_merl(folder / merl, MerlTable.of(self.brdf))
+        merl = self.correction.write_merl(folder)
         return {"light": lights, "table": {"merl": merl, "sentence": self.correction.sentence}}
 
 

@@ -52,8 +52,13 @@ class OwnWords(NamedTuple):
         return chosen | {"lobes": self.brdf.as_lobes()} if isinstance(self.brdf, Bank) else chosen
 
     def intervals(self, lower: Parameters, upper: Parameters) -> dict[str, Any]:
-        """Lay out each interval as [low, high], or one for each channel."""
-        return {name: _pairs(self._of(name, lower), self._of(name, upper)) for name in self.names}
+        """Lay out each interval as [low, high], or one for each channel, within the domain."""
+        found = {}
+        for name in self.names:
+            highest = MODELS[self.model].number(name).domain.high
+            low, high = self._of(name, lower), np.minimum(self._of(name, upper), highest)
+            found[name] = _pairs(low, np.asarray(high))
+        return found
 
     def correlations(self, uncertain: Uncertain) -> dict[str, Any] | None:
         """Name what was free, and lay out its correlations; None where they are not known.

@@ -93,20 +93,14 @@ def solve_in_box(
     """Minimise x' A x / 2 - b' x within a box; differentiable where the active set is constant.
 
     The unconstrained solution is tried first.  If it leaves the box, coordinate descent finds the
-    unknowns at a bound; the others are solved for again with those held.
+    unknowns at a bound.  The others are solved for with those held.
     """
-    free = _solve(matrix, vector)
-    inside = jnp.all((free >= lower) & (free <= upper))
-    return jax.lax.cond(
-        jax.lax.stop_gradient(inside),
-        lambda free, *_: free,
-        _solve_at_bounds,
-        *(free, matrix, vector, lower, upper),
-    )
-
-
-def _solve_at_bounds(free, matrix, vector, lower, upper) -> Float[Array, "unknown"]:
-    held = _values_held_at_bounds(*jax.lax.stop_gradient((matrix, vector, lower, upper)))
+    # Which are at a bound does not change nearby: without derivatives, programs are much smaller.
+    given = jax.lax.stop_gradient((matrix, vector, lower, upper))
+    alone = _solve(*given[:2])
+    inside = jnp.all((alone >= lower) & (alone <= upper))
+    nowhere = jnp.full_like(alone, jnp.nan)
+    held = jax.lax.cond(inside, lambda *_: nowhere, _values_held_at_bounds, *given)
     active = ~jnp.isnan(held)
     pinned = jnp.where(active, held, 0)
     identity = jnp.eye(len(vector), dtype=vector.dtype)

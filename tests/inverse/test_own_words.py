@@ -48,3 +48,13 @@ def test_correlations_are_those_of_draws_of_what_was_free(shared):
 
 def test_without_a_covariance_there_are_none():
     assert OwnWords("microfacet", MATERIAL).correlations(uncertain(None)) is None
+
+
+def test_intervals_end_where_the_domain_does():
+    wide = VALUE._replace(numbers={"mu": np.array(9.0), "sigma": np.array(1.4)})
+    ends = {
+        model: OwnWords(model, MATERIAL).intervals(VALUE, wide) for model in ("ggx", "microfacet")
+    }
+    assert ends["ggx"]["sigma"] == [0.2, 1.0]
+    assert ends["microfacet"]["sigma"] == [0.2, 1.4]
+    assert ends["ggx"]["mu"] == [1.5, 9.0]

@@ -11,6 +11,7 @@ that no photograph saw have that of the prior, and predictions have theirs.
 """
 
 from contextlib import nullcontext
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,10 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import DEFAULTS, FitSettings
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.weights import standard_deviations
+from jaxrender.io.merl import MerlTable, write_merl
 from jaxrender.shapes import Bool, Float
 
+_MERL, _MERL_CHANNELS = "table.binary", 3
 # Nodes of theta_h, theta_d and phi_d.
 NODES = (24, 12, 8)
 # Samples that the table is fitted to, and the most pairs of one and a direction of light.
@@ -98,6 +101,16 @@ class Correction(NamedTuple):
             f"{before:.2g} %; the photographs tell {seen:.0f} % of its nodes, and the others are "
             f"filled from the model{more}"
         )
+
+    def write_merl(self, folder: Path) -> str | None:
+        """Write the corrected material as the MERL database writes one, and name the file.
+
+        Such a file has three channels: of any other number of them nothing is written.
+        """
+        if self.brdf.amplitudes.shape[1] != _MERL_CHANNELS:
+            return None
+        write_merl(folder / _MERL, MerlTable.of(self.brdf))
+        return _MERL
 
     def predict(self, exact: ExactModel) -> Prediction:
         """Predict radiance under the light of an exact model, whose material does not matter."""

@@ -17,7 +17,6 @@ from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
-from jaxrender.io.merl import MerlTable, write_merl
 from jaxrender.io.netcdf import Group
 from jaxrender.pipelines.calibration import far_sources, mended, near_image, write_cameras
 from jaxrender.pipelines.clock import Clock
@@ -34,7 +33,7 @@ from jaxrender.pipelines.scene import (
 )
 from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
 from jaxrender.pipelines.tasks.material.result import Finding, groups_of, result_of
-from jaxrender.pipelines.tasks.material.table import MERL, brdf_of_run, subject_of_run
+from jaxrender.pipelines.tasks.material.table import brdf_of_run, subject_of_run
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 from jaxrender.pipelines.tasks.task import Task, check_samples, draw_samples, would_fit
 from jaxrender.reflection import (
@@ -50,9 +49,6 @@ from jaxrender.reflection import (
 
 if TYPE_CHECKING:
     from jaxrender.pipelines.report import FramePictures, Page
-
-
-_COLOURS = 3
 
 
 class MaterialRecovery(Recovery):
@@ -77,8 +73,8 @@ class MaterialRecovery(Recovery):
             write_environment(folder / "lighting.exr", finding.light.environment)
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
-        if finding.correction is not None and finding.fit.brdf.amplitudes.shape[1] == _COLOURS:
-            write_merl(folder / MERL, MerlTable.of(finding.correction.brdf))
+        if finding.correction is not None:
+            finding.correction.write_merl(folder)
         calibration = finding.fit.calibration
         if calibration is not None:
             write_cameras(folder, calibration, finding.photographs, finding.shape, self.source)

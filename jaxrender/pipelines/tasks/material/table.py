@@ -12,8 +12,6 @@ from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun
 from jaxrender.pipelines.subject import CorrectedSubject, Subject, UniformSubject
 from jaxrender.pipelines.tasks.task import material_of_run
 
-# The corrected material as the MERL database writes one.
-MERL = "table.binary"
 _GROUP = "table"
 _COVARIANCE = ("channel", "function", "function_again")
 _NODES = ("theta_h", "theta_d", "phi_d", "channel")
