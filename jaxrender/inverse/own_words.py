@@ -52,12 +52,16 @@ class OwnWords(NamedTuple):
         return chosen | {"lobes": self.brdf.as_lobes()} if isinstance(self.brdf, Bank) else chosen
 
     def intervals(self, lower: Parameters, upper: Parameters) -> dict[str, Any]:
-        """Lay out each interval as [low, high], or one for each channel, within the domain."""
+        """Lay out each interval as [low, high], or one for each channel.
+
+        It ends where the domain of a model in the catalogue does.
+        """
         found = {}
         for name in self.names:
-            highest = MODELS[self.model].number(name).domain.high
-            low, high = self._of(name, lower), np.minimum(self._of(name, upper), highest)
-            found[name] = _pairs(low, np.asarray(high))
+            known = self.model in MODELS
+            highest = MODELS[self.model].number(name).domain.high if known else np.inf
+            high = np.minimum(self._of(name, upper), highest)
+            found[name] = _pairs(self._of(name, lower), np.asarray(high))
         return found
 
     def correlations(self, uncertain: Uncertain) -> dict[str, Any] | None:

@@ -9,33 +9,16 @@
 import numpy as np
 import pytest
 from ball_problems import BRDF, CLEAN, ENERGY, LAMP, PHOTOGRAPHS, VIEWS, cameras, photographed, seen
+from factored_balls import factored, off
 
-from jaxrender.geometry import Sphere
 from jaxrender.inverse import Outcome
-from jaxrender.inverse.factorization import FactorSettings, factorize
 
 GAINS = 1 + 0.03 * np.array([1.2, -0.7, 0.4, -1.3, 0.9, -0.5])
 AXIS, TURN = np.array([0.6, -0.64, 0.48]), np.radians(1.0)
 
 
-def fitted(photographs, free, **settings):
-    rng = np.random.default_rng(1)
-    noisy = photographs * (1 + 0.01 * rng.normal(size=photographs.shape))
-    pool = CLEAN._replace(radiance=noisy)
-    chosen = FactorSettings(band_limit=6, most_sources=4, free=free, **settings)
-    return factorize(pool, BRDF, chosen, gauge="dielectric", shape=Sphere(), pool=pool)
-
-
-def off(found):
-    """Errors of the material in standard errors, at the worst."""
-    level = np.mean(BRDF.kd + BRDF.ks)
-    true = {"kd": BRDF.kd / level, "ks": BRDF.ks / level, "sigma": BRDF.sigma, "mu": BRDF.mu}
-    value, error = found.parameters.value, found.parameters.standard_error
-    return max(float(np.max(np.abs(value.of(n) - t) / error.of(n))) for n, t in true.items())
-
-
 def test_auto_frees_exposures():
-    found = fitted(PHOTOGRAPHS * GAINS[CLEAN.frame][:, None], "auto")
+    found = factored(PHOTOGRAPHS * GAINS[CLEAN.frame][:, None], free="auto")
     assert found.outcome is Outcome.CONVERGED
     assert not found.diagnosis
     calibration = found.calibration
@@ -61,8 +44,8 @@ def test_auto_frees_exposures():
 @pytest.mark.slow
 def test_a_turned_camera_is_found_with_material_and_light():
     turned = photographed(seen(cameras(TURN, AXIS)))
-    without = fitted(turned, (), diagnose=False)
-    found = fitted(turned, ("camera",))
+    without = factored(turned, free=(), diagnose=False)
+    found = factored(turned, free=("camera",))
     assert found.outcome is Outcome.CONVERGED
     assert found.relative_rms < 0.6 * without.relative_rms
     camera, error = found.calibration.corrections.camera, found.calibration.errors["camera"]
@@ -81,4 +64,4 @@ def test_a_turned_camera_is_found_with_material_and_light():
 @pytest.mark.parametrize("name", ["environment", "lamps", "nearness"])
 def test_what_is_of_a_light_that_is_told_cannot_be_freed(name):
     with pytest.raises(ValueError, match=f"{name} cannot be freed: the light is not told"):
-        fitted(PHOTOGRAPHS, (name,))
+        factored(PHOTOGRAPHS, free=(name,))

@@ -11,12 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from ball_problems import BRDF, CLEAN, LIGHT, PHOTOGRAPHS, photographed
+from factored_balls import SETTINGS, factored, noisy, off
 
 from jaxrender.brdf import material_named
-from jaxrender.geometry import Sphere
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.diagnosis.light_parts import LightParts
-from jaxrender.inverse.factorization import FactorSettings, factorize
 from jaxrender.inverse.factorization.account import account_of, widened_light
 from jaxrender.inverse.factorization.band_limits import task_of
 from jaxrender.inverse.factorization.gauges import gauge_factors
@@ -28,13 +27,7 @@ from jaxrender.inverse.factorization.state import NOTHING_KNOWN, response_of
 from jaxrender.inverse.factorization.suspicion import derivatives_of
 from jaxrender.lighting import DirectionalSources
 
-SETTINGS = FactorSettings(band_limit=6, most_sources=4)
 STEP = 1e-5
-
-
-def noisy(photographs):
-    rng = np.random.default_rng(1)
-    return CLEAN._replace(radiance=photographs * (1 + 0.01 * rng.normal(size=photographs.shape)))
 
 
 @pytest.fixture(scope="module")
@@ -143,20 +136,6 @@ def test_the_brightest_sources_stand_by_themselves():
     np.testing.assert_array_equal(groups[0].nodes.directions[0], directions[4])
 
 
-def fitted(photographs, **settings):
-    pool = noisy(photographs)
-    settings = SETTINGS._replace(**settings)
-    return factorize(pool, BRDF, settings, gauge="dielectric", shape=Sphere(), pool=pool)
-
-
-def off(found):
-    """Errors of material in standard errors."""
-    level = np.mean(BRDF.kd + BRDF.ks)
-    true = {"kd": BRDF.kd / level, "ks": BRDF.ks / level, "sigma": BRDF.sigma, "mu": BRDF.mu}
-    value, error = found.parameters.value, found.parameters.standard_error
-    return max(float(np.max(np.abs(value.of(n) - t) / error.of(n))) for n, t in true.items())
-
-
 def light_off(found):
     """Errors of the light's first coefficients in standard errors, rms."""
     count, level = len(LIGHT), np.mean(BRDF.kd + BRDF.ks)
@@ -165,7 +144,7 @@ def light_off(found):
 
 
 def test_nothing_is_named_where_nothing_is_wrong():
-    found = fitted(PHOTOGRAPHS * np.array([1.1, 1.0, 0.9]))
+    found = factored(PHOTOGRAPHS * np.array([1.1, 1.0, 0.9]))
     assert found.outcome is Outcome.CONVERGED
     assert not found.diagnosis
 
@@ -173,7 +152,7 @@ def test_nothing_is_named_where_nothing_is_wrong():
 def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     numbers = {"kd": BRDF.kd, "ks": BRDF.ks, **BRDF.numbers}
     photographs = photographed(CLEAN, brdf=material_named("ggx", numbers))
-    found = fitted(photographs)
+    found = factored(photographs)
     assert found.outcome is Outcome.MISFIT
     assert found.diagnosis[0].cause == "lobe"
     assert "the lobe has another shape" in found.reasons[1]
@@ -182,12 +161,12 @@ def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     exact = found.parameters.if_exact
     assert off(found) < 3.5 < off(found._replace(parameters=exact))
     # Of the light as well as of the material.
-    assert light_off(found) < 1.5 < light_off(fitted(photographs, diagnose=False))
+    assert light_off(found) < 1.5 < light_off(factored(photographs, diagnose=False))
 
 
 @pytest.mark.slow
 def test_differing_exposures_are_named():
-    found = fitted(PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None])
+    found = factored(PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None])
     assert found.diagnosis[0].cause == "exposure"
     assert off(found) < 3.5
-    assert not fitted(PHOTOGRAPHS + 0.03, diagnose=False).diagnosis
+    assert not factored(PHOTOGRAPHS + 0.03, diagnose=False).diagnosis
