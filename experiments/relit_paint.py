@@ -33,10 +33,10 @@ DIFFERENCE_SHOWN = 0.2
 
 
 class Pictures(NamedTuple):
-    """A ball as photographed, as it is under the other light, and as that is foretold."""
+    """A ball from a new side: in the light of the fit, in another, and as that is foretold."""
 
     name: str
-    photograph: np.ndarray
+    fitted: np.ndarray
     truth: np.ndarray
     foretold: np.ndarray
 
@@ -103,7 +103,7 @@ def draw(rows: list[Pictures], path: Path):
         figure.colorbar(shown, ax=line[3], shrink=0.8).set_label("of white", fontsize=8)
         line[0].set_ylabel(row.name.replace("_", " "))
     for axis, name in zip(
-        axes[0], ("photographed", "relit, measured", "relit, foretold", "difference")
+        axes[0], ("light of the fit", "another, measured", "another, foretold", "difference")
     ):
         axis.set_title(name, fontsize=10)
     for axis in axes.ravel():
