@@ -22,7 +22,7 @@ import scipy.stats
 
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.elimination import Data, Fit, Problem
-from jaxrender.inverse.ends import numbers_at_ends
+from jaxrender.inverse.ends import AtEnd, unknowns_at_ends
 from jaxrender.inverse.intervals import NORMAL_90, Uncertain, intervals, standard_errors
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import Parameters, slopes_of_parameters, to_parameters
@@ -64,28 +64,31 @@ def uncertain_parameters(
     most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
     covariance = np.asarray(covariance)
     of_values = float(variance) * np.repeat(np.asarray(shares, float), data.radiance.shape[1])
-    near = numbers_at_ends(problem, model, data, fit, held)
-    reach = {name: one.within(of_values) for name, one in near.items()}
-    exact, unknowns = _reaching(covariance, value, reach), problem.unknowns
-    found = intervals(value, standard_errors(value, exact), unknowns.origins, exact, unknowns.ends)
+    near = unknowns_at_ends(problem, model, data, fit, held, value)
+    exact, unknowns = _reaching(covariance, value, near, of_values), problem.unknowns
+    at_ends = {name: unknowns.range_of(name) for name in near if name in value.numbers}
+    ends = {**unknowns.ends, **at_ends}
+    found = intervals(value, standard_errors(value, exact), unknowns.origins, exact, ends)
     found = found._replace(disagreement=float(apart) / float(most))
     if clusters is None:
         return found
     wider = widened(covariance, clusters.covariance(np.asarray(influence)))
     told = np.diag(covariance) > 0
     more = np.median(np.diag(wider)[told] / np.diag(covariance)[told]) if told.any() else 1.0
-    reach = {name: one.within(more * of_values) for name, one in near.items()}
-    return found.with_covariance(_reaching(wider, value, reach))
+    return found.with_covariance(_reaching(wider, value, near, more * of_values))
 
 
 def _reaching(
-    covariance: Float[np.ndarray, "number number"], value: Parameters, reach: Mapping[str, float]
+    covariance: Float[np.ndarray, "number number"],
+    value: Parameters,
+    near: Mapping[str, AtEnd],
+    variance: Float[np.ndarray, "value"],
 ) -> Float[np.ndarray, "number number"]:
-    """Give numbers that are at an end the error by which their interval reaches so far."""
+    """Give unknowns that are at an end the error by which their interval reaches into the range."""
     changed, labels = covariance.copy(), value.labels
-    for name, far in reach.items():
+    for name, one in near.items():
         place = labels.index(name)
-        changed[place, place] = (far / NORMAL_90) ** 2
+        changed[place, place] = (one.unit * one.within(variance) / NORMAL_90) ** 2
     return changed
 
 
@@ -164,19 +167,17 @@ def _propagate(
 def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
     """Say what is known of the search variables and amplitudes beforehand.
 
-    That is what their own priors say, and what the bounds of the numbers say.  Spread evenly
-    between its bounds (in the logarithm) a parameter's logit has the variance pi^2 / 3.  It matters
+    That is what their own priors say, and what the bounds of the numbers say.  The bounds matter
     only where the data say nothing: the error of such a parameter stays that of its range, and does
     not leak into the others through a linearisation far beyond its reach.
     """
-    bounded, priors = problem.unknowns.bounded, problem.priors
-    prior = np.zeros(vector.shape[0])
-    prior[: len(bounded)] = bounded * 3 / np.pi**2
-    prior = jnp.asarray(prior, vector.dtype)
+    unknowns, priors = problem.unknowns, problem.priors
+    searched = len(unknowns.names)
+    of_range = unknowns.range_information(vector[:searched])
+    prior = jnp.concatenate([of_range, jnp.zeros_like(vector[searched:])])
     if priors is None:
         return prior
-
-    return prior + priors.information(problem.unknowns, vector)
+    return prior + priors.information(unknowns, vector)
 
 
 def _inverse(matrix: Float[Array, "all all"]) -> Float[Array, "all all"]:

@@ -112,8 +112,9 @@ class Unknowns(eqx.Module):
     """What is unknown of a material, and what else is unknown about the photographs.
 
     ``amplitudes`` are those of the model's lobes by their names, in the order of the lobes; of the
-    ``coloured`` ones each channel has its own, of the others all channels share one; ``shaped`` are
-    the places of those lobes that numbers shape.  ``numbers`` are those of the model, in the order
+    ``coloured`` ones each channel has its own, of the others all channels share one; ``summed``
+    ones stand in for one another, so that only their sum is told; ``shaped`` are the places of
+    those lobes that numbers shape.  ``numbers`` are those of the model, in the order
     of ``searched``, which says what they are.  ``free_gains`` is the number of photographs whose
     exposure is unknown (0: all known); ``free_scale`` says that the light is known up to one
     factor.
@@ -127,6 +128,7 @@ class Unknowns(eqx.Module):
     shaped: tuple[int, ...] = eqx.field(static=True)
     free_gains: int = eqx.field(static=True, default=0)
     free_scale: bool = eqx.field(static=True, default=False)
+    summed: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __getitem__(self, name: str) -> Unknown:
         """What is known of an amplitude or a number; ``KeyError`` where there is none."""
@@ -169,8 +171,12 @@ class Unknowns(eqx.Module):
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """What each free number that is closed lies between."""
-        own = [(one, known) for one, known in zip(self.searched, self.numbers) if known.free]
-        return {one.name: (known.lower, known.upper) for one, known in own if one.closed}
+        closed = {one.name for one in self.searched if one.closed}
+        return {name: self.range_of(name) for name in self.free_numbers if name in closed}
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Tell what bounds a search for an amplitude or a number keeps to."""
+        return self[name].lower, self[name].upper
 
     @eqx.filter_jit
     @checked
@@ -211,6 +217,17 @@ class Unknowns(eqx.Module):
     def bounded(self) -> Bool[np.ndarray, "unknown"]:
         """Which nonlinear unknowns have bounds: the numbers, and no gain."""
         return np.arange(len(self.names)) < len(self.free_numbers)
+
+    @checked
+    def range_information(self, point: Float[Array, "unknown"]) -> Float[Array, "unknown"]:
+        """Say what their bounds alone tell of the nonlinear unknowns: 1 / variance at a point.
+
+        Spread evenly between its bounds (in the logarithm) a parameter's logit has the variance
+        pi^2 / 3.  That is half-way between them; near a bound, where the curve is flat, as much of
+        the range is a longer way of the search variable.
+        """
+        flatness = (1 + (point / 2) ** 2) ** -3
+        return jnp.where(jnp.asarray(self.bounded), 3 / np.pi**2 * flatness, 0)
 
     @checked
     def between(
@@ -258,7 +275,8 @@ def unknowns_of(
     stated = {**settled, **(stated or {})}
     _check_numbers(lobe)
     # Of amplitudes that stand in for one another nobody states one, but of a base.
-    parts = {part for names in lobe.sums.values() for part in names} - {*lobe.bases}
+    summed = {part for names in lobe.sums.values() for part in names}
+    parts = summed - {*lobe.bases}
     own = [name for name in lobe.amplitude_names if name not in parts]
     own += [one.name for one in lobe.searched]
     for name in stated:
@@ -288,6 +306,7 @@ def unknowns_of(
         lobe.shaped(),
         free_gains=free_gains,
         free_scale=free_scale,
+        summed=tuple(sorted(summed)),
     )
 
 

@@ -80,7 +80,9 @@ def test_a_robust_loss_states_what_it_costs(fit, light, exact):
     noisy = with_noise(exact, 0.01, 0.002)
     robust = SETTINGS._replace(loss="huber")
     found = fit_brdf(noisy, light, microfacet_unknowns(), material(), robust)
-    stated, plain = (parameter_vector(one.parameters.standard_error) for one in (found, fit))
+    # What samples leave together is another matter.
+    if_exact = [one.parameters.if_exact or one.parameters for one in (found, fit)]
+    stated, plain = (parameter_vector(one.standard_error) for one in if_exact)
     np.testing.assert_allclose(stated / plain, 1 / np.sqrt(0.95), atol=0.04)
 
 
@@ -176,7 +178,10 @@ def test_parameters_at_their_bounds_are_an_outcome(light, exact):
     assert "ks is at a bound of its range" in found.reasons
     assert found.brdf.sigma == pytest.approx(0.25, rel=0.01)
     np.testing.assert_array_equal(found.brdf.ks, 0.15)
-    np.testing.assert_array_equal(found.parameters.standard_error.ks, 0)
+    # The truth is beyond both: the intervals reach a little way into the range, and no further.
+    low, high = found.parameters.lower, found.parameters.upper
+    assert np.all(high.ks - low.ks > 0)
+    assert 0.25 < float(high.numbers["sigma"]) < 0.26
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@
 - They are in the parameters' own units, whatever the search variables.
 - With a given noise, they widen when the data scatter more, and never shrink.
 - Intervals are 1.645 standard errors to either side, symmetric in the logarithm for sigma, mu - 1.
-- What is fixed or at a bound has none; what the data say nothing of has that of its range.
+- What is fixed has none; what the data say nothing of has that of its range.
+- What is at a bound is held there for the others, and its own interval reaches into the range.
 - Intervals hold the truth in 90 % of repetitions.
 """
 
@@ -15,12 +16,14 @@ import pytest
 from inverse_problems import (
     microfacet_unknowns,
     parameter_vector,
+    sigma_unknown,
     toy_data,
     toy_model,
     toy_radiance,
 )
 from scipy.stats import binom
 
+from jaxrender.brdf import WIDTH_BOUNDS
 from jaxrender.inverse import Unknown
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.intervals import Uncertain, intervals, within_reach
@@ -28,7 +31,7 @@ from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.reasons import not_identifiable
 from jaxrender.inverse.search import search
-from jaxrender.inverse.uncertainty import uncertain_parameters
+from jaxrender.inverse.uncertainty import held_at_bounds, uncertain_parameters
 
 MODEL = toy_model(seed=5)
 KD, KS, SIGMA, MU = np.array([0.19, 0.11, 0.07]), np.full(3, 0.21), 0.16, 1.62
@@ -137,13 +140,41 @@ def test_an_interval_that_nothing_bounds_has_no_end():
     assert not_identifiable("mu", found).endswith("its 90 % interval is 1 or more")
 
 
-def test_what_is_at_a_bound_is_held():
-    _, fit, data = account(2)
-    held = fit._replace(linear=fit.linear._replace(eliminated=fit.linear.eliminated.at[2].set(0.0)))
-    near = LinearisedModel.about(MODEL, {"sigma": jnp.asarray(SIGMA), "mu": jnp.asarray(MU)})
-    again = uncertain_parameters(PROBLEM, near, data, held, True)
-    assert float(again.standard_error.kd[2]) == 0
-    assert float(again.standard_error.kd[1]) > 0
+# Too little for the noise to tell from 0, and a bound next to what is true.
+DARK, NEXT_TO_IT = 2e-3, 1.001
+
+
+@pytest.mark.parametrize(
+    ("label", "kd", "bounds"),
+    [
+        ("kd", [KD[0], KD[1], DARK], WIDTH_BOUNDS),
+        ("sigma", KD, (WIDTH_BOUNDS[0], SIGMA * NEXT_TO_IT)),
+        ("sigma", KD, (SIGMA / NEXT_TO_IT, WIDTH_BOUNDS[1])),
+    ],
+)
+def test_an_interval_at_a_bound_reaches_to_the_truth(label, kd, bounds):
+    truth = DARK if label == "kd" else SIGMA
+    unknowns = microfacet_unknowns(sigma=sigma_unknown(*bounds))
+    problem = Problem.of(unknowns, 3)
+    clean = toy_radiance(MODEL, np.asarray(kd), KS, SIGMA, MU)
+    start = unknowns.pack({"sigma": float(np.sqrt(np.prod(bounds))), "mu": MU})[None]
+    reached = []
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=clean.shape)
+        deviation = NOISE * np.mean(clean) * np.ones_like(clean)
+        data = toy_data(clean + deviation * noise, 1 / deviation)
+        fit = search(problem, MODEL, data, start)
+        held = held_at_bounds(problem, fit)
+        if not held[4 if label == "kd" else 0]:
+            continue
+        near = LinearisedModel.about(MODEL, unknowns.unpack(fit.solution.point).numbers)
+        found = uncertain_parameters(problem, near, data, fit, True)
+        low, high = (np.ravel(part.of(label))[-1] for part in (found.lower, found.upper))
+        assert unknowns.range_of(label)[0] <= low <= high <= unknowns.range_of(label)[1] * 1.00001
+        assert high - low < 0.03
+        reached.append(low <= truth <= high)
+    assert len(reached) > 8
+    assert np.mean(reached) > 0.8
 
 
 def test_a_parameter_without_evidence_has_the_error_of_its_range():

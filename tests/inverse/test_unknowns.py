@@ -7,6 +7,7 @@
 - The first photograph's gain is 1; fixed values pass through; wrong bounds are refused.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -100,6 +101,23 @@ def test_only_what_is_next_to_a_bound_is_at_it():
     assert unknowns.at_bound(jnp.array([20.0, 0.0, -40.0])).tolist() == [True, False, False]
     assert unknowns.at_bound(jnp.array([0.0, -20.0, 40.0])).tolist() == [False, True, False]
     assert unknowns.at_bound(jnp.array([4.0, -4.0, 0.0])).tolist() == [False, False, False]
+
+
+@pytest.mark.parametrize("fraction", [0.02, 0.3, 0.5, 0.95])
+def test_what_the_bounds_tell_is_the_same_part_of_the_range_everywhere(fraction):
+    unknowns = microfacet_unknowns(free_gains=2)
+    low, high = WIDTH_BOUNDS
+    point = jnp.asarray(unknowns.pack({"sigma": low * (high / low) ** fraction, "mu": 1.5}))
+
+    def part(x):
+        sigma = unknowns.unpack(point.at[0].set(x)).numbers["sigma"]
+        return jnp.log(sigma / low) / np.log(high / low)
+
+    information = unknowns.range_information(point)
+    deviation = abs(jax.grad(part)(point[0])) / np.sqrt(information[0])
+    # A logistic curve has the slope 1 / 4 in its middle.
+    assert deviation == pytest.approx(np.pi / np.sqrt(3) / 4, rel=1e-6)
+    assert information[2] == 0
 
 
 def test_a_start_at_a_bound_is_tried_again_where_a_search_moves_it():

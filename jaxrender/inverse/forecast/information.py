@@ -25,9 +25,6 @@ from jaxrender.inverse.parameters import to_parameters
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 
-# The information on search variables by the bounds of their numbers, as in ``uncertainty``.
-_PRIOR = 3 / np.pi**2
-
 
 class Errors(NamedTuple):
     """Cramer-Rao bounds of relative errors by name, and log det I.
@@ -104,7 +101,6 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     known = replace(unknowns, free_gains=0)
     problem = Problem(known, problem.mix, problem.offset, problem.lower, problem.upper)
     point, eliminated = unknowns_at(problem, brdf)
-    searched = len(known.names)
     vector = jnp.asarray(np.concatenate([point, eliminated]))
 
     first, slopes, value, spread = (np.array(part) for part in _slopes(problem, vector))
@@ -116,7 +112,8 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     value -= [known.origins.get(name, 0.0) for name in names]
     asked = np.any((spread != 0) & ~held[None], axis=1) & (value != 0)
     first[:, lobes:] = 0
-    prior = np.concatenate([np.full(searched, _PRIOR), np.zeros(len(eliminated))])
+    of_range = known.range_information(jnp.asarray(point))
+    prior = np.concatenate([np.asarray(of_range), np.zeros(len(eliminated))])
     prior += _of_priors(problem, vector)
     stands_for = np.array([*known.names, *_linear_names(problem)])
     steps = [
