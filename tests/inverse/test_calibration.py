@@ -121,6 +121,7 @@ def clean():
     return photographed(0 * NEAR, np.ones(VIEWS))
 
 
+@pytest.mark.slow
 def test_nuisances_are_found_with_the_material(wrong):
     without = off(fitted(wrong, diagnose=False))
     assert max(without["sigma"], without["ks"]) > 5

@@ -117,6 +117,7 @@ def errors(stop):
     return np.abs(parameter_vector(values_of(stop)) / TRUTH - 1)
 
 
+@pytest.mark.slow
 def test_the_material_is_recovered(fitted):
     assert fitted.exact is not None
     assert np.all(errors(fitted.exact) < REFINED), errors(fitted.exact)

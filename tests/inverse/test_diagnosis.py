@@ -173,6 +173,7 @@ def test_causes_that_need_cameras_or_places_wait_for_them(grounds):
     assert CAUSES["nearness"].columns(smooth) is None
 
 
+@pytest.mark.slow
 def test_an_environment_in_another_convention_is_told_by_its_axes(grounds):
     # y up for z up, seen in a mirror too: right-handed axes alone would not find it.
     matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]) @ np.diag([1.0, -1, 1])

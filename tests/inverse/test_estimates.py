@@ -214,7 +214,8 @@ def test_what_all_photographs_share_is_one_light():
     assert KnownLight(None, SOURCES).shared is SOURCES
 
 
-@pytest.mark.parametrize("free", ["lamps", pytest.param("black", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("free", ["lamps", "black"])
 def test_the_light_of_an_estimate_is_mended_where_it_was_freed(free, tmp_path):
     """A lamp told 2 degrees beside is found; where nothing of the light is freed, it stays."""
     told = np.array(SOURCES.directions)

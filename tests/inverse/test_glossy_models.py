@@ -52,7 +52,8 @@ SETTINGS = FitSettings(starts=1)
 # Each model is a minute of compiling on a slow machine.  Ward's is fitted where models are
 # compared, Blinn-Phong's width goes as Phong's, the facets of torrance-sparrow and cook-torrance
 # have an index below, and experiments/coverage_known_light.py fits he-torrance's series.
-@pytest.mark.parametrize("name", [pytest.param("phong", marks=pytest.mark.slow), "lafortune"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["phong", "lafortune"])
 def test_photographs_give_the_material_back(name):
     truth = MODELS[name]
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)

@@ -51,6 +51,7 @@ def test_metallic_roughness_is_found():
     assert np.all(np.asarray(fit.parameters.standard_error.of("interface")) == 0)
 
 
+@pytest.mark.slow
 def test_a_share_that_ends_at_nothing_is_a_value():
     fit = found(MetallicRoughness(COLOR, CLEAR, 0.0, 0.4))
     assert fit.outcome is Outcome.CONVERGED

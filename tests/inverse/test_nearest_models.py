@@ -42,9 +42,8 @@ PAIRS = 3900
 
 
 # All six are fitted to each: these three stand for an index, a tail and a power.
-@pytest.mark.parametrize(
-    "name", [*(pytest.param(n, marks=pytest.mark.slow) for n in ("microfacet", "ggx")), "phong"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["microfacet", "ggx", "phong"])
 def test_a_model_is_found_again_from_its_own_tree(name):
     truth = TRUTHS[name]
     table = tabulate(truth, 32, dtype=np.float64).values

@@ -82,10 +82,9 @@ def test_clipped_photographs_are_a_misfit():
     assert any("they are clipped, and capture.saturation" in reason for reason in found.reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("source", "start"),
-    [pytest.param(False, 0.06, marks=pytest.mark.slow), (True, None)],
-    ids=["smooth", "source"],
+    ("source", "start"), [(False, 0.06), (True, None)], ids=["smooth", "source"]
 )
 def test_the_material_is_found_whatever_the_start(source, start):
     """From .06 alone, smooth light ends as two sources under a lobe that is too sharp.

@@ -149,6 +149,7 @@ def test_nothing_is_named_where_nothing_is_wrong():
     assert not found.diagnosis
 
 
+@pytest.mark.slow
 def test_a_wrong_lobe_is_named_and_in_the_error_bars():
     numbers = {"kd": BRDF.kd, "ks": BRDF.ks, **BRDF.numbers}
     photographs = photographed(CLEAN, brdf=material_named("ggx", numbers))

@@ -230,6 +230,7 @@ def test_exposures_and_scale_are_made_up_for(fitted, photographs, corrected):
     )
 
 
+@pytest.mark.slow
 def test_a_scene_asks_for_a_table(photographs, tmp_path):
     scene = Scene(unknown("ggx", table=True), Sphere(), SOURCES)
     estimate = fit(scene, photographs, SETTINGS)

@@ -146,15 +146,11 @@ def test_another_model_speaks_its_own_words(capture):
     assert isinstance(material_named("blinn-phong", result["brdf"]), BlinnPhong)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "brdf", "scale"),
     [
-        pytest.param(
-            "lighting",
-            f", kd: [{KD[0]}, {KD[1]}, {KD[2]}]",
-            np.ones(3),
-            marks=pytest.mark.slow,
-        ),
+        ("lighting", f", kd: [{KD[0]}, {KD[1]}, {KD[2]}]", np.ones(3)),
         ("factorize", "", KD),
     ],
     ids=["lighting", "factorize"],
@@ -316,6 +312,7 @@ def test_sources_are_rendered_as_they_stand_beside_the_picture(factorized, tmp_p
     assert after.max() > 1.5 * before.max()
 
 
+@pytest.mark.slow
 def test_relighting_by_another_environment(factorized, tmp_path):
     """White light on kd + ks = 1 with a specular lobe: a bright ball, the same from every side."""
     folder, result = factorized

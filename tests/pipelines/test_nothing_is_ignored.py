@@ -39,12 +39,10 @@ from jaxrender.pipelines.tasks.texture import recovery as texture
 
 USUAL = (
     "brdf under skies",
-    "brdf compared",
     "lighting",
     "factorize",
     "texture",
     "texture of varying sigma",
-    "texture in the dark",
     "brdf-spectrum",
 )
 # What is so, whether it is said or not.

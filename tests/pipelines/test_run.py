@@ -172,6 +172,7 @@ def test_a_mesh(tmp_path):
     assert_true_material(result)
 
 
+@pytest.mark.slow
 def test_unknown_exposures(tmp_path):
     """Pictures scaled by factors that nobody tells: the material, and the factors, come back."""
     factors = (1.0, 2.0, 0.5, 1.3)

@@ -198,6 +198,7 @@ def test_a_mesh_file_with_coordinates_has_texels(tmp_path):
     assert 0.8 < np.sqrt(np.mean(off[sure] ** 2)) < 1.2
 
 
+@pytest.mark.slow
 def test_diffuse_paint_under_unknown_light(diffuse):
     folder, result = run(diffuse, DIFFUSE_TASK, lighting="")
     assert result["outcome"] == "not_identifiable"
@@ -236,12 +237,14 @@ def test_a_glossy_texture_under_unknown_light(tmp_path):
     assert found == pytest.approx(np.mean(ks[good]), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_specular_lobe_that_is_not_there_is_not_identifiable(diffuse, found):
     _, result = run(diffuse, TASK)
     assert result["outcome"] in ("not_identifiable", "at_bound")
     assert any("sigma" in reason for reason in result["reasons"])
 
 
+@pytest.mark.slow
 def test_texels_without_end_are_marked_not_made_up(diffuse):
     _, result = run(diffuse, DIFFUSE_TASK, "texture.size=96")
     said = result["texture"]
