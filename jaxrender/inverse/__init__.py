@@ -4,9 +4,9 @@
     how a fit ended, in words
 ``solvers`` ``blas``
     the only place that knows the optimisation libraries; BLAS kept to one thread
-``unknowns`` ``parameters``
-    which parameters are free, within what bounds, with what prior, and how they enter; the same
-    in a material's own units
+``stated`` ``unknowns`` ``parameters``
+    what is stated of a number: its value, bounds, a prior; which numbers are free, and how they
+    enter; the same in a material's own units
 ``observations``
     usable pixels as measurements, and how a subset of them is drawn
 ``priors`` ``elimination`` ``search`` ``descent``
@@ -75,7 +75,8 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
 from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
-from jaxrender.inverse.unknowns import Prior, Stated, Unknown, Unknowns, unknowns_of
+from jaxrender.inverse.stated import Prior, Stated, Unknown
+from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 
 __all__ = [
     "AnyEstimate",

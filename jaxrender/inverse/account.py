@@ -18,8 +18,8 @@ from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.reasons import MOVED, not_identifiable, out_of_reach_by_misfit
 from jaxrender.inverse.shadowing import shadows_of
+from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.uncertainty import uncertain_parameters
-from jaxrender.inverse.unknowns import Unknown
 from jaxrender.inverse.weights import variance_factor
 
 # Photographs and a prior that differ by so many standard deviations contradict each other.

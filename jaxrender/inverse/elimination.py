@@ -19,7 +19,8 @@ import numpy as np
 from jaxrender.inverse.models import Columns, LinearisedModel, Model
 from jaxrender.inverse.priors import Priors, priors_of
 from jaxrender.inverse.solvers import Solution, solve_in_box
-from jaxrender.inverse.unknowns import Physical, Unknown, Unknowns
+from jaxrender.inverse.stated import Unknown
+from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 

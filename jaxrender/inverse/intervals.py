@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from jaxrender.inverse.parameters import Parameters
-from jaxrender.inverse.unknowns import Prior
+from jaxrender.inverse.stated import Prior
 from jaxrender.shapes import AnyArray, Float
 
 # Half the width of a 90 % interval of the normal distribution, in standard errors.

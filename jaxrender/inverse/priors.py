@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.inverse.unknowns import Physical, Prior, Unknown, Unknowns
+from jaxrender.inverse.stated import Prior, Unknown
+from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Float
 
 

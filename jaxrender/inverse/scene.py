@@ -34,7 +34,8 @@ from jaxrender.inverse.own_words import OwnWords
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
 from jaxrender.inverse.shadowing import with_transfer
-from jaxrender.inverse.unknowns import Stated, Unknowns, unknowns_of
+from jaxrender.inverse.stated import Stated
+from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.lighting import DirectionalSources, HarmonicLight, Light
 from jaxrender.shapes import Float
 

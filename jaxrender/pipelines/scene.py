@@ -23,7 +23,7 @@ from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel, response_named
 from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
 from jaxrender.inverse.photographs import Reading
-from jaxrender.inverse.unknowns import Prior, Stated
+from jaxrender.inverse.stated import Prior, Stated
 from jaxrender.io import (
     Capture,
     read_capture,

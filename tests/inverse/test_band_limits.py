@@ -21,7 +21,7 @@ from jaxrender.inverse.factorization import FIRST_DEGREE, FactorSettings, Known,
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.rounds import relit
 from jaxrender.inverse.factorization.state import State, Task, begin, round_of
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import SmoothLobes
 
 PAINT = Microfacet(np.array([0.24, 0.28, 0.2]), np.full(3, 0.12), 0.2, 1.45)

@@ -35,7 +35,7 @@ from jaxrender.inverse.calibration import Weighing, check_free
 from jaxrender.inverse.diagnosis.blurring import softening
 from jaxrender.inverse.diagnosis.grounds import Grounds
 from jaxrender.inverse.diagnosis.light_parts import LightParts
-from jaxrender.inverse.unknowns import Stated
+from jaxrender.inverse.stated import Stated
 from jaxrender.lighting import DirectionalSources
 
 SIZE, VIEWS, DISTANCE = 24, 6, 5.0

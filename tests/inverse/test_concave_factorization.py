@@ -26,7 +26,7 @@ from jaxrender.inverse.factorization import (
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.rounds import relit
 from jaxrender.inverse.factorization.state import begin, round_of
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection import integral_columns, radiance
 

@@ -19,7 +19,7 @@ from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.forecast.joint import forecast_joint
 from jaxrender.inverse.forecast.situation import Situation, Supposed
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import DirectionalSources
 from jaxrender.spectra import light_coefficients
 

@@ -22,7 +22,7 @@ from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.source_clusters import centred, grouped
 from jaxrender.inverse.factorization.state import Task, begin, descend
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import integral_columns, radiance
 

@@ -18,7 +18,7 @@ from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.starts import widths
 from jaxrender.inverse.factorization.state import Task
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 
 PAINT = Microfacet(np.array([0.24, 0.28, 0.2]), np.full(3, 0.12), 0.2, 1.45)

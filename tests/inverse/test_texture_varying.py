@@ -15,8 +15,8 @@ from jaxrender.brdf import Lambertian, Microfacet
 from jaxrender.inverse import Observations
 from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
+from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.texture import SigmaField, TextureSettings, recover_texture
-from jaxrender.inverse.unknowns import Unknown
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import (
     FACETS,

@@ -9,7 +9,8 @@ from jaxrender.inverse.factorization.gauges import amplitudes_of
 from jaxrender.inverse.factorization.recover import Factorization
 from jaxrender.inverse.factorization.state import Known
 from jaxrender.inverse.intervals import Uncertain
-from jaxrender.inverse.unknowns import Unknown, Unknowns
+from jaxrender.inverse.stated import Unknown
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import AnyArray, Float
 

@@ -26,7 +26,7 @@ from jaxrender.inverse.factorization.response import (
 )
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.observations import Observations, as_pixels
-from jaxrender.inverse.unknowns import Unknown
+from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.weights import deviations, robust_weights
 from jaxrender.shapes import Array, Bool, Float, Int, as_jax
 

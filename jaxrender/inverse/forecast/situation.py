@@ -18,7 +18,8 @@ from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
-from jaxrender.inverse.unknowns import Unknown, Unknowns
+from jaxrender.inverse.stated import Unknown
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
 from jaxrender.shapes import Array, Float, Int
 

@@ -10,6 +10,7 @@ from jaxrender.inverse.models import DiffuseModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.shadowing import concave
+from jaxrender.inverse.stated import Stated
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.estimate import (
@@ -27,7 +28,7 @@ from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.transfer_field import with_field
-from jaxrender.inverse.unknowns import Stated, unknowns_of
+from jaxrender.inverse.unknowns import unknowns_of
 from jaxrender.shapes import Bool, Int
 
 # A lobe that nothing asks about: diffuse paint has none.

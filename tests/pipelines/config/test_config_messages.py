@@ -7,13 +7,10 @@
 from pathlib import Path
 
 import pytest
-from config_texts import CAPTURE, GOOD, LIGHT, RECIPE, brdf_message, message, recipe, run_config
+from config_texts import CAPTURE, GOOD, LIGHT, message, run_config
 
 from jaxrender.errors import InputError
-from jaxrender.pipelines.config import (
-    load_run_config,
-    resolved_yaml,
-)
+from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.config.tasks import TASKS
 
 *_FIRST, _LAST = map(repr, TASKS)
@@ -233,84 +230,6 @@ def test_a_long_value_is_shortened():
     assert found == f"'{'x' * 55} ..., accepted: 'auto', 'squares', 'huber' or 'cauchy'"
 
 
-MATERIALS = {
-    "{kd: -1}": "brdf.kd: found -1; every value here must be at least 0",
-    "{ks: {bounds: [-1, 1]}}": "brdf.ks: found -1; every value here must be at least 0",
-    "{kd: {start: [1, 1, -2]}}": "brdf.kd: found -2; every value here must be at least 0",
-    "{sigma: 0}": "brdf.sigma: found 0; every value here must be above 0",
-    "{sigma: {bounds: [0, 1]}}": "brdf.sigma: found 0; every value here must be above 0",
-    "{mu: 1}": "brdf.mu: found 1; every value here must be above 1",
-    "{mu: {bounds: [1, 2]}}": "brdf.mu: found 1; every value here must be above 1",
-    "{mu: {start: 0.5}}": "brdf.mu: found 0.5; every value here must be above 1",
-    "{mu: [2, 2, 2]}": (
-        "brdf.mu: found fixed [2, 2, 2]; this parameter is one number for all channels"
-    ),
-    "{sigma: {start: [2, 2, 2]}}": (
-        "brdf.sigma: found start [2, 2, 2]; this parameter is one number for all channels"
-    ),
-    "{kd: {fixed: 1, bounds: [0, 2]}}": (
-        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
-    ),
-    "{kd: {fixed: 1, start: 1}}": (
-        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
-    ),
-    "{kd: {fixed: 1, prior: [1, 0.1]}}": (
-        "brdf.kd: a fixed value needs no bounds, no start and no prior; remove them, or 'fixed'"
-    ),
-    "{kd: {prior: [1, 0]}}": "brdf.kd: prior standard deviation 0; it must be above 0",
-    "{sigma: {bounds: [0.1, 0.2], prior: [0.3, 0.1]}}": (
-        "brdf.sigma: prior mean 0.3 lies outside the bounds [0.1, 0.2]"
-    ),
-    "{kd: {bounds: [2, 1]}}": ("brdf.kd: found bounds [2, 1]; the first must be the smaller one"),
-    "{kd: {bounds: [1, 1]}}": ("brdf.kd: found bounds [1, 1]; the first must be the smaller one"),
-    "{kd: {bounds: [1, 2], start: 3}}": "brdf.kd: start 3 lies outside the bounds [1, 2]",
-    "{ks: [1, 2, 3]}": (
-        "brdf: ks has three values; add 'ks_per_channel: true', or give one number"
-    ),
-    "{model: ggx, sigma: {bounds: [0.1, 2]}}": (
-        "brdf: found sigma 2 with model ggx, where it is above 0 and at most 1; "
-        "give another, or choose another model"
-    ),
-    "{model: lambertian, ks: 1}": (
-        "brdf.ks: found 1, but model lambertian (kd) has no ks; remove it, or choose another model"
-    ),
-}
-
-
-@pytest.mark.parametrize("entries", MATERIALS)
-def test_materials_that_contradict_themselves(entries):
-    assert brdf_message(entries) == MATERIALS[entries]
-
-
-@pytest.mark.parametrize(
-    ("entries", "expected"),
-    [
-        ("model: microfacet", ("exit", "none")),
-        ("model: ggx", ("half", "smith")),
-        ("model: beckmann", ("half", "smith")),
-        ("model: ggx, masking: none", ("half", "none")),
-        ("fresnel: exit, model: ggx", ("exit", "smith")),
-    ],
-)
-def test_models_of_physics_have_their_own_defaults(entries, expected):
-    config = run_config(GOOD + f"brdf: {{{entries}}}\n")
-    stated = recipe(RECIPE.replace("mu: 1.5", f"mu: 1.5, {entries}"))
-    for brdf in (config.brdf, stated.brdf):
-        assert (brdf.fresnel, brdf.masking) == expected
-    again = resolved_yaml(config)
-    Path("again.yaml").write_text(again)
-    assert load_run_config("again.yaml") == config
-
-
-def test_a_model_named_on_the_command_line_has_its_defaults_too():
-    brdf = run_config(GOOD, "brdf.model=ggx").brdf
-    assert (brdf.model, brdf.fresnel, brdf.masking) == ("ggx", "half", "smith")
-
-
-def test_a_lambertian_needs_no_more_than_kd():
-    assert run_config(GOOD + "brdf: {model: lambertian, kd: 0.2}\n").brdf.kd.fixed == 0.2
-
-
 SECTIONS = {
     "task: brdf\ncapture: {erode: 1}\n" + LIGHT: (
         "bad.yaml:2:1: capture: found neither; give exactly one of transforms, recipe"
@@ -351,63 +270,6 @@ SECTIONS = {
 @pytest.mark.parametrize("text", SECTIONS)
 def test_sections_that_contradict_themselves(text):
     assert message(text) == SECTIONS[text]
-
-
-RECIPES = {
-    ("geometry: {sphere: {}}", "geometry: {}"): (
-        "bad.yaml:1:1: geometry: found none; give exactly one of sphere, mesh, ellipsoid, sculpture"
-    ),
-    ("geometry: {sphere: {}}", "geometry: {ellipsoid: {radii: [1, 2, 0]}}"): (
-        "bad.yaml:1:31: geometry.ellipsoid.radii: found [1, 2, 0], accepted: three numbers above 0"
-    ),
-    (", ks: 0.2, sigma: 0.1", ""): (
-        "bad.yaml:2:1: brdf: a microfacet recipe states its whole truth; missing: ks, sigma"
-    ),
-    ("kd: 0.1, ", ""): (
-        "bad.yaml:2:1: brdf: a microfacet recipe states its whole truth; missing: kd"
-    ),
-    ("mu: 1.5", "mu: 1"): "bad.yaml:2:42: brdf.mu: found 1, accepted: 'none' or a number above 1",
-    ("kd: 0.1, ks: 0.2", "model: ggx, kd: 0.1"): (
-        "bad.yaml:2:1: brdf: a ggx recipe states its whole truth; missing: ks"
-    ),
-    ("sigma: 0.1", "model: beckmann, sigma: 1.1"): (
-        "bad.yaml:2:1: brdf: found sigma 1.1 with model beckmann, where it is above 0 and at most "
-        "1; give another, or choose another model"
-    ),
-    ("kd: 0.1, ks: 0.2", "model: lambertian, kd: 0.1, ks: 0.2"): (
-        "bad.yaml:2:40: brdf.ks: found 0.2, but model lambertian (kd) has no ks; remove it, or "
-        "choose another model\n"
-        "bad.yaml:2:52: brdf.sigma: found 0.1, but model lambertian (kd) has no sigma; remove it, "
-        "or choose another model\n"
-        "bad.yaml:2:61: brdf.mu: found 1.5, but model lambertian (kd) has no mu; remove it, or "
-        "choose another model"
-    ),
-    ("directional: [{direction: [0, 0, 1], irradiance: 3}]", "area: []"): (
-        "bad.yaml:3:1: lighting: no light given; "
-        "give at least one of environment, directional, area, overcast_sky, clear_sky, harmonic"
-    ),
-    (
-        "directional: [{direction: [0, 0, 1], irradiance: 3}]",
-        "area: [{direction: [0, 0, 1], width_degrees: 0, radiance: 1}]",
-    ): (
-        "bad.yaml:4:48: lighting.area[0].width_degrees: found 0, "
-        "accepted: an angle in degrees above 0 and up to 180"
-    ),
-    ("geometry: {sphere: {}}", "geometry: {sphere: {}}\nviews: {field_of_view_degrees: 180}"): (
-        "bad.yaml:2:32: views.field_of_view_degrees: found 180, "
-        "accepted: an angle in degrees between 0 and 180"
-    ),
-    ("geometry: {sphere: {}}", "geometry: {sphere: {}}\nviews: {elevation_degrees: 91}"): (
-        "bad.yaml:2:28: views.elevation_degrees: found 91, "
-        "accepted: an angle in degrees from -90 to 90"
-    ),
-}
-
-
-@pytest.mark.parametrize(("old", "new"), RECIPES)
-def test_wrong_recipes(old, new):
-    assert old in RECIPE
-    assert message(RECIPE.replace(old, new), load=recipe) == RECIPES[old, new]
 
 
 def test_all_errors_at_once_in_the_order_of_their_places():
