@@ -312,7 +312,6 @@ def test_sources_are_rendered_as_they_stand_beside_the_picture(factorized, tmp_p
     assert after.max() > 1.5 * before.max()
 
 
-@pytest.mark.slow
 def test_relighting_by_another_environment(factorized, tmp_path):
     """White light on kd + ks = 1 with a specular lobe: a bright ball, the same from every side."""
     folder, result = factorized
