@@ -1,11 +1,14 @@
 """The page of gradients: every public function by every array argument, at random and at the edges.
 
-``page`` says what a row is and checks it; one list of rows stands here for each package.
+``page`` says what a row is, ``checker`` checks it, and ``listing`` finds what is on no row; one
+list of rows stands here for each package.
 ``experiments/gradients.py`` prints what is found, the tests demand it.
 """
 
 from . import brdf, harmonics, lighting, reflection, spectra
-from .page import DOUBLE, SINGLE, Chapter, Found, Row, check, unlisted
+from .checker import DOUBLE, SINGLE, Found, check
+from .listing import unlisted
+from .page import Chapter, Row
 
 CHAPTERS = {
     "harmonics": Chapter(harmonics.ROWS, harmonics.EXCEPTIONS),

@@ -1,0 +1,58 @@
+"""Rows of ``jaxrender.brdf``."""
+
+from . import factors, models, tables
+
+ROWS = [*models.ROWS, *tables.ROWS, *factors.ROWS]
+
+_FIT = "a fit on the host, of measurements"
+_SETS = "numbers that are found on the host, for a whole table"
+_NUMBER = "one number of a whole BRDF, found on the host by quadrature or random directions"
+_BASE = "what such a BRDF is: its rows are those of the models"
+_GIVEN = "what a function gives: numbers, no function"
+EXCEPTIONS = {
+    "*.transfer": "what evaluate is made of, and differentiated with it",
+    "*.specular_transfer": "what evaluate is made of, and differentiated with it",
+    "*.attenuated": "what evaluate is made of, and differentiated with it",
+    "*.masked": "what evaluate is made of, and differentiated with it",
+    "*.evaluate": "the rows named after a model are its evaluate",
+    "*.with_amplitudes": "replaces numbers",
+    "*.with_roughness": "replaces numbers",
+    "*.draw": "random directions on the host, which jump from cell to cell",
+    "*.density": "the density of random directions, constant in each cell",
+    **dict.fromkeys(("BRDF", "Glossy", "Parametric", "WithoutIndex", "ByOwnNumber"), _BASE),
+    "Distribution": "what a distribution is: its rows are those of the three",
+    **dict.fromkeys(("fit_isotropic_table", "fit_zernike"), _FIT),
+    **dict.fromkeys(("masked", "tabulate"), _SETS),
+    **dict.fromkeys(
+        (
+            "nearest_energy_conserving",
+            "nearest_isotropic",
+            "nearest_reciprocal",
+            "nearest_separable",
+        ),
+        _SETS,
+    ),
+    **dict.fromkeys(
+        (
+            "directional_albedo",
+            "isotropy_error",
+            "max_albedo",
+            "reciprocity_error",
+            "separability_error",
+        ),
+        _NUMBER,
+    ),
+    **dict.fromkeys(("brdf_named", "lobe_named", "material_named"), "of a name"),
+    **dict.fromkeys(("HalfDifference", "Masked", "Nearest", "Samples"), _GIVEN),
+    **dict.fromkeys(("ScatteredFit", "Searched", "ZernikeFit"), _GIVEN),
+    **dict.fromkeys(("BankLobe", "standard_lobes"), "set shapes"),
+    **dict.fromkeys(("ShapeParameter", "IndexParameter"), "a power, and a sum, of one number"),
+    **dict.fromkeys(
+        ("CosineSampler", "DirectionSampler", "TreeSampler"),
+        "random directions, and a density that is constant in each cell",
+    ),
+    **dict.fromkeys(
+        ("WaveletBRDF", "ScatteringTrees"), "of a tree: constant in each cell, or linear"
+    ),
+    "RglBRDF": "of a measured file: its warps are inverted in the file's cells",
+}
