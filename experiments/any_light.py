@@ -21,9 +21,9 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
+import ball_worlds  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
-import planted  # noqa: E402
 import scenes  # noqa: E402
 
 from jaxrender.brdf import WIDTH_BOUNDS, Microfacet  # noqa: E402
@@ -56,7 +56,7 @@ def material(sigma: float) -> Microfacet:
 def smooth_world(degree: int, sources: int, seed: int) -> World:
     """Draw positive light of a degree, and sources at least 45 degrees apart."""
     rng = np.random.default_rng([degree, sources, seed])
-    directions = LatLongGrid(planted.ROWS, 2 * planted.ROWS).directions()
+    directions = LatLongGrid(ball_worlds.ROWS, 2 * ball_worlds.ROWS).directions()
     light = np.zeros((*directions.shape[:-1], 3))
     if degree:
         count = coefficient_count(degree)
@@ -81,7 +81,7 @@ def smooth_world(degree: int, sources: int, seed: int) -> World:
 
 def window_world(seed: int) -> World:
     """Draw a room of wide windows."""
-    environment = scenes.probe("soft boxes", seed, planted.ROWS)
+    environment = scenes.probe("soft boxes", seed, ball_worlds.ROWS)
     radiance = np.asarray(environment.radiance)
     sigma = float(np.exp(np.random.default_rng(seed).uniform(np.log(0.06), np.log(0.35))))
     none = np.zeros((0, 3))
@@ -90,13 +90,13 @@ def window_world(seed: int) -> World:
 
 def photographed(world: World, seed: int) -> Observations:
     """Photograph a world from twelve sides, with noise."""
-    plain = planted.clean(seed)._replace(
+    plain = ball_worlds.clean(seed)._replace(
         environment=world.environment, material=world.material, irradiance=np.zeros(3)
     )
-    pool = planted.photographs(plain, plain, seed)
+    pool = ball_worlds.photographs(plain, plain, seed)
     assert pool.places is not None
     normals, outgoing = (np.asarray(part) for part in pool.samples)
-    exact = planted.integrated(plain, world.material, pool.places.points, normals, outgoing)
+    exact = ball_worlds.integrated(plain, world.material, pool.places.points, normals, outgoing)
     frames = np.asarray(world_from_local(jnp.asarray(normals)))
     seen = np.einsum("sji,sj->si", frames, outgoing)
     for direction, irradiance in zip(world.directions, world.irradiance):
@@ -104,7 +104,7 @@ def photographed(world: World, seed: int) -> Observations:
         rho = np.asarray(world.material.evaluate(jnp.asarray(incoming), jnp.asarray(seen)))
         exact = exact + rho * np.maximum(incoming[:, 2:], 0) * irradiance
     rng = np.random.default_rng([3000, seed])
-    return pool._replace(radiance=exact * (1 + planted.NOISE * rng.normal(size=exact.shape)))
+    return pool._replace(radiance=exact * (1 + ball_worlds.NOISE * rng.normal(size=exact.shape)))
 
 
 class Fit(NamedTuple):

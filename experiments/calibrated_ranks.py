@@ -3,7 +3,7 @@
     python experiments/calibrated_ranks.py [--count 40] [--first 0]
 
 Each draw is a ball of a material of its own under a probe and a lamp, from twelve sides, with 1 %
-noise (``planted.py``).  Its photographs have the faults that a careful capture may have, all at
+noise (``ball_worlds.py``).  Its photographs have the faults that a careful capture may have, all at
 once, each as large as the prior of ``solve.free`` says: turned cameras, exposures that differ, and
 a lamp that is near in every second draw.  In every fourth the lobe is GGX and not T 6.2.  The fit
 is told none of it, and frees what it names (``free: auto``).
@@ -24,7 +24,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
-from planted import VIEWS, World, clean, photographs  # noqa: E402
+from ball_worlds import VIEWS, World, clean, photographs  # noqa: E402
 from planted import camera as turn_cameras  # noqa: E402
 from scipy.stats import chi2, norm  # noqa: E402
 

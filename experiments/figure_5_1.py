@@ -32,8 +32,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from scenes import probe
+from shrm_materials import Material, all_materials, fibre_lobes
 
-from jaxrender.brdf import BRDF, IsotropicTable, Lafortune, Microfacet, fit_isotropic_table
 from jaxrender.geometry import (
     Mesh,
     Orthographic,
@@ -44,30 +44,14 @@ from jaxrender.geometry import (
     sculpture,
 )
 from jaxrender.harmonics import WINDOWS, LatLongGrid, looked_up, over_poles
-from jaxrender.imaging.colour import rgb_of_reflectance
 from jaxrender.imaging.display import exposed, exposure_for
-from jaxrender.io import read_cornell, read_environment, read_mesh
+from jaxrender.io import read_environment, read_mesh
 from jaxrender.lighting import Environment, LightNodes
 from jaxrender.pipelines.report.display import tone_key, tone_mapped
 from jaxrender.reflection import integral_columns, radiance
 from jaxrender.reflection.shrm import GlobalShrm, LocalShrm, exit_cosine, global_shrm, local_shrm
-from jaxrender.spectra import (
-    CentralSpectrum,
-    CentralTable,
-    FacetLobe,
-    central_spectrum,
-    central_spectrum_of,
-    light_coefficients,
-    lobe_ringing,
-    missing_energy,
-    required_orders,
-    tabulated_spectrum,
-    windowed_spectrum,
-)
+from jaxrender.spectra import CentralSpectrum, light_coefficients
 
-BAND_LIMIT, ORDER = 30, 5
-FIBRES_ORDER, FIBRES_EXPONENT, FIBRES_ROWS = 8, 32.0, 128
-TOLERANCE = {"microfacet": 0.01, "velvet": 0.01, "fibres": 0.03, "paint": 0.06}
 # Closer to grazing a weighted map is divided by this cosine: what it misses there would glare.
 LEAST_COSINE = 0.15
 MAP = LatLongGrid(128, 128)
@@ -75,23 +59,7 @@ LIGHT_ROWS, SIZE, COMPARED = 128, 256, 400
 # Towards the viewer: azimuth and elevation in degrees, and the angle that the background spans.
 VIEW, SPAN = (-70, 12), 70
 PUBLISHED_RATE = 30
-SIGMA = 0.12
-COPPER = np.array([0.95, 0.6, 0.42])
-FIBRES = np.array([0.006, 0.003, 0.001]), np.array([0.4, 0.26, 0.13])
 UP = {"z": np.eye(3), "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])}
-
-
-class Material(NamedTuple):
-    """A spectrum about the central direction, and the same reflectance as it is.
-
-    ``about_tangent``: the central direction is the tangent, not R.  ``divided``: the map, weighted
-    by the exit cosine, is divided by it for the picture; T 5.34 is not.
-    """
-
-    spectrum: CentralSpectrum
-    brdf: BRDF | None
-    about_tangent: bool = False
-    divided: bool = True
 
 
 class Frames(NamedTuple):
@@ -100,79 +68,6 @@ class Frames(NamedTuple):
     view: SurfaceView
     centres: jax.Array
     samples: SurfaceSamples
-
-
-def microfacet(limits: tuple[int, int]) -> Material:
-    """T 5.34, coloured as copper: rho^ cos t_o of T 6.2 without Fresnel."""
-    lobe = FacetLobe(SIGMA)
-    one = central_spectrum(lobe, limits, *lobe.extent, weighted=True)
-    spectrum = CentralSpectrum(one.coefficients * COPPER, one.energy * COPPER**2, True)
-    return Material(spectrum, Microfacet(np.zeros(3), COPPER, SIGMA, None), divided=False)
-
-
-def paint_from(path: Path) -> IsotropicTable:
-    """Read Cornell's measurements as a table in RGB."""
-    data = read_cornell(path)
-    rgb = rgb_of_reflectance(data.wavelengths, data.values)
-    return fit_isotropic_table(data.incoming, data.outgoing, rgb).brdf
-
-
-def paint(path: Path, limits: tuple[int, int]) -> Material:
-    brdf = paint_from(path)
-    return Material(central_spectrum_of(brdf, limits, weighted=True), brdf)
-
-
-def velvet(limits: tuple[int, int]) -> Material:
-    """(sin t_i sin t_o cos phi)^n forwards and backwards: dark from above, bright at grazing."""
-    ks = np.array([[0.75, 0.12, 0.2], [0.5, 0.05, 0.1]])
-    coefficients = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
-    brdf = Lafortune(np.array([0.03, 0.004, 0.008]), ks, coefficients, np.array([6.0, 3.0]))
-    return Material(central_spectrum_of(brdf, limits, weighted=True), brdf)
-
-
-def fibres(limits: tuple[int, int]) -> Material:
-    return Material(fibre_spectrum(limits), None, about_tangent=True, divided=False)
-
-
-def fibre_spectrum(limits: tuple[int, int]) -> CentralSpectrum:
-    """Kajiya and Kay's two lobes about the tangent, for all directions around the fibre."""
-    cosines = np.cos(CentralTable.polar_angles(FIBRES_ROWS))
-    values = fibre_lobes(cosines[:, None], cosines[None, :])
-    table = CentralTable(jnp.asarray(values[:, :, None, :], float))
-    return tabulated_spectrum(table, limits)
-
-
-def fibre_lobes(incoming: jax.Array, outgoing: jax.Array) -> jax.Array:
-    """kd sin t_i + ks max(-cos(t_i + t_o), 0)^s of the cosines to the tangent."""
-    sine_in, sine_out = (jnp.sqrt(jnp.maximum(1 - c**2, 0)) for c in (incoming, outgoing))
-    lobe = jnp.maximum(sine_in * sine_out - incoming * outgoing, 0) ** FIBRES_EXPONENT
-    sine_in = jnp.broadcast_to(sine_in, lobe.shape)
-    return sine_in[..., None] * FIBRES[0] + lobe[..., None] * FIBRES[1]
-
-
-def chosen(name: str, spectrum: CentralSpectrum) -> CentralSpectrum:
-    """Keep the orders that reach the tolerance, or all there are, and say what they miss."""
-    tolerance = TOLERANCE[name]
-    try:
-        orders = required_orders(spectrum, tolerance)
-        kept = spectrum.cut((orders.light, orders.viewer))
-        verdict = "smallest that reach"
-    except ValueError:
-        kept, verdict = spectrum, "do NOT reach"
-    missed = missing_energy(kept)[-1, -1]
-    print(f"{name:11s}(F, P) = {kept.band_limits} miss {100 * missed:.1f} %: ", end="")
-    print(f"{verdict} {100 * tolerance:.0f} %")
-    return kept
-
-
-def windowed(name: str, material: Material, window: str) -> Material:
-    """Take the ringing off a lobe, or say how far it falls below zero."""
-    before = material.spectrum
-    after = before if window == "none" else windowed_spectrum(before, window)
-    rings = [100 * lobe_ringing(spectrum) for spectrum in (before, after)]
-    print(f"{name:11s}lowest value of the lobe {rings[0]:.1f} % of its peak, ", end="")
-    print(f"window {window}: {rings[1]:.1f} %")
-    return material._replace(spectrum=after)
 
 
 def mesh_from(path: Path | None, up: str) -> Mesh:
@@ -325,19 +220,6 @@ def render(material: Material, light: Environment, mesh, nodes: LightNodes) -> D
     raw = np.asarray(looked_up(over_poles(shrm.dynamic_map(outgoing)), frames.centres))
     below, lowest = float(np.mean(raw.min(axis=1) < 0)), float(raw.min() / raw.max())
     return Drawn(frames, image, prefilter, spent, error, below, lowest)
-
-
-def all_materials(measured: Path | None, window: str = "none") -> dict[str, Material]:
-    """Each to the orders that its tolerance asks for, and through a window."""
-    limits = BAND_LIMIT, ORDER
-    found = {"microfacet": microfacet(limits)}
-    if measured:
-        found["paint"] = paint(measured, limits)
-    found |= {"velvet": velvet(limits), "fibres": fibres((BAND_LIMIT, FIBRES_ORDER))}
-    return {
-        name: windowed(name, material._replace(spectrum=chosen(name, material.spectrum)), window)
-        for name, material in found.items()
-    }
 
 
 def main():

@@ -23,20 +23,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
-from figure_5_1 import (
-    LEAST_COSINE,
-    Frames,
-    Material,
-    integrated,
-    light_from,
-    mapped,
-    microfacet,
-    paint,
-    relative_rms,
-    seen,
-    velvet,
-)
+from figure_5_1 import LEAST_COSINE, Frames, integrated, light_from, mapped, relative_rms, seen
 from figure_5_6 import amplification
+from shrm_materials import Material, microfacet, paint, velvet
 
 from jaxrender.geometry import Sphere
 from jaxrender.imaging.display import exposed

@@ -21,17 +21,9 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from figure_5_1 import (
-    Frames,
-    Material,
-    fibres,
-    integrated,
-    light_from,
-    mapped,
-    relative_rms,
-    seen,
-)
+from figure_5_1 import Frames, integrated, light_from, mapped, relative_rms, seen
 from figure_5_8 import Comparison, as_shown, draw, print_table
+from shrm_materials import Material, fibres
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Sphere

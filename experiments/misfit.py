@@ -27,7 +27,8 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
-from planted import FAULTS, TRUE, planted  # noqa: E402
+from ball_worlds import TRUE  # noqa: E402
+from planted import FAULTS, planted  # noqa: E402
 
 from jaxrender.inverse import (  # noqa: E402
     BRDFFit,

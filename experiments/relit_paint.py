@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from materials import NOISE, PIXELS, VIEWS, around, ball, fitted, lamp, probes
 from measured import Truth, photographed, table
+from relit_balls import NOISE, PIXELS, VIEWS, around, ball, fitted, lamp, probes
 from scenes import unit
 
 from jaxrender.geometry import SurfaceSamples

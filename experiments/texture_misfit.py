@@ -21,7 +21,8 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import numpy as np  # noqa: E402
-from planted import CELLS, FAULTS, OTHER_KD, OTHER_KS, TRUE, checkered, painted  # noqa: E402
+from ball_worlds import TRUE  # noqa: E402
+from planted import CELLS, FAULTS, OTHER_KD, OTHER_KS, checkered, painted  # noqa: E402
 
 from jaxrender.geometry.texels import sphere_coordinates, texel_coordinates, texel_sites  # noqa: E402
 from jaxrender.inverse.scene import unknown  # noqa: E402

@@ -25,10 +25,10 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
+import ball_worlds  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
-import planted  # noqa: E402
 import scenes  # noqa: E402
 from scipy.ndimage import map_coordinates  # noqa: E402
 
@@ -70,14 +70,14 @@ class Trial(NamedTuple):
 
 def photographed(environment: Environment, material: Microfacet, seed: int) -> Observations:
     """Photograph a ball from nine sides."""
-    plain = planted.clean(seed)
+    plain = ball_worlds.clean(seed)
     world = plain._replace(
         cameras=plain.cameras[:VIEWS],
         environment=environment,
         material=material,
         irradiance=np.zeros(3),
     )
-    return planted.photographs(world, world, seed)
+    return ball_worlds.photographs(world, world, seed)
 
 
 def disk() -> tuple[np.ndarray, SurfaceSamples]:

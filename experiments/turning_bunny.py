@@ -29,8 +29,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from figure_5_1 import BAND_LIMIT, LEAST_COSINE, UP, chosen, mesh_from, paint_from, towards
+from figure_5_1 import LEAST_COSINE, UP, mesh_from, towards
 from PIL import Image
+from shrm_materials import BAND_LIMIT, chosen, paint_from
 
 from jaxrender.geometry import Mesh, Orthographic, look_at, reflect
 from jaxrender.geometry.tracing import EmbreeTracer

@@ -1,20 +1,13 @@
-"""Spherical harmonic reflection maps: one function in five forms, and the integral behind them."""
+"""Spherical harmonic reflection maps: one function in five forms."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from shrm_problems import any_spectrum, random_light, random_samples
 
-from jaxrender.brdf import Microfacet
-from jaxrender.geometry import Orthographic, Sphere, SurfaceSamples, look_at, observe, rotation
-from jaxrender.harmonics import (
-    CubeGrid,
-    LatLongGrid,
-    complex_from_real,
-    degrees,
-    evaluate,
-    real_basis,
-)
+from jaxrender.geometry import Orthographic, Sphere, look_at, rotation
+from jaxrender.harmonics import CubeGrid, LatLongGrid, complex_from_real, evaluate, real_basis
 from jaxrender.reflection import (
     AzimuthalTexture,
     GlobalShrm,
@@ -24,49 +17,21 @@ from jaxrender.reflection import (
     SurfacePoints,
     ViewerGoal,
     ViewerRule,
-    ViewFilter,
     central_coefficients,
     convolve_isotropic,
     evaluate_isotropic,
     global_shrm,
     local_from_global,
     local_shrm,
-    mirror_light,
     principal_maps,
-    reflect_mirror_light,
-    reflect_slow_light,
     reflection_maps,
     shrm_from_photographs,
 )
-from jaxrender.reflection.shrm import blending_shares, icosahedron_vertices, specular_spectrum
+from jaxrender.reflection.shrm import blending_shares, icosahedron_vertices
 from jaxrender.spectra import CentralSpectrum, phong_transfer
 
 _F, _P = 7, 3
 _GRID = LatLongGrid(24, 48)
-
-
-def _any_spectrum(rng, band_limits=(_F, _P)) -> CentralSpectrum:
-    first, second = band_limits
-    most = min(band_limits)
-    degree, outgoing, order = np.ogrid[: first + 1, : second + 1, : most + 1]
-    rho = rng.standard_normal((first + 1, second + 1, most + 1, 3))
-    rho = np.where(((order <= degree) & (order <= outgoing))[..., None], rho, 0)
-    return CentralSpectrum(rho, np.ones(3))
-
-
-def _light(rng, band_limit=_F):
-    fall = 1 + degrees(band_limit)[:, None] ** 1.5
-    light = rng.standard_normal(((band_limit + 1) ** 2, 3)) / fall
-    light[0] = 4
-    return light
-
-
-def _samples(rng, count=200, least=0.15) -> SurfaceSamples:
-    normals, outgoing = rng.standard_normal((2, 8 * count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    outgoing /= np.linalg.norm(outgoing, axis=1, keepdims=True)
-    facing = np.einsum("xi,xi->x", normals, outgoing) > least
-    return SurfaceSamples(normals[facing][:count], outgoing[facing][:count])
 
 
 def _frames(grid):
@@ -79,7 +44,7 @@ def _frames(grid):
 @pytest.fixture(scope="module")
 def made():
     rng = np.random.default_rng(3)
-    light, spectrum = _light(rng), _any_spectrum(rng)
+    light, spectrum = random_light(rng, _F), any_spectrum(rng, (_F, _P))
     return light, spectrum, local_shrm(light, spectrum, _GRID)
 
 
@@ -93,7 +58,7 @@ def test_the_three_steps_are_the_light_rotated_into_every_texels_frame(made):
 @pytest.mark.parametrize("band_limits", [(3, 0), (2, 4), (5, 5)])
 def test_more_degrees_of_the_viewer_than_of_the_light_and_none(band_limits):
     rng = np.random.default_rng(5)
-    light, spectrum = _light(rng, band_limits[0]), _any_spectrum(rng, band_limits)
+    light, spectrum = random_light(rng, band_limits[0]), any_spectrum(rng, band_limits)
     local = local_shrm(light, spectrum, _GRID)
     twin = np.asarray(central_coefficients(light, spectrum, _frames(_GRID)[2]))
     assert np.abs(twin.reshape(local.maps.shape) - local.maps).max() < 1e-10
@@ -134,13 +99,12 @@ def test_a_cube_holds_the_same_function(made):
 
 
 def test_a_radial_lobe_gives_a_plain_reflection_map():
-    grid, rng = LatLongGrid(32, 64), np.random.default_rng(8)
-    image = np.asarray(evaluate(_light(rng), grid.directions().reshape(-1, 3))).reshape(32, 64, 3)
+    grid, light = LatLongGrid(32, 64), random_light(np.random.default_rng(8), _F)
+    image = np.asarray(evaluate(light, grid.directions().reshape(-1, 3))).reshape(32, 64, 3)
     transfer = np.asarray(phong_transfer(20.0, _F))
     # A_l = Lambda_l rho_l, and the viewer's constant harmonic is 1 / sqrt(4 pi).
     rho = transfer * np.sqrt((2 * np.arange(_F + 1) + 1) / (4 * np.pi)) * np.sqrt(4 * np.pi)
     spectrum = CentralSpectrum(rho[:, None, None, None], np.ones(1))
-    light = _light(np.random.default_rng(8))
     maps = np.asarray(local_shrm(light, spectrum, grid).maps)[:, :, 0] / np.sqrt(4 * np.pi)
     expected = np.asarray(reflection_maps(image, transfer[None], grid))[0]
     wavelength = np.sqrt(4 * np.pi / (2 * np.arange(_F + 1) + 1))
@@ -173,7 +137,7 @@ def test_interpolation_is_second_order_across_poles_and_seam(made):
 
 def test_a_cube_is_evaluated_and_differentiated_where_the_compiler_sees_it(made):
     whole, cube = global_shrm(made[2]), CubeGrid(24)
-    on_cube, samples = whole.on(cube), _samples(np.random.default_rng(9), 30)
+    on_cube, samples = whole.on(cube), random_samples(np.random.default_rng(9), 30)
     index, share = cube.neighbours(np.asarray(samples.reflected))
     maps = np.asarray(on_cube.maps).reshape(-1, *on_cube.maps.shape[2:])
     between = np.einsum("pk,pkac->pac", share, maps[index])
@@ -282,91 +246,6 @@ def test_principal_components_are_those_of_the_dense_light_field(made):
     weights = _GRID.weights()[:, :, None, None]
     part = np.sum(weights * left**2) / np.sum(weights * np.asarray(local.maps) ** 2)
     assert np.isclose(part, every.energy[5:].sum(), rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_the_column_of_a_lobe_nears_the_integral_as_the_viewers_degree_grows():
-    rng = np.random.default_rng(0)
-    samples, light = _samples(rng), _light(rng, 8)
-    brdf = Microfacet(np.zeros(3), np.ones(3), 0.2, 1.5)
-    exact = np.asarray(reflect_slow_light(brdf, samples, light))
-    errors = {"shrm": [], "azimuthal": []}
-    for degree in (0, 2, 4, 8):
-        seen = mirror_light(samples, light, degree)
-        for name, found in errors.items():
-            view = ViewFilter.named(f"{name}-{degree}")
-            column = np.asarray(reflect_mirror_light(brdf, samples.exit_cosines, seen, view))
-            found.append(np.sqrt(np.sum((column - exact) ** 2) / np.sum(exact**2)))
-    expanded, own = errors["shrm"], errors["azimuthal"]
-    assert np.all(np.diff(expanded) < 0), errors
-    assert expanded[1] < np.sqrt(0.03), errors
-    assert expanded[3] < 0.02, errors
-    # With every order it is the integral itself, and with few far nearer to it.
-    assert own[3] < 1e-9, errors
-    assert own[2] < 0.2 * expanded[2], errors
-
-
-def test_a_map_is_the_column_at_the_reflected_direction():
-    rng = np.random.default_rng(2)
-    samples, light = _samples(rng, 60), _light(rng, 6)
-    brdf = Microfacet(np.zeros(3), np.ones(3), 0.3, 1.5)
-    spectrum = specular_spectrum(brdf, (6, 2))
-    local = local_shrm(light, spectrum, LatLongGrid(300, 600))
-    seen = mirror_light(samples, light, 2)
-    expected = np.asarray(
-        reflect_mirror_light(brdf, samples.exit_cosines, seen, ViewFilter(2, True))
-    )
-    found = np.asarray(local.at(samples.reflected, samples.outgoing))
-    assert np.abs(found - expected).max() < 3e-4 * np.abs(expected).max()
-
-
-def test_a_rendered_pixel_is_differentiable_in_light_sigma_and_mu():
-    rng = np.random.default_rng(4)
-    light, grid = jnp.asarray(_light(rng, 4)), LatLongGrid(20, 40)
-    samples = _samples(rng, 1)
-    ramp = jnp.asarray(rng.standard_normal(light.shape))
-
-    def pixel(at):
-        brdf = Microfacet(jnp.zeros(3), jnp.ones(3), at[0], at[1])
-        local = local_shrm(light + at[2] * ramp, specular_spectrum(brdf, (4, 2)), grid)
-        return global_shrm(local).at(samples.reflected, samples.outgoing)[0, 1]
-
-    at = jnp.array([0.25, 1.5, 0.1])
-    found = np.asarray(jax.jit(jax.grad(pixel))(at))
-    value = jax.jit(pixel)
-    for axis, step in enumerate(np.eye(3) * 1e-4):
-        near, far = ((value(at + k * step) - value(at - k * step)) / (2e-4 * k) for k in (1.0, 2.0))
-        assert abs(found[axis] - (4 * near - far) / 3) < 1e-6 * max(1, abs(found[axis]))
-
-
-@pytest.mark.slow
-def test_photographs_of_a_sphere_give_its_map():
-    rng = np.random.default_rng(6)
-    light, spectrum = _light(rng, 3), _any_spectrum(rng, (3, 1))
-    sphere, cameras, photographs = Sphere(np.zeros(3), 1.0), [], []
-    truth = global_shrm(local_shrm(light, spectrum, LatLongGrid(120, 240)))
-    for viewer in icosahedron_vertices():
-        up = np.array([0.0, 0.0, 1.0]) if abs(viewer[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-        pose = look_at(4 * viewer, np.zeros(3), up)
-        camera = Orthographic(160, 160, pose, scale=2.1 / 160)
-        view = observe(camera, sphere)
-        samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
-        image = np.zeros((160, 160, 3))
-        image[view.hit] = np.asarray(truth.at(samples.reflected, samples.outgoing))
-        cameras.append(camera)
-        photographs.append(image * (1 + 0.005 * rng.standard_normal(image.shape)))
-    grid = LatLongGrid(16, 32)
-    fit = shrm_from_photographs(cameras, photographs, sphere, grid, ViewerGoal(1))
-    assert fit.relative_rms < 0.01
-    expected = np.asarray(global_shrm(local_shrm(light, spectrum, grid)).maps)
-    assert (
-        np.sqrt(np.mean((np.asarray(fit.shrm.maps) - expected) ** 2))
-        < 0.01 * np.abs(expected).max()
-    )
-    with pytest.raises(ValueError, match="central directions are in no photograph"):
-        shrm_from_photographs(cameras[:1], photographs[:1], sphere, grid, ViewerGoal(1))
-    with pytest.raises(ValueError, match="12 cameras and 11 photographs"):
-        shrm_from_photographs(cameras, photographs[1:], sphere, grid, ViewerGoal(1))
 
 
 def test_an_odd_number_of_columns_is_refused_before_anything_is_computed(made):
