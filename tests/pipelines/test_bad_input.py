@@ -3,14 +3,29 @@
 - Every message names the file (or the key), the place, the value and what to do about it.
 - No traceback, nothing on stdout, and no file that was not there before.
 - All errors of a config are said at once; folders that hold something else are left alone.
+- What can be lived with is a warning: broken pixels that are masked, a camera that sees nothing.
 """
 
 import re
 import shutil
 
+import numpy as np
 import pytest
-from small_captures import write_json
-from spoilt_captures import assert_refused, fit, nothing, refused, working_directory
+import spoilt_cameras
+import spoilt_lights
+import spoilt_photographs
+from small_captures import jaxrender, write_json
+from spoilt_cameras import pose
+from spoilt_captures import (
+    assert_refused,
+    contents,
+    fit,
+    nothing,
+    refused,
+    working_directory,
+    written,
+)
+from spoilt_photographs import pixel
 
 
 def append(text):
@@ -22,6 +37,9 @@ def append(text):
 
 
 CASES = {
+    **spoilt_photographs.CASES,
+    **spoilt_cameras.CASES,
+    **spoilt_lights.CASES,
     # The config itself.
     "unknown key": (
         append("ligting: {}\n"),
@@ -59,6 +77,14 @@ CASES = {
         ["solve.refine_samples=2"],
         r"^solve\.refine_samples is 2; give more, or refine: off: 2 samples cannot determine",
     ),
+    # A recipe in place of photographs.
+    "missing recipe": (nothing, ["capture={recipe: r.yaml}"], r"work/r\.yaml: no such file$"),
+    "broken recipe": (
+        written("r.yaml", "geometry: {sphere: {}}\nbrdf: {kd: .1, ks: .1, sigma: 0, mu: 1}\n"),
+        ["capture={recipe: cap/r.yaml}"],
+        r"r\.yaml:1:1: missing key 'lighting', .*\n.*r\.yaml:2:31: brdf\.sigma: found 0, .*\n"
+        r".*r\.yaml:2:38: brdf\.mu: found 1, accepted: 'none' or a number above 1$",
+    ),
 }
 
 
@@ -72,7 +98,9 @@ def test_refused(work, capsys, name):
     assert_refused(work, capsys, CASES[name])
 
 
-@pytest.mark.parametrize("name", ["fewer samples than unknowns"])
+@pytest.mark.parametrize(
+    "name", ["truncated image", "missing mesh", "aspect", "fewer samples than unknowns"]
+)
 def test_a_dry_run_refuses_the_same(work, capsys, name):
     assert_refused(work, capsys, CASES[name], "--dry-run")
 
@@ -85,6 +113,38 @@ def test_all_errors_of_a_config_are_said_at_once(work, capsys):
         "command line: brdf.sigma=0: brdf.sigma: found 0; every value here must be above 0",
         "command line: samples.cuont=1: unknown key 'cuont', did you mean 'count'?",
     ]
+
+
+def test_an_exposure_that_no_sample_tells(work, capsys):
+    for number in (0, 2):
+        pixel((slice(0, 12), ..., 3), 0, f"images/{number}.exr")(work / "cap")
+    overrides = ["solve.free_exposure=true", "capture.erode=1", "samples.count=10"]
+    said = refused(work, capsys, fit(*overrides, "brdf={ks: 0.1, sigma: 0.2, mu: 1.5}"))
+    assert re.search(
+        r"images/[02]\.exr: none of its pixels is among the 10 samples drawn, so "
+        r"solve\.free_exposure cannot fit its exposure; raise samples\.count$",
+        said,
+    )
+
+
+def test_masked_pixels_are_counted(work, capsys):
+    pixel((8, slice(7, 9), 0), np.nan)(work / "cap")
+    assert jaxrender(*fit("--dry-run", "capture.invalid=mask")) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r"images/1\.exr: masked 2 of 256 pixels that are negative or not finite", err)
+    good = int(re.search(r"to (\d+) samples", out).group(1))
+    assert jaxrender(*fit("--dry-run", "capture.invalid=refuse", "capture.erode=1")) == 2
+    assert 0 < good < 204
+
+
+def test_a_camera_that_sees_nothing_is_a_warning(work, capsys):
+    pose(1, [[-1, 1, -1, 1]] * 3 + [[1, 1, 1, 1]])(work / "cap")
+    before = contents(work)
+    assert jaxrender(*fit("--dry-run")) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r"images/1\.exr: warning: its camera does not see the object; skipped\n", err)
+    assert "samples of 2 photographs" in out
+    assert contents(work) == before
 
 
 # ---------------------------------------------------------------- output folders

@@ -1,13 +1,8 @@
-"""Bad lights.
-
-- A panorama that is missing, broken or of another shape is named, and so are lights of photographs
-  that there are none of; light that is zero is refused wherever it comes from.
-"""
+"""Ways to spoil a light, and what is said of each."""
 
 import numpy as np
-import pytest
 from small_captures import edit_json, write_json
-from spoilt_captures import assert_refused, nothing, removed, working_directory, write_any
+from spoilt_captures import nothing, removed, write_any
 
 
 def environment(shape, value=1.0, name="e.exr"):
@@ -54,18 +49,3 @@ CASES = {
         r"^lighting \(.*lights\.json\): the light is zero",
     ),
 }
-
-
-@pytest.fixture
-def work(tmp_path, monkeypatch):
-    return working_directory(tmp_path, monkeypatch)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_refused(work, capsys, name):
-    assert_refused(work, capsys, CASES[name])
-
-
-@pytest.mark.parametrize("name", ["aspect"])
-def test_a_dry_run_refuses_the_same(work, capsys, name):
-    assert_refused(work, capsys, CASES[name], "--dry-run")

@@ -1,23 +1,11 @@
-"""Bad photographs, masks, exposures and response curves.
-
-- A picture that is missing, cut short or of another size is named, and so are the channel, the
-  place and the value of pixels that cannot be.
-- What can be lived with is a warning: broken pixels that are masked.
-"""
-
-import re
+"""Ways to spoil photographs, masks, exposures and response curves, and what is said of each."""
 
 import numpy as np
-import pytest
-from small_captures import edit_json, jaxrender
+from small_captures import edit_json
 from spoilt_captures import (
-    assert_refused,
-    fit,
     frame,
     nothing,
-    refused,
     removed,
-    working_directory,
     write_any,
     written,
 )
@@ -160,40 +148,3 @@ CASES = {
         r"which covers 0 to 0\.01; 68 of 68 usable pixels do: extend the curve",
     ),
 }
-
-
-@pytest.fixture
-def work(tmp_path, monkeypatch):
-    return working_directory(tmp_path, monkeypatch)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_refused(work, capsys, name):
-    assert_refused(work, capsys, CASES[name])
-
-
-@pytest.mark.parametrize("name", ["truncated image"])
-def test_a_dry_run_refuses_the_same(work, capsys, name):
-    assert_refused(work, capsys, CASES[name], "--dry-run")
-
-
-def test_an_exposure_that_no_sample_tells(work, capsys):
-    for number in (0, 2):
-        pixel((slice(0, 12), ..., 3), 0, f"images/{number}.exr")(work / "cap")
-    overrides = ["solve.free_exposure=true", "capture.erode=1", "samples.count=10"]
-    said = refused(work, capsys, fit(*overrides, "brdf={ks: 0.1, sigma: 0.2, mu: 1.5}"))
-    assert re.search(
-        r"images/[02]\.exr: none of its pixels is among the 10 samples drawn, so "
-        r"solve\.free_exposure cannot fit its exposure; raise samples\.count$",
-        said,
-    )
-
-
-def test_masked_pixels_are_counted(work, capsys):
-    pixel((8, slice(7, 9), 0), np.nan)(work / "cap")
-    assert jaxrender(*fit("--dry-run", "capture.invalid=mask")) == 0
-    out, err = capsys.readouterr()
-    assert re.search(r"images/1\.exr: masked 2 of 256 pixels that are negative or not finite", err)
-    good = int(re.search(r"to (\d+) samples", out).group(1))
-    assert jaxrender(*fit("--dry-run", "capture.invalid=refuse", "capture.erode=1")) == 2
-    assert 0 < good < 204

@@ -1,22 +1,11 @@
-"""Bad cameras, and bad shapes that they look at.
-
-- Files, poses and vertices that cannot be are named, with the frame or the vertex.
-- What can be lived with is a warning: a camera that sees nothing.
-"""
-
-import re
+"""Ways to spoil cameras, and the shapes that they look at, and what is said of each."""
 
 import numpy as np
-import pytest
-from small_captures import edit_json, jaxrender
+from small_captures import edit_json
 from spoilt_captures import (
-    assert_refused,
-    contents,
-    fit,
     frame,
     nothing,
     removed,
-    working_directory,
     written,
 )
 
@@ -88,28 +77,3 @@ CASES = {
     ),
     "missing mesh": (nothing, [MESH], r"cap/m\.obj: no such mesh file; mend the path$"),
 }
-
-
-@pytest.fixture
-def work(tmp_path, monkeypatch):
-    return working_directory(tmp_path, monkeypatch)
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_refused(work, capsys, name):
-    assert_refused(work, capsys, CASES[name])
-
-
-@pytest.mark.parametrize("name", ["missing mesh"])
-def test_a_dry_run_refuses_the_same(work, capsys, name):
-    assert_refused(work, capsys, CASES[name], "--dry-run")
-
-
-def test_a_camera_that_sees_nothing_is_a_warning(work, capsys):
-    pose(1, [[-1, 1, -1, 1]] * 3 + [[1, 1, 1, 1]])(work / "cap")
-    before = contents(work)
-    assert jaxrender(*fit("--dry-run")) == 0
-    out, err = capsys.readouterr()
-    assert re.search(r"images/1\.exr: warning: its camera does not see the object; skipped\n", err)
-    assert "samples of 2 photographs" in out
-    assert contents(work) == before
