@@ -21,6 +21,8 @@ from inverse_problems import (
     toy_model,
     toy_radiance,
 )
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import least_squares
 from scipy.stats import binom
 
 from jaxrender.brdf import WIDTH_BOUNDS
@@ -144,6 +146,21 @@ def test_an_interval_that_nothing_bounds_has_no_end():
 DARK, NEXT_TO_IT = 2e-3, 1.001
 
 
+def at_bound(kd, bounds, seed):
+    """Fit noisy radiance with sigma between bounds; returns intervals, what is held, and data."""
+    unknowns = microfacet_unknowns(sigma=sigma_unknown(*bounds))
+    problem = Problem.of(unknowns, 3)
+    clean = toy_radiance(MODEL, np.asarray(kd), KS, SIGMA, MU)
+    noise = np.random.default_rng(seed).normal(size=clean.shape)
+    deviation = NOISE * np.mean(clean) * np.ones_like(clean)
+    data = toy_data(clean + deviation * noise, 1 / deviation)
+    start = unknowns.pack({"sigma": float(np.sqrt(np.prod(bounds))), "mu": MU})[None]
+    fit = search(problem, MODEL, data, start)
+    near = LinearisedModel.about(MODEL, unknowns.unpack(fit.solution.point).numbers)
+    held = held_at_bounds(problem, fit)
+    return uncertain_parameters(problem, near, data, fit, True), held, data
+
+
 @pytest.mark.parametrize(
     ("label", "kd", "bounds"),
     [
@@ -153,28 +170,49 @@ DARK, NEXT_TO_IT = 2e-3, 1.001
     ],
 )
 def test_an_interval_at_a_bound_reaches_to_the_truth(label, kd, bounds):
-    truth = DARK if label == "kd" else SIGMA
-    unknowns = microfacet_unknowns(sigma=sigma_unknown(*bounds))
-    problem = Problem.of(unknowns, 3)
-    clean = toy_radiance(MODEL, np.asarray(kd), KS, SIGMA, MU)
-    start = unknowns.pack({"sigma": float(np.sqrt(np.prod(bounds))), "mu": MU})[None]
+    truth, (least, most) = (DARK, (0, 1)) if label == "kd" else (SIGMA, bounds)
     reached = []
     for seed in range(40):
-        noise = np.random.default_rng(seed).normal(size=clean.shape)
-        deviation = NOISE * np.mean(clean) * np.ones_like(clean)
-        data = toy_data(clean + deviation * noise, 1 / deviation)
-        fit = search(problem, MODEL, data, start)
-        held = held_at_bounds(problem, fit)
-        if not held[4 if label == "kd" else 0]:
-            continue
-        near = LinearisedModel.about(MODEL, unknowns.unpack(fit.solution.point).numbers)
-        found = uncertain_parameters(problem, near, data, fit, True)
-        low, high = (np.ravel(part.of(label))[-1] for part in (found.lower, found.upper))
-        assert unknowns.range_of(label)[0] <= low <= high <= unknowns.range_of(label)[1] * 1.00001
-        assert high - low < 0.03
-        reached.append(low <= truth <= high)
+        found, held, _ = at_bound(kd, bounds, seed)
+        if held[4 if label == "kd" else 0]:
+            low, high = (np.ravel(part.of(label))[-1] for part in (found.lower, found.upper))
+            assert least <= low <= high <= most * (1 + 1e-9)
+            reached.append(low <= truth <= high)
     assert len(reached) > 8
     assert np.mean(reached) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("place", "kd", "bounds", "inwards"),
+    [
+        (2, [KD[0], KD[1], -2 * DARK], WIDTH_BOUNDS, 1),
+        (4, KD, (WIDTH_BOUNDS[0], SIGMA / 1.01), -1),
+        (4, KD, (SIGMA * 1.01, WIDTH_BOUNDS[1]), 1),
+    ],
+    ids=["kd", "sigma below", "sigma above"],
+)
+def test_an_interval_at_a_bound_is_the_tail_of_the_likelihood(place, kd, bounds, inwards):
+    """Data that pull beyond it: all others at their best by SciPy, for each value inside."""
+    found, held, data = at_bound(kd, bounds, 3)
+    assert np.sum(held) == 1
+    value = parameter_vector(found.value)
+    ends = parameter_vector(found.upper if inwards > 0 else found.lower)
+    reach = abs(ends[place] - value[place])
+
+    def chi_squared(inside):
+        def left(others):
+            x = np.insert(others, place, inside)
+            predicted = toy_radiance(MODEL, x[:3], np.full(3, x[3]), x[4], x[5])
+            return (data.weights * (data.radiance - predicted)).ravel()
+
+        return 2 * least_squares(left, np.delete(value, place), method="lm").cost
+
+    steps = reach * np.linspace(0, 6, 61)
+    squares = np.array([chi_squared(value[place] + inwards * step) for step in steps])
+    freedom = data.radiance.size - (len(value) - 1)
+    likelihood = np.exp((squares[0] - squares) / 2 / max(squares[0] / freedom, 1))
+    below = cumulative_trapezoid(likelihood, steps, initial=0)
+    assert reach == pytest.approx(np.interp(0.9 * below[-1], below, steps), rel=0.05)
 
 
 def test_a_parameter_without_evidence_has_the_error_of_its_range():
