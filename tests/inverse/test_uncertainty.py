@@ -146,9 +146,9 @@ def test_an_interval_that_nothing_bounds_has_no_end():
 DARK, NEXT_TO_IT = 2e-3, 1.001
 
 
-def at_bound(kd, bounds, seed):
+def at_bound(kd, bounds, seed, **rest):
     """Fit noisy radiance with sigma between bounds; returns intervals, what is held, and data."""
-    unknowns = microfacet_unknowns(sigma=sigma_unknown(*bounds))
+    unknowns = microfacet_unknowns(sigma=sigma_unknown(*bounds), **rest)
     problem = Problem.of(unknowns, 3)
     clean = toy_radiance(MODEL, np.asarray(kd), KS, SIGMA, MU)
     noise = np.random.default_rng(seed).normal(size=clean.shape)
@@ -213,6 +213,14 @@ def test_an_interval_at_a_bound_is_the_tail_of_the_likelihood(place, kd, bounds,
     likelihood = np.exp((squares[0] - squares) / 2 / max(squares[0] / freedom, 1))
     below = cumulative_trapezoid(likelihood, steps, initial=0)
     assert reach == pytest.approx(np.interp(0.9 * below[-1], below, steps), rel=0.05)
+
+
+def test_an_interval_at_a_bound_is_in_the_units_of_the_material():
+    dark = [KD[0], KD[1], -DARK]
+    known, scaled = (at_bound(dark, WIDTH_BOUNDS, 3, free_scale=free)[0] for free in (False, True))
+    assert known.upper.kd[2] > 0
+    upper = scaled.upper.kd[2] * float(scaled.value.scale)
+    assert upper == pytest.approx(known.upper.kd[2], rel=1e-3)
 
 
 def test_a_parameter_without_evidence_has_the_error_of_its_range():
