@@ -32,8 +32,8 @@ class Uncertain(NamedTuple):
     is that of all of ``Parameters`` one after the other.
     ``disagreement`` is how far two halves of the samples are apart: the chi-squared of the
     difference between what each of them says, over what 99.9 % of halves stay below.  ``origins``
-    are what the lobe's numbers lie above; ``ends`` is what closed ones lie between, and those that
-    a fit has put at a bound.  ``if_exact`` is the same as it would be if the model were exact,
+    are what the lobe's numbers lie above; ``ends`` are the bounds of closed numbers, and of those
+    that a fit has put at a bound.  ``if_exact`` is the same as it would be if the model were exact,
     where this one knows of misfit.
     """
 

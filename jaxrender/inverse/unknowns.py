@@ -148,9 +148,9 @@ class Unknowns(eqx.Module):
     def range_information(self, point: Float[Array, "unknown"]) -> Float[Array, "unknown"]:
         """Say what their bounds alone tell of the nonlinear unknowns: 1 / variance at a point.
 
-        Spread evenly between its bounds (in the logarithm) a parameter's logit has the variance
-        pi^2 / 3.  That is half-way between them; near a bound, where the curve is flat, as much of
-        the range is a longer way of the search variable.
+        A parameter that is spread evenly between its bounds (in the logarithm) has a logit of
+        variance pi^2 / 3.  This is used half-way between the bounds.  Near a bound the curve is
+        flat: the search variable goes further for the same part of the range.
         """
         flatness = (1 + (point / 2) ** 2) ** -3
         return jnp.where(jnp.asarray(self.bounded), 3 / np.pi**2 * flatness, 0)
