@@ -36,8 +36,8 @@ from jaxrender.brdf import Microfacet
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight, unknowns_of
 from jaxrender.inverse.elimination import Data, Fit, Problem
-from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.models import TabulatedModel
+from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.inverse.search import search
 from jaxrender.lighting import DirectionalSources, SmoothLobes
 from jaxrender.reflection import RoughnessTable, roughness_table

@@ -25,13 +25,13 @@ from ball_worlds import TRUE  # noqa: E402
 from planted import CELLS, FAULTS, OTHER_KD, OTHER_KS, checkered, painted  # noqa: E402
 
 from jaxrender.geometry.texels import sphere_coordinates, texel_coordinates, texel_sites  # noqa: E402
-from jaxrender.inverse.scene import unknown  # noqa: E402
 from jaxrender.inverse.texture import (  # noqa: E402
     Regions,
     SurfaceSites,
     TextureEstimate,
     under_known_light,
 )
+from jaxrender.inverse.unknown_material import unknown  # noqa: E402
 
 ROWS = 3 * CELLS
 # Lobes of another kind have no two paints here, a mesh has no texels of a sphere, and what a blur

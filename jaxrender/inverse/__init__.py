@@ -25,13 +25,13 @@
 ``nuisances`` ``calibration`` ``rays`` ``near_light``
     what may be a little wrong with a capture, as numbers; found together with the material; rays of
     moved cameras; sources that have a place
-``photographs`` ``scene`` ``estimate`` ``own_words``
-    photographs into observations; a scene and what of it is unknown; what was found of it, shown
-    and saved; a material by the numbers of its own model
+``photographs`` ``unknown_material`` ``scene`` ``estimate`` ``own_words``
+    photographs into observations; a material to be found; a scene and its fit; what was found of
+    it, shown and saved; a material by the numbers of its own model
 ``any_estimate``
     what estimates of a material, a texture and a spectrum have in common
-``known_light``
-    the light split for the dual model, and as point masses for the integral
+``known_light`` ``prepared_light``
+    what lights photographs, and its point masses for the integral; it split for the dual model
 ``brdf`` ``material_task`` ``frequency_fit`` ``coarse_fit`` ``bank_choice``
     the whole recovery of a BRDF under known light (T 6.4.2); what it works on; how it begins, in
     the frequency view and without; which lobes of a bank the photographs ask for
@@ -74,8 +74,9 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import LoadedCapture, Reading, load_capture
-from jaxrender.inverse.scene import Scene, UnknownMaterial, fit, unknown
+from jaxrender.inverse.scene import Scene, fit
 from jaxrender.inverse.stated import Prior, Stated, Unknown
+from jaxrender.inverse.unknown_material import UnknownMaterial, unknown
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 
 __all__ = [

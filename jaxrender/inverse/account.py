@@ -11,11 +11,11 @@ from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
 from jaxrender.inverse.diagnosis import Diagnosis, reaching
 from jaxrender.inverse.intervals import Uncertain, off_prior, rests_on_prior, within_reach
-from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
+from jaxrender.inverse.prepared_light import PreparedLight
 from jaxrender.inverse.reasons import MOVED, not_identifiable, out_of_reach_by_misfit
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.stated import Unknown
@@ -68,7 +68,7 @@ def account_for(
     """Put error bars on the end of a fit, and say what they rest on; ``shape`` if it is concave."""
     near = _linearised(stop)
     uncertain = error_bars(stop, settings)
-    if not (isinstance(variant, Glossy) and variant.has_frequency_view):
+    if not (prepared.for_dual and isinstance(variant, Glossy)):
         return Account(uncertain, None)
     samples = stop.observations.samples
     light = prepared.dual.for_frames(stop.data.frame)

@@ -16,8 +16,9 @@ of the sources, and the exact one asks for every node of the light whether a sam
 that bounces from one part of the object to another is in neither, and joins the exact one where it
 is asked for (``settings.interreflection``, T 6.6).
 
-A material whose lobe is not about the reflected direction has no frequency view: there a coarse fit
-by the integral takes the place of the first two steps (``coarse_fit``).
+A material whose lobe is not about the reflected direction has no frequency view.  Neither have
+environments of single photographs.  There a coarse fit by the integral takes the place of the first
+two steps (``coarse_fit``).
 """
 
 from contextlib import nullcontext
@@ -40,12 +41,7 @@ from jaxrender.inverse.examination import examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.intervals import Uncertain
-from jaxrender.inverse.known_light import (
-    KnownLight,
-    PreparedLight,
-    exact_nodes,
-    undivided,
-)
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.material_task import MaterialTask, Stage
 from jaxrender.inverse.misfit import Misfit
@@ -53,6 +49,7 @@ from jaxrender.inverse.nuisances import Told
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, descend, values_of
+from jaxrender.inverse.prepared_light import PreparedLight, by_frequency, undivided
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import LightNodes
@@ -135,11 +132,11 @@ def fit_brdf(
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
     task = MaterialTask(problem, variant, observations, light, settings, concave(shape), stage)
-    if isinstance(variant, Glossy) and variant.has_frequency_view:
+    if by_frequency(variant, light):
         quick, prepared = fit_by_frequency(task)
         choice = Choice(quick.observations, np.asarray(quick.fit.predicted))
     else:
-        if settings.interreflection:
+        if settings.interreflection and not _has_lambertian_base(variant):
             raise ValueError(
                 "interreflection is that of a Lambertian base, which this model has not: leave "
                 "solve.interreflection out, or choose a glossy model"
@@ -187,6 +184,10 @@ def fit_brdf(
         examined.diagnosis,
         calibration,
     )
+
+
+def _has_lambertian_base(variant: Parametric) -> bool:
+    return isinstance(variant, Glossy) and variant.has_frequency_view
 
 
 class Choice(NamedTuple):

@@ -17,13 +17,13 @@ from jaxrender.inverse.calibration import (
     free_what_is_named,
 )
 from jaxrender.inverse.diagnosis import Diagnosis, Suspect, diagnose
-from jaxrender.inverse.known_light import DUAL_ERROR
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
+from jaxrender.inverse.prepared_light import DUAL_ERROR
 from jaxrender.reflection import FrameNodes
 
 # Pixels that tell the noise, and the cells of the light by which they are predicted if the fit has

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse.elimination import Few
-from jaxrender.inverse.known_light import PreparedLight, prepare_light
 from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import TabulatedModel
 from jaxrender.inverse.passes import Begin, Stop, fit_in_rounds
+from jaxrender.inverse.prepared_light import PreparedLight, prepare_light
 from jaxrender.inverse.search import MANY, THINNING
 from jaxrender.inverse.shadowing import shadows_of, with_transfer
 from jaxrender.reflection import DualLight, RoughnessTable, roughness_table

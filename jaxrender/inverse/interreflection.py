@@ -136,12 +136,9 @@ def fit_with_bounces(
     exchange = Interreflection.of(shape)
     observed = stop.observations
     frames = np.zeros(observed.count, int)
-    if light.per_frame is not None:
+    if light.varies:
         frames = np.asarray(observed.frame)
-    direct = [
-        direct_irradiance(shape, light.of_frame(k))
-        for k in range(1 if light.per_frame is None else len(light.per_frame))
-    ]
+    direct = [direct_irradiance(shape, light.of_frame(k)) for k in range(light.frames)]
     to_samples = exchange.gathering(places_of(observed), np.asarray(observed.samples.normals))
     without = supposed = _kd(stop)
     before: _Round | None = None
@@ -174,8 +171,8 @@ def added_by_bounces(
     to_samples = exchange.gathering(places_of(observations), normals)
     albedo, frame = np.clip(np.pi * kd, 0, 1), np.asarray(observations.frame)
     added = np.zeros(np.asarray(observations.radiance).shape)
-    for number in np.unique(frame) if light.per_frame is not None else [0]:
-        own = frame == number if light.per_frame is not None else np.ones(len(frame), bool)
+    for number in np.unique(frame) if light.varies else [0]:
+        own = frame == number if light.varies else np.ones(len(frame), bool)
         direct = direct_irradiance(mesh, light.of_frame(int(number)), _WIDE_CELL)
         added[own] = (kd * albedo * (to_samples @ exchange.total(direct, albedo)))[own]
     return added

@@ -1,16 +1,12 @@
-"""Known light made ready for a fit: split for the dual model, as point masses for the integral."""
+"""Known light: what lights all photographs, what lights single ones, and its point masses."""
 
-import math
+import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
 
-from jaxrender.brdf import Glossy
-from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.near_light import Nearness, near_nodes
-from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
     DirectionalSources,
@@ -18,33 +14,13 @@ from jaxrender.lighting import (
     FunctionLight,
     Light,
     LightNodes,
-    LightSplit,
-    candidates,
     condensed,
-    split_to_energy,
-    take,
 )
 from jaxrender.reflection import (
-    DualGoal,
-    DualLight,
     FrameNodes,
-    SourcesNeeded,
-    dual_light,
-    sources_needed,
 )
 from jaxrender.shapes import AnyArray, Float, Int, checked
 
-# exp(-(sigma l)^2) is below 4e-5 at this multiple of 1 / sigma: no higher degree passes the lobe.
-_BAND_LIMIT_TIMES_SIGMA = 3.2
-_HIGHEST_BAND_LIMIT = 128
-# The dual model's specular column is to be this accurate (relative rms) ...
-DUAL_ERROR = 0.007
-# ... at no more than this many sources; the rough first pass makes do with fewer.
-_MOST_SOURCES = 1024
-_ROUGH_SOURCES = 64
-_SAMPLES_FOR_SPLIT = 128
-# Light that is not split is told to this degree; what it would be split for does not matter.
-_SHOWN_BAND_LIMIT, _ANY_WIDTH = 20, 0.5
 # Light that is a function is sampled at the texels of an image of so many rows.
 _SAMPLED_ROWS = 128
 # Environments above this size are condensed for the exact integral, to cells this narrow.
@@ -53,11 +29,13 @@ _NODE_ANGLE_PER_SIGMA = 1 / 6
 
 
 class KnownLight(eqx.Module):
-    """All that lights the object: an environment, sources, and sources of single photographs.
+    """All that lights the object: an environment, sources, and those of single photographs.
 
-    ``of`` makes one of any light.  ``turn`` is a rotation of the environment, and ``near`` says
-    that sources have a place: the exact integral alone knows of these two.  Raises ``ValueError``
-    when all of it is dark, and for an environment that is no image.
+    ``of`` makes one of any light, and ``joined`` one of several captures' lights.  Photographs
+    have an ``environment`` in common, or each its own of ``environments``.  ``turn`` is a rotation
+    of the environment, ``turns`` are those of ``environments``, and ``near`` says that sources have
+    a place.  The exact integral alone knows of all but the first.  Raises ``ValueError`` when all
+    of it is dark, and for an environment that is no image.
     """
 
     environment: Environment | None
@@ -65,12 +43,17 @@ class KnownLight(eqx.Module):
     per_frame: tuple[DirectionalSources, ...] | None = None
     turn: Float[AnyArray, "3 3"] | None = None
     near: Nearness | None = None
+    environments: tuple[Environment | None, ...] | None = None
+    turns: Float[AnyArray, "frame 3 3"] | None = None
 
     def __check_init__(self):
         if not isinstance(self.environment, Environment | None):
             kind = type(self.environment).__name__
             raise ValueError(f"environment is a {kind}, not an image; use KnownLight.of(light)")
-        parts = [self.environment, self.directional, *(self.per_frame or ())]
+        if self.environment is not None and self.environments is not None:
+            raise ValueError("give one environment for all photographs, or one for each, not both")
+        images = self.environments or (self.environment,)
+        parts = [*images, self.directional, *(self.per_frame or ())]
         energies = [np.asarray(p.nodes().irradiance) for p in parts if p is not None]
         energy = sum(float(np.sum(of_part)) for of_part in energies)
         if not energy > 0:
@@ -118,16 +101,52 @@ class KnownLight(eqx.Module):
         channels = light.nodes().irradiance.shape[1]
         return cls(environment, _joined(sources, channels), per_frame)
 
+    @classmethod
+    def joined(cls, lights: Sequence["KnownLight"], frames: Sequence[int]) -> "KnownLight":
+        """Put the lights of several captures together, of which each has so many photographs.
+
+        What all photographs of a capture share is then what each of them has.
+        """
+        if len(lights) == 1:
+            return lights[0]
+        environments, per_frame = [], []
+        for light, count in zip(lights, frames, strict=True):
+            environments += [light.environment_of(frame) for frame in range(count)]
+            per_frame += [light.sources_of(frame) for frame in range(count)]
+        channels = lights[0].directional.irradiance.shape[1]
+        images = None if all(one is None for one in environments) else tuple(environments)
+        return cls(None, DirectionalSources.none(channels), tuple(per_frame), environments=images)
+
+    @property
+    def varies(self) -> bool:
+        """Whether the light differs from photograph to photograph."""
+        return self.per_frame is not None or self.environments is not None
+
+    @property
+    def frames(self) -> int:
+        """How many photographs have a light of their own; 1 where one light is that of all."""
+        return len(self.per_frame or self.environments or (None,))
+
+    @property
+    def has_environment(self) -> bool:
+        """Whether there is an environment, in any photograph."""
+        return self.environment is not None or self.environments is not None
+
+    def environment_of(self, frame: int) -> Environment | None:
+        """Find what surrounds the object in one photograph."""
+        return self.environment if self.environments is None else self.environments[frame]
+
     def of_frame(self, frame: int) -> "KnownLight":
-        """Pick the light of one photograph."""
-        if self.per_frame is None:
+        """Pick the light of one photograph.  Raises ``ValueError`` where that is dark."""
+        if not self.varies:
             return self
         near = self.near
-        if near is not None:
+        if near is not None and self.per_frame is not None:
             own = np.full(len(self.per_frame[frame].directions), near.of_frames)
             every = np.concatenate([np.asarray(near.of_sources), own])
             near = Nearness(every, 0.0, near.center, near.size)
-        return KnownLight(self.environment, self.sources_of(frame), None, self.turn, near)
+        turn = self.turn if self.turns is None else np.asarray(self.turns)[frame]
+        return KnownLight(self.environment_of(frame), self.sources_of(frame), None, turn, near)
 
     def sources_of(self, frame: int) -> DirectionalSources:
         """Join the sources that all photographs share and those of one photograph, if any."""
@@ -138,10 +157,14 @@ class KnownLight(eqx.Module):
 
     def of_frames(self, frames: Sequence[int]) -> "KnownLight":
         """Keep the photographs of these numbers."""
-        if self.per_frame is None:
+        if not self.varies:
             return self
-        kept = tuple(self.per_frame[frame] for frame in frames)
-        return KnownLight(self.environment, self.directional, kept, self.turn, self.near)
+        sources = self.per_frame and tuple(self.per_frame[frame] for frame in frames)
+        images = self.environments and tuple(self.environments[frame] for frame in frames)
+        if images is not None and not any(images):
+            images = None
+        turns = None if self.turns is None else np.asarray(self.turns)[list(frames)]
+        return dataclasses.replace(self, per_frame=sources, environments=images, turns=turns)
 
     @checked
     def near_parts(
@@ -166,15 +189,33 @@ class KnownLight(eqx.Module):
     @property
     def far(self) -> "KnownLight":
         """The same with all sources infinitely far, as the object's centre sees them."""
-        return KnownLight(self.environment, self.directional, self.per_frame, self.turn)
+        return dataclasses.replace(self, near=None)
 
     @property
     def upright(self) -> "KnownLight":
-        """The same with the environment's image itself turned, if it is."""
-        if self.turn is None or self.environment is None:
+        """The same with the images of environments themselves turned, if they are."""
+        if self.turn is not None and self.environment is not None:
+            turned = self.environment.turned(np.asarray(self.turn))
+            return dataclasses.replace(self, environment=turned, turn=None)
+        if self.turns is None or self.environments is None:
             return self
-        turned = self.environment.turned(np.asarray(self.turn))
-        return KnownLight(turned, self.directional, self.per_frame, near=self.near)
+        turns, numbers = np.asarray(self.turns), self.image_of_frame
+        first = [int(np.flatnonzero(numbers == at)[0]) for at in range(len(self.images))]
+        images = [image.turned(turns[k]) for image, k in zip(self.images, first)]
+        environments = tuple(None if at < 0 else images[at] for at in numbers.tolist())
+        return dataclasses.replace(self, environments=environments, turns=None)
+
+    @property
+    def images(self) -> list[Environment]:
+        """The environments, each once."""
+        every = self.environments or (self.environment,)
+        return list({id(image): image for image in every if image is not None}.values())
+
+    @property
+    def image_of_frame(self) -> Int[np.ndarray, "frame"]:
+        """The number of each photograph's own environment among ``images``; -1 for none."""
+        numbers = {id(image): at for at, image in enumerate(self.images)}
+        return np.array([numbers.get(id(image), -1) for image in self.environments or ()], int)
 
     @property
     def shared(self) -> Light:
@@ -189,21 +230,33 @@ class KnownLight(eqx.Module):
         """Stack the sources of all photographs, with dark ones where a photograph has fewer."""
         if self.per_frame is None:
             return None
-        most = max(source.directions.shape[0] for source in self.per_frame)
-        channels = self.directional.irradiance.shape[1]
-        directions = np.tile([0.0, 0.0, 1.0], (len(self.per_frame), most, 1))
-        irradiance = np.zeros((len(self.per_frame), most, channels))
-        for frame, source in enumerate(self.per_frame):
-            directions[frame, : source.directions.shape[0]] = source.directions
-            irradiance[frame, : source.directions.shape[0]] = source.irradiance
-        return FrameNodes(directions, irradiance, np.asarray(frame_of_sample))
+        return stacked([source.nodes() for source in self.per_frame], np.asarray(frame_of_sample))
 
     @property
     def diffuse_degrees(self) -> int:
         """The degree to which the environment is followed into the shadows of a concave shape."""
-        if self.environment is None:
-            return 0
-        return min(MOST_DIFFUSE_DEGREES, self.environment.grid.band_limit)
+        degrees = [image.grid.band_limit for image in self.images]
+        return min(MOST_DIFFUSE_DEGREES, max(degrees, default=0))
+
+    @checked
+    def environment_nodes(
+        self,
+        sigma: float,
+        angle_per_sigma: float | None,
+        frame_of_sample: Int[np.ndarray, "sample"],
+    ) -> LightNodes | FrameNodes | None:
+        """List the point masses of what surrounds the object, for ``exact_nodes``."""
+        found = [_nodes_of(image, sigma, angle_per_sigma) for image in self.images]
+        if self.environment is not None:
+            return found[0] if self.turn is None else _turned(found[0], self.turn)
+        if self.environments is None:
+            return None
+        channels = self.directional.irradiance.shape[1]
+        dark = LightNodes(np.zeros((0, 3)), np.zeros((0, channels)))
+        own = [dark if at < 0 else found[at] for at in self.image_of_frame.tolist()]
+        if self.turns is not None:
+            own = [_turned(nodes, turn) for nodes, turn in zip(own, self.turns)]
+        return stacked(own, np.asarray(frame_of_sample))
 
 
 def _joined(sources: list[DirectionalSources], channels: int) -> DirectionalSources:
@@ -214,56 +267,6 @@ def _joined(sources: list[DirectionalSources], channels: int) -> DirectionalSour
         np.concatenate([np.asarray(part.directions) for part in sources]),
         np.concatenate([np.asarray(part.irradiance) for part in sources]),
     )
-
-
-class PreparedLight(NamedTuple):
-    """Light split at one roughness, and how well the dual model does with it."""
-
-    dual: DualLight
-    split: LightSplit | None
-    needed: SourcesNeeded | None
-
-
-def prepare_light(
-    light: KnownLight,
-    observations: Observations,
-    brdf: Glossy,
-    split: str | float,
-    band_limit: int | None,
-    *,
-    transfer: str = "exit-cosine",
-) -> PreparedLight:
-    """Split the light at the roughness of ``brdf``, as finely as the dual model needs it.
-
-    ``split`` is ``"auto"``, ``"rough"`` (a first pass: the strongest sources, unchecked), ``"off"``
-    or the fraction of the energy to leave in the slow part.  ``transfer`` is how the dual model is
-    going to filter that.
-    """
-    frames = light.frame_nodes(np.asarray(observations.frame))
-    if light.environment is None:
-        return PreparedLight(dual_light(None, light.directional, 0, frames), None, None)
-    sigma = float(brdf.sigma)
-    degrees = band_limit_for(light.environment, sigma) if band_limit is None else band_limit
-    degrees = min(degrees, light.environment.grid.band_limit)
-    if split == "auto":
-        goal = DualGoal(DUAL_ERROR, _MOST_SOURCES, degrees, transfer)
-        divided, needed = _divide_as_needed(light.environment, observations.samples, brdf, goal)
-    else:
-        divided, needed = _divide(light.environment, float(brdf.sigma), split), None
-    return PreparedLight(dual_light(divided, light.directional, degrees, frames), divided, needed)
-
-
-def undivided(
-    light: KnownLight, observations: Observations, band_limit: int | None
-) -> PreparedLight:
-    """Analyse light as it is, for a material that the dual model does not know."""
-    frames = light.frame_nodes(np.asarray(observations.frame))
-    if light.environment is None:
-        return PreparedLight(dual_light(None, light.directional, 0, frames), None, None)
-    highest = light.environment.grid.band_limit
-    degrees = min(_SHOWN_BAND_LIMIT if band_limit is None else band_limit, highest)
-    whole = take(light.environment, candidates(light.environment, _ANY_WIDTH), 0, _ANY_WIDTH)
-    return PreparedLight(dual_light(whole, light.directional, degrees, frames), None, None)
 
 
 def exact_nodes(
@@ -281,20 +284,15 @@ def exact_nodes(
     """
     parts: list[LightNodes | FrameNodes] = []
     shared = [light.directional.nodes()] if light.near is None else []
-    if light.environment is not None:
-        nodes = light.environment.nodes()
-        if angle_per_sigma is not None or nodes.directions.shape[0] > _MOST_NODES:
-            angle = (angle_per_sigma or _NODE_ANGLE_PER_SIGMA) * sigma
-            nodes = condensed(light.environment, angle)
-        lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
-        directions = np.asarray(nodes.directions)[lit]
-        if light.turn is not None:
-            directions = directions @ np.asarray(light.turn).T
-        shared.append(LightNodes(directions, np.asarray(nodes.irradiance)[lit]))
+    surrounding = light.environment_nodes(sigma, angle_per_sigma, frame_of_sample)
+    if isinstance(surrounding, LightNodes):
+        shared.append(surrounding)
     if shared:
         directions, irradiance = (np.concatenate(arrays) for arrays in zip(*shared))
         if len(directions):
             parts.append(LightNodes(directions, irradiance))
+    if isinstance(surrounding, FrameNodes):
+        parts.append(surrounding)
     if light.near is None:
         frames = light.frame_nodes(np.asarray(frame_of_sample))
         return tuple(parts) if frames is None else (*parts, frames)
@@ -303,32 +301,26 @@ def exact_nodes(
     return (*parts, *light.near_parts(np.asarray(frame_of_sample), points))
 
 
-def band_limit_for(environment: Environment, sigma: float) -> int:
-    """Choose the degree up to which a lobe of roughness ``sigma`` passes the light at all."""
-    # Rounded up to a few values, so that few programs are ever compiled.
-    wanted = 16 * math.ceil(_BAND_LIMIT_TIMES_SIGMA / sigma / 16)
-    return min(wanted, environment.grid.band_limit, _HIGHEST_BAND_LIMIT)
+def _nodes_of(image: Environment, sigma: float, angle_per_sigma: float | None) -> LightNodes:
+    """List the texels of an image with light in them, or its cells."""
+    nodes = image.nodes()
+    if angle_per_sigma is not None or nodes.directions.shape[0] > _MOST_NODES:
+        nodes = condensed(image, (angle_per_sigma or _NODE_ANGLE_PER_SIGMA) * sigma)
+    lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
+    return LightNodes(np.asarray(nodes.directions)[lit], np.asarray(nodes.irradiance)[lit])
 
 
-def _divide(environment: Environment, sigma: float, split: str | float) -> LightSplit:
-    if isinstance(split, float):
-        return split_to_energy(environment, sigma, split)
-    sources = {"off": 0, "rough": _ROUGH_SOURCES}
-    if split not in sources:
-        raise ValueError(f"split={split!r}: choose auto, off, or the energy left in the slow part")
-    return take(environment, candidates(environment, sigma), sources[split], sigma)
+def _turned(nodes: LightNodes, turn: Float[AnyArray, "3 3"]) -> LightNodes:
+    return nodes._replace(directions=np.asarray(nodes.directions) @ np.asarray(turn).T)
 
 
-def _divide_as_needed(
-    environment: Environment,
-    samples: SurfaceSamples,
-    brdf: Glossy,
-    goal: DualGoal,
-) -> tuple[LightSplit, SourcesNeeded]:
-    """Split so that the dual model is as accurate as it is to be."""
-    sigma = float(brdf.sigma)
-    found = candidates(environment, sigma)
-    step = max(1, samples.normals.shape[0] // _SAMPLES_FOR_SPLIT)
-    some = SurfaceSamples(samples.normals[::step], samples.outgoing[::step])
-    needed = sources_needed(environment, found.sources, brdf.as_metal(), some, goal)
-    return take(environment, found, needed.count, sigma), needed
+def stacked(nodes: Sequence[LightNodes], frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes:
+    """Stack the nodes of all photographs, with dark ones where a photograph has fewer."""
+    most = max(len(own.directions) for own in nodes)
+    channels = nodes[0].irradiance.shape[1]
+    directions = np.tile([0.0, 0.0, 1.0], (len(nodes), most, 1))
+    irradiance = np.zeros((len(nodes), most, channels))
+    for frame, own in enumerate(nodes):
+        directions[frame, : len(own.directions)] = own.directions
+        irradiance[frame, : len(own.directions)] = own.irradiance
+    return FrameNodes(directions, irradiance, frame_of_sample)

@@ -27,6 +27,7 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import condensed
+from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import Float, Int
 
 # Widths of the lobes over the range of a fit.
@@ -176,14 +177,17 @@ def _sources(light: KnownLight, samples: int) -> tuple[list[_Source], list[_Sour
     energy = np.concatenate([np.asarray(part.irradiance, float).mean(axis=1) for part in parts])
     kept = np.argsort(-energy)[:most]
     shared = [_Source(directions[k], energy[k]) for k in kept if energy[k] > 0]
-    if light.per_frame is None:
+    nowhere = np.zeros(0, int)
+    found = (light.frame_nodes(nowhere), light.environment_nodes(1.0, _CELL, nowhere))
+    own = [part for part in found if isinstance(part, FrameNodes)]
+    if not own:
         return shared, []
-    frames = light.frame_nodes(np.zeros(0, int))
-    assert frames is not None
-    energy = np.asarray(frames.irradiance, float).mean(axis=-1)
+    towards, energy = (
+        np.concatenate([np.asarray(part[at], float) for part in own], axis=1) for at in (0, 1)
+    )
+    energy = energy.mean(axis=-1)
     order = np.argsort(-energy, axis=1)[:, :most]
     rows = np.arange(len(order))
-    towards = np.asarray(frames.directions, float)
     return shared, [_Source(towards[rows, k], energy[rows, k]) for k in order.T]
 
 

@@ -63,6 +63,13 @@ class Suggestion(NamedTuple):
     criterion: float
 
 
+def present_errors(foreseen: Foreseen, problem: Problem) -> dict[str, float]:
+    """Compute the relative standard errors that the present photographs allow."""
+    reading = reading_of(problem, foreseen)
+    errors = reading.errors(reading.information(frame_grams(foreseen)))
+    return {name: float(value) for name, value in errors.relative.items()}
+
+
 def suggest_views(
     foreseen: Foreseen,
     problem: Problem,

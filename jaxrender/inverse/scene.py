@@ -7,13 +7,12 @@ A material may be unknown with bounds, values or nothing stated of its numbers; 
 out is unknown.  What is known of either, the fit is told; what it cannot honour is refused.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Parametric, lobe_named
-from jaxrender.catalogue import MODELS, Number
+from jaxrender.catalogue import MODELS
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.brdf import BRDFFit, fit_brdf
@@ -35,190 +34,136 @@ from jaxrender.inverse.passes import FitSettings
 from jaxrender.inverse.photographs import Listener, LoadedCapture, observations_of
 from jaxrender.inverse.shadowing import with_transfer
 from jaxrender.inverse.stated import Stated
-from jaxrender.inverse.unknowns import Unknowns, unknowns_of
+from jaxrender.inverse.unknown_material import UnknownMaterial
+from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import DirectionalSources, HarmonicLight, Light
 from jaxrender.shapes import Float
 
 # So many samples of the pixels are fitted.
 _SAMPLES = 12_000
-_CHANNELS = 3
 # Where one of these was freed, the light found is not that of the scene.
 _OF_THE_LIGHT = {"environment", "lamps"}
-
-
-class UnknownMaterial(NamedTuple):
-    """A material to be found: its model, and what is stated of its numbers.
-
-    ``model`` is a name of the catalogue, or "" of a model of one's own.  ``table`` asks for a
-    table that corrects the model.
-    """
-
-    model: str
-    lobe: Parametric
-    stated: Mapping[str, Stated]
-    ks_per_channel: bool = False
-    table: bool = False
-
-    def unknowns(self, free_gains: int = 0, free_scale: bool = False) -> Unknowns:
-        """Put this in the words of a search.  Raises ``ValueError`` as ``unknowns_of`` does."""
-        return unknowns_of(
-            self.lobe,
-            self.stated,
-            diffuse=self.model == "lambertian",
-            ks_per_channel=self.ks_per_channel,
-            free_gains=free_gains,
-            free_scale=free_scale,
-        )
-
-
-def unknown(
-    model: str | Parametric, *, ks_per_channel: bool = False, table: bool = False, **numbers: Any
-) -> UnknownMaterial:
-    """Say what you know of a material, by the numbers of its model; what is left out is free.
-
-    Each of ``numbers`` is a value (one, or one for each of three channels), a pair of bounds,
-    ``Stated`` with a start or a prior besides, or None for an index that a metal has none of.
-    What a model states or chooses (``c_z``, ``masking``) is a value.  ``model`` is a name, or a
-    material of a model of one's own, whose numbers do not matter.  ``table=True`` corrects what is
-    found by a table over half and difference angles.
-
-    Raises ``ValueError`` for a model, a number or a choice that there is none of.
-    """
-    if isinstance(model, Parametric):
-        material = UnknownMaterial("", model, _stated(numbers), ks_per_channel, table)
-    else:
-        entry = MODELS.get(model)
-        chosen = () if entry is None else (*entry.options, *entry.names("stated"))
-        choices = {name: numbers.pop(name) for name in chosen if name in numbers}
-        without = [name for name, value in numbers.items() if value is None]
-        lobe = lobe_named(model, metal=bool(without), **choices)
-        for name in without:
-            if not (lobe.has_index() and lobe.index.name == name):
-                raise ValueError(f"{name}=None: only an index may be left out, by a metal")
-            del numbers[name]
-        stated = _stated(numbers)
-        for number in MODELS[model].numbers:
-            if number.name in stated:
-                _check_domain(number, stated[number.name])
-        material = UnknownMaterial(model, lobe, stated, ks_per_channel, table)
-    for name, one in material.stated.items():
-        linear = name in material.lobe.amplitude_names
-        if linear and one.start is not None:
-            raise ValueError(f"{name} is solved for outright, from no start; leave it out")
-        several = linear and (name in material.lobe.coloured or ks_per_channel)
-        if isinstance(one.fixed, tuple) and len(one.fixed) > 1 and not several:
-            hint = ", or ks_per_channel=True" if linear else ""
-            raise ValueError(f"{name} is one number for all channels; give one{hint}")
-    material.unknowns()
-    return material
-
-
-def _check_domain(number: Number, stated: Stated) -> None:
-    """Refuse what lies outside the interval of a model's number."""
-    mean = None if stated.prior is None else stated.prior.mean
-    given = (stated.fixed, stated.start, mean, *(stated.bounds or ()))
-    for value in (float(v) for part in given if part is not None for v in np.atleast_1d(part)):
-        if not number.domain.holds(value):
-            raise ValueError(f"{number.name}={value:g}: it must be {number.domain.words}")
-
-
-def _stated(numbers: Mapping[str, Any]) -> dict[str, Stated]:
-    """Read what is stated of each number."""
-    found = {}
-    for name, value in numbers.items():
-        if isinstance(value, Stated):
-            found[name] = value
-            continue
-        values = tuple(float(part) for part in np.atleast_1d(np.asarray(value, float)))
-        if len(values) not in (1, 2, _CHANNELS):
-            raise ValueError(f"{name} has {len(values)} values; give one, two bounds, or three")
-        if len(values) == 2:
-            low, high = values
-            if not low < high:
-                raise ValueError(f"{name} has the bounds {values}; the first must be the smaller")
-            found[name] = Stated(bounds=(low, high))
-        else:
-            found[name] = Stated(fixed=values)
-    return found
 
 
 class Scene(NamedTuple):
     """What photographs are of.
 
-    ``light`` None: it is unknown, and found with the material.  ``per_frame`` are sources of single
-    photographs.  ``free_exposure`` says that exposures are unknown, ``free_scale`` that the light
-    is known up to one factor.
+    ``light`` None: it is unknown, and found with the material.  Several captures have a light each.
+    ``per_frame`` are sources of single photographs, those of all captures in turn.
+    ``free_exposure`` says that exposures are unknown, ``free_scale`` that the light is known up to
+    one factor.
     """
 
     material: UnknownMaterial
     shape: Shape
-    light: Light | None = None
+    light: Light | tuple[Light, ...] | None = None
     per_frame: tuple[DirectionalSources, ...] | None = None
     free_exposure: bool = False
     free_scale: bool = False
 
+    @property
+    def dark(self) -> bool:
+        """Whether the light is unknown."""
+        return self.light is None and self.per_frame is None
+
+    def known_light(self, photographs: Sequence[int], channels: int) -> KnownLight:
+        """Put together what lights captures of so many photographs each.
+
+        Raises ``ValueError`` for another number of lights, for fewer sources than photographs, and
+        as ``KnownLight.of`` does.
+        """
+        none, per_frame = DirectionalSources.none(channels), self.per_frame
+        lights = self.light if isinstance(self.light, tuple) else (self.light or none,)
+        if len(lights) == 1:
+            # One light may be that of several captures.
+            photographs = [sum(photographs)]
+        if len(lights) != len(photographs):
+            raise ValueError(
+                f"{len(lights)} lights for {len(photographs)} captures; give each capture its light"
+            )
+        if per_frame is not None and len(per_frame) < sum(photographs):
+            raise ValueError(
+                f"per_frame lights {len(per_frame)} photographs of {sum(photographs)}; give each "
+                "its sources"
+            )
+        known, first = [], 0
+        for light, count in zip(lights, photographs):
+            own = None if per_frame is None else per_frame[first : first + count]
+            known.append(KnownLight.of(light, own))
+            first += count
+        return KnownLight.joined(known, photographs)
+
 
 def fit(
     scene: Scene,
-    photographs: LoadedCapture | Observations,
+    photographs: LoadedCapture | Sequence[LoadedCapture] | Observations,
     settings: FitSettings | FactorSettings | None = None,
     count: int = _SAMPLES,
     seed: int = 0,
 ) -> Estimate:
     """Find what is unknown of a scene from photographs of it (T 6.4).
 
-    Of all usable pixels ``count`` are drawn, where they tell most.  ``settings`` are
-    ``FactorSettings`` where the light is unknown, else ``FitSettings``.
+    ``photographs`` may be several captures of the object, each with its own light in the scene.
+    For each capture ``count`` of the usable pixels are drawn, where they tell most, and as many are
+    refined as the settings say.  ``settings`` are ``FactorSettings`` where the light is unknown,
+    else ``FitSettings``.
 
     Raises ``ValueError`` for settings of the other kind, for what an unknown light leaves no room
-    for, and as ``fit_brdf`` and ``factorize`` do; ``InputError`` for photographs that no fit can
-    use.
+    for, as ``Scene.known_light`` does, and as ``fit_brdf`` and ``factorize`` do; ``InputError`` for
+    photographs that no fit can use.
     """
-    dark = scene.light is None and scene.per_frame is None
-    if dark and isinstance(settings, FitSettings):
+    if scene.dark and isinstance(settings, FitSettings):
         raise ValueError("FitSettings are for a known light; give FactorSettings")
-    if not dark and isinstance(settings, FactorSettings):
+    if not scene.dark and isinstance(settings, FactorSettings):
         raise ValueError("FactorSettings are for an unknown light; give FitSettings")
     notes: list[str] = []
+    light, times = None, 1
     if isinstance(photographs, Observations):
         pool = photographs
+        if not scene.dark:
+            light = scene.known_light([pool.frames], pool.radiance.shape[1])
     else:
-        seen = photographs.photographs(scene.shape, Listener(notes.append))
-        pool = observations_of(seen)
-        if scene.per_frame is not None:
+        captures = [photographs] if isinstance(photographs, LoadedCapture) else [*photographs]
+        if not captures:
+            raise ValueError("no photographs; give at least one capture")
+        times = len(captures)
+        if scene.dark and times > 1:
+            raise ValueError(
+                f"{times} captures under unknown light; one light is found: give each "
+                "capture its light, or fit one of them"
+            )
+        seen = [one.photographs(scene.shape, Listener(notes.append)) for one in captures]
+        pool = observations_of([photograph for own in seen for photograph in own])
+        if not scene.dark:
+            counts = [len(one.capture.frames) for one in captures]
+            light = scene.known_light(counts, pool.radiance.shape[1])
             # A photograph may have been skipped; the lights of the others are still their own.
-            capture, lights = photographs.capture, scene.per_frame
-            _check_lights(lights, len(capture.frames))
-            kept = capture.numbers_of(photograph.frame.name for photograph in seen)
-            scene = scene._replace(per_frame=tuple(lights[number] for number in kept))
-    estimate = _found(scene, pool, settings, (count, seed))
-    return estimate._replace(reasons=(*estimate.reasons, *notes))
-
-
-def _found(
-    scene: Scene,
-    pool: Observations,
-    settings: FitSettings | FactorSettings | None,
-    draws: tuple[int, int],
-) -> Estimate:
-    """Choose the fit by whether the light is known."""
-    dark = scene.light is None and scene.per_frame is None
-    if isinstance(settings, FactorSettings) or (dark and settings is None):
-        return _with_the_light(scene, pool, settings or FactorSettings(), draws)
-    return _under_known_light(scene, pool, settings or FitSettings(), draws)
+            kept, first = [], 0
+            for one, own in zip(captures, seen):
+                names = (photograph.frame.name for photograph in own)
+                kept += [first + number for number in one.capture.numbers_of(names)]
+                first += len(one.capture.frames)
+            light = light.of_frames(kept)
+    if light is None:
+        assert not isinstance(settings, FitSettings)
+        found = _with_the_light(scene, pool, settings or FactorSettings(), (count, seed))
+    else:
+        assert not isinstance(settings, FactorSettings)
+        settings = settings or FitSettings()
+        settings = settings._replace(refine_samples=times * settings.refine_samples)
+        found = _under_known_light(scene, pool, light, settings, (times * count, seed))
+    return found._replace(reasons=(*found.reasons, *notes))
 
 
 def _under_known_light(
-    scene: Scene, pool: Observations, settings: FitSettings, draws: tuple[int, int]
+    scene: Scene,
+    pool: Observations,
+    known: KnownLight,
+    settings: FitSettings,
+    draws: tuple[int, int],
 ) -> Estimate:
     """Find the material, and what else is unknown of the photographs."""
-    if scene.light is None:
-        known = KnownLight(None, DirectionalSources.none(pool.radiance.shape[1]), scene.per_frame)
-    else:
-        known = KnownLight.of(scene.light, scene.per_frame)
     frames = int(np.max(np.asarray(pool.frame), initial=-1)) + 1
-    if known.per_frame is not None:
-        _check_lights(known.per_frame, frames)
     material = scene.material
     if material.table:
         # Before the fit, which takes longer.
@@ -237,21 +182,16 @@ def _under_known_light(
         shape=scene.shape,
         pool=pool,
     )
-    light = scene.light or known.directional
+    first = scene.light[0] if isinstance(scene.light, tuple) else scene.light
+    light = first or known.directional
     if found.calibration is not None and _OF_THE_LIGHT & set(found.calibration.free):
-        light = found.calibration.light.shared
+        freed = found.calibration.light
+        light = (freed if freed.environments is None else freed.of_frame(0)).shared
     estimate = _estimate(material, found, light, found.noise, found.final.relative_rms)
     if not material.table:
         return estimate
     correction = correct_by_table(found, known, settings, shape=scene.shape, pool=pool)
     return estimate._replace(correction=correction)
-
-
-def _check_lights(per_frame: tuple[DirectionalSources, ...], photographs: int) -> None:
-    if len(per_frame) < photographs:
-        raise ValueError(
-            f"per_frame lights {len(per_frame)} photographs of {photographs}; give each its sources"
-        )
 
 
 def _with_the_light(

@@ -9,11 +9,12 @@ from jaxrender.brdf import Glossy
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
-from jaxrender.inverse.known_light import prepare_light
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.photographs import camera_samples
+from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.io import Capture, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources
+from jaxrender.pipelines.captures import captures_of, joined, light_of_captures
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
 from jaxrender.pipelines.exact_light import exact_forward
@@ -22,7 +23,6 @@ from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import ARRAYS, RESULT, FinishedRun, read_run
 from jaxrender.pipelines.scene import (
     fault_of,
-    known_light,
     shape_of,
 )
 from jaxrender.pipelines.shadows import transfer_field
@@ -80,13 +80,7 @@ def _capture_of(config: RunConfig, cameras: Path | None) -> Capture:
     """Read the cameras of the result, or other ones."""
     if cameras is not None:
         return read_capture(cameras, require_images=False)
-    assert config.capture.transforms is not None
-    return read_capture(
-        config.capture.transforms,
-        images=config.capture.images,
-        allow_outside=config.capture.allow_outside,
-        require_images=False,
-    )
+    return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
 def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
@@ -106,7 +100,7 @@ def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
             directions = np.array([source["direction"] for source in found])
             sources = DirectionalSources(directions, energies)
         return KnownLight(read_environment(run.folder / "lighting_slow.exr"), sources)
-    return known_light(config.lighting, [f.name for f in _capture_of(config, None).frames])
+    return light_of_captures(captures_of(config, require_images=False))
 
 
 def _render_views(
@@ -123,22 +117,22 @@ def _render_views(
             "material lacks; use --model integral"
         )
     covariance = _covariance(config, run.folder, scene, progress)
-    if light.per_frame is not None and len(light.per_frame) != len(capture.frames):
+    if light.varies and light.frames != len(capture.frames):
         raise InputError(
-            f"{scene.cameras}: the light of the result moved with its photographs; new cameras "
-            "need an --environment"
+            f"{scene.cameras}: the light of the result differs between its photographs; new "
+            "cameras need an --environment"
         )
     scale, gains = float(run.summary.get("scale", 1.0)), run.summary.get("gains", {})
     shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
         view = observe(frame.camera, shape)
-        sources = light.sources_of(number)
-        lit = light.environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
+        environment, sources = light.environment_of(number), light.sources_of(number)
+        lit = environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
         image = np.zeros((*view.hit.shape, 4))
         image[..., 3] = view.hit
         if lit and view.hit.any():
-            if light.per_frame is not None or shared is None:
-                own = KnownLight(light.environment, sources)
+            if light.varies or shared is None:
+                own = KnownLight(environment, sources)
                 shared = _forward(own, subject, model, shape, view)
             gain = float(gains.get(frame.name, 1.0))
             radiance = subject.image(view, shared)

@@ -1,7 +1,7 @@
 """A fit from its config to its result folder: load, trace, fit, account, write."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -11,15 +11,23 @@ from jaxrender.inverse.photographs import (
     Listener,
     Photograph,
     observations_of,
-    read_photographs,
-    trace_photographs,
 )
 from jaxrender.inverse.saturation import clipped_share
 from jaxrender.io import Capture, write_image
 from jaxrender.io.netcdf import Group, write
 from jaxrender.pipelines.caches import capture_folder, is_whole
+from jaxrender.pipelines.captures import (
+    LitCapture,
+    captures_of,
+    joined,
+    light_of_captures,
+)
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import (
+    CaptureConfig,
+    CaptureLightingConfig,
+    FurtherCaptureConfig,
+    RecipeConfig,
     RunConfig,
     load_recipe,
     load_run_config,
@@ -36,11 +44,8 @@ from jaxrender.pipelines.result import (
     write_json,
 )
 from jaxrender.pipelines.scene import (
-    capture_of,
     fault_of,
     input_files,
-    known_light,
-    reading_of,
     shape_of,
 )
 from jaxrender.pipelines.summary import summary_of
@@ -52,6 +57,9 @@ from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 _SHOWN = 6
 # Photographs of which more than this part of the values is clipped tell nothing.
 _CLIPPED = 0.9
+
+
+Photographed = TypeVar("Photographed", CaptureConfig, FurtherCaptureConfig)
 
 
 class FitReport(NamedTuple):
@@ -77,16 +85,16 @@ def fit(
     folder = config.output or Path.cwd() / "runs" / _name_of(config)
     with Clock(progress) as clock:
         config = _with_photographs(config, clock, progress, dry_run)
-        if config.capture.recipe is not None:
-            return FitReport("dry run", folder, _would_render(config))
-        capture = capture_of(config.capture)
-        inputs = _inputs(config, capture)
+        if config.recipes:
+            return FitReport("dry run", folder, _would_render(config.recipes))
+        captures = captures_of(config)
+        inputs = _inputs(config, captures)
         digest = fingerprint(config, inputs)
         if prepare(folder, digest, force) is FolderState.FINISHED:
             progress.note(f"{folder}: an identical run has finished here; reused (--force: anew)")
             found = read_result(folder)
             return FitReport(found["outcome"], folder, summary_of(found))
-        evidence = _load(config, capture, clock, progress)
+        evidence = _load(config, captures, clock, progress)
         _check_not_black(config, evidence)
         _check_not_clipped(config, evidence)
         task = task_named(config.task)
@@ -102,47 +110,79 @@ def fit(
 def _with_photographs(
     config: RunConfig, clock: Clock, progress: Progress, dry_run: bool
 ) -> RunConfig:
-    """Render a recipe's photographs, or find them in the cache, and point the config at them."""
-    if config.capture.recipe is None:
+    """Render recipes' photographs, or find them in the cache, and point the config at them."""
+    recipes = {path: load_recipe(path) for path in config.recipes}
+    places = {path: capture_folder(recipe, path) for path, recipe in recipes.items()}
+    if not recipes or (dry_run and not all(place.exists() for place in places.values())):
         return config
-    recipe = load_recipe(config.capture.recipe)
-    place = capture_folder(recipe, config.capture.recipe)
-    if dry_run and not place.exists():
-        return config
+    _check_one_shape(config, recipes)
     with clock.stage("synth"):
-        force = not is_whole(recipe, place)
-        synthesise(recipe, config.capture.recipe, place, force, progress)
-    made = load_run_config(place / "config.yaml")
-    capture = config.capture.model_copy(
-        update={
-            "recipe": None,
-            "transforms": made.capture.transforms,
-            "geometry": config.capture.geometry or made.capture.geometry,
-        }
+        for path, recipe in recipes.items():
+            force = not is_whole(recipe, places[path])
+            synthesise(recipe, path, places[path], force, progress)
+    made = {path: load_run_config(place / "config.yaml") for path, place in places.items()}
+    capture, lighting, path = config.capture, config.lighting, config.capture.recipe
+    if path is not None:
+        found = made[path]
+        geometry = config.capture.geometry or found.capture.geometry
+        capture = _photographed(capture, found).model_copy(update={"geometry": geometry})
+        if config.knows_light and not lighting.given:
+            stated = lighting.model_fields_set & {"split", "free_scale"}
+            lighting = found.lighting.model_copy(update={k: getattr(lighting, k) for k in stated})
+    captures = tuple(
+        one if one.recipe is None else _lit(_photographed(one, made[one.recipe]), made[one.recipe])
+        for one in config.captures
     )
-    lighting = config.lighting
-    if config.knows_light and not lighting.given:
-        stated = lighting.model_fields_set & {"split", "free_scale"}
-        lighting = made.lighting.model_copy(update={k: getattr(lighting, k) for k in stated})
-    with fault_of(f"the light of {config.capture.recipe}"):
-        config = config.model_copy(update={"capture": capture, "lighting": lighting})
+    with fault_of(f"the light of {', '.join(map(str, recipes))}"):
+        update = {"capture": capture, "lighting": lighting, "captures": captures}
+        config = config.model_copy(update=update)
         config.refuse_in_vain()
     return config
 
 
-def _load(config: RunConfig, capture: Capture, clock: Clock, progress: Progress) -> Evidence:
+def _photographed(capture: Photographed, made: RunConfig) -> Photographed:
+    """Put a recipe's photographs in the place of the recipe."""
+    return capture.model_copy(update={"recipe": None, "transforms": made.capture.transforms})
+
+
+def _lit(capture: FurtherCaptureConfig, made: RunConfig) -> FurtherCaptureConfig:
+    """Light a further capture as its recipe does, unless another light is stated."""
+    if capture.lighting.given:
+        return capture
+    stated = made.lighting.model_fields_set & set(CaptureLightingConfig.model_fields)
+    lighting = CaptureLightingConfig(**{name: getattr(made.lighting, name) for name in stated})
+    return capture.model_copy(update={"lighting": lighting})
+
+
+def _check_one_shape(config: RunConfig, recipes: dict[Path, RecipeConfig]) -> None:
+    """Refuse recipes of different objects."""
+    first = config.capture.recipe
+    for at, one in enumerate(config.captures):
+        if first is None or one.recipe is None:
+            continue
+        if recipes[one.recipe].geometry != recipes[first].geometry:
+            raise InputError(
+                f"captures.{at}.recipe: {one.recipe} has another geometry than {first}; all "
+                "captures must be of one object"
+            )
+
+
+def _load(
+    config: RunConfig, captures: tuple[LitCapture, ...], clock: Clock, progress: Progress
+) -> Evidence:
     with clock.stage("load"):
         assert config.capture.geometry is not None
         shape = shape_of(config.capture.geometry)
-        light = None
-        if config.knows_light:
-            light = known_light(config.lighting, [frame.name for frame in capture.frames])
-        listener, reading = Listener(progress.note, progress.advance), reading_of(config)
-        images = read_photographs(capture, reading, listener)
+        light = light_of_captures(captures) if config.knows_light else None
+        listener = Listener(progress.note, progress.advance)
+        images = [one.images(listener) for one in captures]
     with clock.stage("trace"):
-        with fault_of(str(config.capture.transforms)):
-            photographs = trace_photographs(capture, images, shape, reading, listener)
-        light = _light_of_kept(light, capture, photographs)
+        photographs = [
+            photograph
+            for one, own in zip(captures, images)
+            for photograph in one.traced(own, shape, listener)
+        ]
+        light = _light_of_kept(light, joined([one.capture for one in captures]), photographs)
         pool = observations_of(photographs)
         observations = task_named(config.task).draw(config, pool, light)
     return Evidence(photographs, shape, light, pool, observations)
@@ -214,24 +254,26 @@ def _write(
     return document
 
 
-def _inputs(config: RunConfig, capture: Capture) -> list[Path]:
-    photographs = [frame.image_path for frame in capture.frames]
-    masks = [frame.mask_path for frame in capture.frames if frame.mask_path is not None]
+def _inputs(config: RunConfig, captures: tuple[LitCapture, ...]) -> list[Path]:
+    frames = joined([one.capture for one in captures]).frames
+    photographs = [frame.image_path for frame in frames]
+    masks = [frame.mask_path for frame in frames if frame.mask_path is not None]
     return sorted({*input_files(config), *photographs, *masks})
 
 
 def _name_of(config: RunConfig) -> str:
+    """Name a run by its first capture, and say how many more there are."""
+    more = f"_and_{len(config.captures)}_more" if config.captures else ""
     if config.capture.recipe is not None:
-        return config.capture.recipe.stem
+        return config.capture.recipe.stem + more
     assert config.capture.transforms is not None
-    return config.capture.transforms.parent.name or "capture"
+    return (config.capture.transforms.parent.name or "capture") + more
 
 
-def _would_render(config: RunConfig) -> str:
-    assert config.capture.recipe is not None
-    recipe = load_recipe(config.capture.recipe)
-    return (
-        f"dry run: would render {recipe.views.count} photographs of "
-        f"{recipe.views.width} x {recipe.views.height} pixels from {config.capture.recipe}, "
-        "then fit them"
-    )
+def _would_render(recipes: tuple[Path, ...]) -> str:
+    views = [load_recipe(path).views for path in recipes]
+    lines = [
+        f"{one.count} photographs of {one.width} x {one.height} pixels from {path}"
+        for one, path in zip(views, recipes)
+    ]
+    return f"dry run: would render {' and '.join(lines)}, then fit them"

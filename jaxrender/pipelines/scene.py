@@ -20,14 +20,10 @@ from jaxrender.catalogue import MODELS
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
-from jaxrender.imaging import NoiseModel, response_named
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
-from jaxrender.inverse.photographs import Reading
 from jaxrender.inverse.stated import Prior, Stated
 from jaxrender.io import (
-    Capture,
-    read_capture,
-    read_curve,
     read_environment,
     read_mesh,
     read_per_frame_lights,
@@ -40,10 +36,10 @@ from jaxrender.lighting import (
     light_of,
     to_latlong,
 )
-from jaxrender.pipelines.config import CaptureConfig, CurveConfig, RecipeConfig, RunConfig
+from jaxrender.pipelines.config import RecipeConfig, RunConfig
 from jaxrender.pipelines.config.brdf import BrdfConfig
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
-from jaxrender.pipelines.config.lighting import LightingConfig, RecipeLightingConfig
+from jaxrender.pipelines.config.lighting import CaptureLightingConfig, RecipeLightingConfig
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
 
 
@@ -71,31 +67,6 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         assert geometry.ellipsoid is not None
         radii, subdivisions = geometry.ellipsoid.radii, geometry.ellipsoid.subdivisions
         return Mesh.ellipsoid(np.array(radii, float), subdivisions)
-
-
-def capture_of(config: CaptureConfig) -> Capture:
-    """Read a capture's cameras and file names."""
-    assert config.transforms is not None
-    return read_capture(config.transforms, images=config.images, allow_outside=config.allow_outside)
-
-
-def reading_of(config: RunConfig) -> Reading:
-    """Make the reading of pixels from the config."""
-    capture, response = config.capture, None
-    if isinstance(capture.response, CurveConfig):
-        response = read_curve(capture.response.curve)
-    elif "response" in capture.model_fields_set:
-        response = response_named(capture.response)
-    return Reading(
-        response,
-        capture.invalid,
-        None if capture.saturation is None else float(capture.saturation),
-        capture.saturation_grow,
-        float(capture.black_level),
-        capture.erode,
-        capture.exposure,
-        float(config.samples.min_cosine),
-    )
 
 
 def true_material(brdf: RecipeBrdfConfig) -> Parametric:
@@ -150,7 +121,7 @@ def settings_of(config: RunConfig) -> FitSettings:
         band_limit=None if solve.band_limit == "auto" else solve.band_limit,
         transfer=solve.transfer_name,
         refine=solve.refine == "exact",
-        refine_samples=solve.refine_samples,
+        refine_samples=config.refine_count,
         method=solve.method,
         loss="squares" if solve.loss == "auto" else solve.loss,
         noise=noise,
@@ -162,7 +133,7 @@ def settings_of(config: RunConfig) -> FitSettings:
     )
 
 
-def lights_of(lighting: LightingConfig | RecipeLightingConfig) -> tuple[Light, ...]:
+def lights_of(lighting: CaptureLightingConfig | RecipeLightingConfig) -> tuple[Light, ...]:
     """Make the lights that all photographs share; an environment is read from its file, as it is.
 
     They come in the order of the catalogue, the environment last.
@@ -177,7 +148,7 @@ def lights_of(lighting: LightingConfig | RecipeLightingConfig) -> tuple[Light, .
     return tuple(found)
 
 
-def known_light(lighting: LightingConfig, frame_names: list[str]) -> KnownLight:
+def known_light(lighting: CaptureLightingConfig, frame_names: list[str]) -> KnownLight:
     """Make or read the light that a config names."""
     per_frame = None
     if lighting.per_frame is not None:

@@ -16,7 +16,8 @@ from inverse_problems import SOURCES, ball_samples, known_light, material
 
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.inverse import KnownLight, Observations
-from jaxrender.inverse.known_light import band_limit_for, exact_nodes, prepare_light
+from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.prepared_light import band_limit_for, prepare_light
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.spectra import light_coefficients
 

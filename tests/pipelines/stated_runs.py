@@ -14,6 +14,8 @@ RUNS = {
     "brdf under skies": "task: brdf\nlighting: {clear_sky: {sun: [0, 1, 1], zenith: 1}, "
     "overcast_sky: {zenith: 0.1}, harmonic: {coefficients: [1, 0.1, 0, 0.2]}}\n",
     "brdf of moving sources": "task: brdf\nlighting: {per_frame: lights.txt}\n",
+    "brdf of several lights": "task: brdf\nlighting: {environment: {path: probe.exr}}\ncaptures: "
+    "[{transforms: other.json, lighting: {environment: {path: other.exr}}}]\n",
     "brdf compared": f"task: brdf\nbrdf: {{model: ggx, compare: [ward, phong]}}\n{_LIT}",
     "brdf by a ladder": f"task: brdf\nbrdf: {{compare: auto}}\n{_LIT}",
     "brdf by frequency alone": f"task: brdf\nsolve: {{refine: off}}\n{_LIT}",
@@ -94,6 +96,8 @@ OTHER = {
     "capture.erode": "1",
     "capture.exposure": "metadata",
     "capture.allow_outside": "true",
+    "captures": "[{transforms: other.json, lighting: {environment: {path: other.exr}, "
+    "per_frame: lights.txt}}]",
     "lighting.environment.path": "other.exr",
     "lighting.environment.convention": "y-up",
     "lighting.environment.scale": "2",

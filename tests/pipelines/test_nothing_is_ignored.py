@@ -28,7 +28,7 @@ from jaxrender.inverse.photographs import Reading, read_photographs, trace_photo
 from jaxrender.inverse.texture import TextureEstimate, regions, unknown_light
 from jaxrender.io import read_capture, write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment
-from jaxrender.pipelines import run, scene
+from jaxrender.pipelines import captures, run
 from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.output import FolderState
 from jaxrender.pipelines.tasks import brdf_spectrum, task
@@ -134,10 +134,12 @@ def trace(seen, config):
         for one in (fit, found)
     )
     stands = {
-        scene: {"read_capture": of("read_capture", read_capture)},
         run: {
             "fingerprint": lambda *_: "",
             "prepare": of("prepare", FolderState.FRESH),
+        },
+        captures: {
+            "read_capture": of("read_capture", read_capture),
             "read_photographs": of("read_photographs", []),
             "trace_photographs": of("trace_photographs", lambda c, i, shape, *_: seen[type(shape)]),
         },

@@ -21,8 +21,8 @@ from jaxrender.inverse.photographs import (
     trace_photographs,
 )
 from jaxrender.io import read_image, write_image
+from jaxrender.pipelines.captures import capture_of, reading_of
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.scene import capture_of, reading_of
 
 BALL = Sphere(np.zeros(3), 1.0)
 # A half step of 8 bits, through the steepest part of the sRGB curve (slope 2.3 at 1).
@@ -42,9 +42,8 @@ def capture(tmp_path):
 
 def load(folder, min_cosine=0.15, **given):
     capture = {"transforms": folder / "transforms.json", "geometry": {"sphere": {}}, **given}
-    samples = {"min_cosine": min_cosine}
-    config = RunConfig.model_validate({"task": "factorize", "capture": capture, "samples": samples})
-    said, frames, reading = [], capture_of(config.capture), reading_of(config)
+    config = RunConfig.model_validate({"task": "factorize", "capture": capture})
+    said, frames, reading = [], capture_of(config.capture), reading_of(config.capture, min_cosine)
     listener = Listener(said.append)
     images = read_photographs(frames, reading, listener)
     return trace_photographs(frames, images, BALL, reading, listener), said

@@ -182,7 +182,7 @@ def estimate_spectrum(
     """
     settings = settings or SpectrumSettings()
     known = light if isinstance(light, KnownLight) else KnownLight.of(light)
-    if known.per_frame is not None:
+    if known.varies:
         raise ValueError(
             "each photograph has a light of its own; coefficients need one that all share"
         )

@@ -85,7 +85,7 @@ def _left_under(
 ) -> Float[np.ndarray, "matrix"]:
     """Say what is left under each permutation, with the best of the widths (rms)."""
     assert grounds.light.surrounding is not None
-    every_node = grounds.light.surrounding(cell)
+    every_node = grounds.light.surrounding(cell, grounds.frame)
     least = np.full(len(matrices), np.inf)
     for material in _of_widths(grounds.material, widths):
         lit = sum(_columns_of(grounds, material, source.nodes) for source in grounds.sources)

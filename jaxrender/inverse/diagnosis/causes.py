@@ -89,7 +89,15 @@ def _environment(grounds: Grounds) -> Columns | None:
     if grounds.environment is None:
         return None
     part = grounds.environment
-    return grounds.gain[:, :, None] * np.stack([part.turned(axis) for axis in np.eye(3)], 2)
+    turns = grounds.gain[:, :, None] * np.stack([part.turned(axis) for axis in np.eye(3)], 2)
+    light = grounds.light.told
+    if light is None or light.environments is None:
+        return turns
+    # Each environment turns by itself.
+    own = light.image_of_frame[grounds.frame]
+    return np.concatenate(
+        [np.where((own == at)[:, None, None], turns, 0) for at in range(len(light.images))], axis=2
+    )
 
 
 def _lamps(grounds: Grounds) -> Columns | None:

@@ -187,7 +187,7 @@ class Grounds:
         if self.light.surrounding is None:
             return None
         cell = _CELL_PER_WIDTH * float(self.material.width)
-        return self._part(self.light.surrounding(cell))
+        return self._part(self.light.surrounding(cell, self.frame))
 
     def thinned(self, count: int) -> "Grounds":
         """Keep so many of the samples, evenly."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.nuisances import source_groups
 from jaxrender.lighting import DirectionalSources, HarmonicLight, LightNodes
 from jaxrender.reflection import FrameNodes
@@ -32,10 +32,10 @@ class LightParts(NamedTuple):
     ``told`` is the whole light, if it was told.
 
     ``surrounding`` lists point masses in cells of a width (radians); None where there are sources
-    alone.  ``sources`` lists those of each group, as the samples' photographs see them.
+    alone.  ``sources`` lists those of each group.  Both are asked for samples' photographs.
     """
 
-    surrounding: Callable[[float], LightNodes] | None
+    surrounding: Callable[[float, Int[np.ndarray, "sample"]], LightNodes | FrameNodes] | None
     sources: Callable[[Int[np.ndarray, "sample"]], tuple[SourceNodes, ...]]
     told: KnownLight | None = None
 
@@ -43,17 +43,15 @@ class LightParts(NamedTuple):
     def known(cls, light: KnownLight) -> "LightParts":
         """Take apart a light that was told."""
 
-        def surrounding(cell: float) -> LightNodes:
-            dark = DirectionalSources.none(light.directional.irradiance.shape[1])
-            alone = KnownLight(light.environment, dark, turn=light.turn)
-            (nodes,) = exact_nodes(alone, np.zeros(0, int), 1.0, cell)
-            assert isinstance(nodes, LightNodes)
-            return filled(nodes)
+        def surrounding(cell: float, frame: Int[np.ndarray, "sample"]) -> LightNodes | FrameNodes:
+            nodes = light.environment_nodes(1.0, cell, frame)
+            assert nodes is not None
+            return filled(nodes) if isinstance(nodes, LightNodes) else nodes
 
         def sources(frame: Int[np.ndarray, "sample"]) -> tuple[SourceNodes, ...]:
             return tuple(SourceNodes(*g.nodes(light, frame)) for g in source_groups(light))
 
-        return cls(None if light.environment is None else surrounding, sources, light)
+        return cls(surrounding if light.has_environment else None, sources, light)
 
     @classmethod
     def found(
@@ -64,7 +62,7 @@ class LightParts(NamedTuple):
         All but the brightest sources are one group.
         """
 
-        def surrounding(cell: float) -> LightNodes:
+        def surrounding(cell: float, frame: Int[np.ndarray, "sample"]) -> LightNodes:
             rows = max(math.ceil(np.pi / cell), 2 * band_limit_of(len(slow)) + 1)
             return filled(HarmonicLight(slow, rows).nodes())
 

@@ -30,6 +30,7 @@ from jaxrender.inverse.forecast.situation import (
     Situation,
     Supposed,
     foresee,
+    foresee_draw,
     problem_of,
     weights_of,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "forecast_material",
     "forecast_of_fit",
     "foresee",
+    "foresee_draw",
     "highest_identifiable_degree",
     "problem_of",
     "weights_of",

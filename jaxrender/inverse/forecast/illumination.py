@@ -78,7 +78,7 @@ def forecast_light(
     differs from photograph to photograph.
     """
     light = situation.light
-    if light.per_frame is not None:
+    if light.varies:
         raise ValueError(
             "the light differs from photograph to photograph: it cannot be recovered as one light"
         )

@@ -105,7 +105,7 @@ def forecast_joint(
     mixed_lobes = bool(np.any(kd))
     if not np.all(ks > 0) or (mixed_lobes and not np.all(kd > 0)):
         raise ValueError("kd and ks must be above 0 in every channel: suppose a little of both")
-    if situation.light.per_frame is not None:
+    if situation.light.varies:
         raise ValueError("the light differs from photograph to photograph: factorize one light")
     unknown = (band_limit + 1) ** 2
     if len(situation.frame) < 2 * unknown:

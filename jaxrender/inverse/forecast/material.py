@@ -27,9 +27,10 @@ from jaxrender.inverse.forecast.situation import (
 )
 from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree
 from jaxrender.inverse.intervals import Uncertain, relative_error, within_reach
-from jaxrender.inverse.known_light import KnownLight, prepare_light
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.prepared_light import by_frequency, prepare_light
 from jaxrender.inverse.solvers import Solution
 from jaxrender.inverse.uncertainty import uncertain_parameters
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
@@ -95,7 +96,7 @@ def forecast_of_fit(fit: BRDFFit, light: KnownLight) -> MaterialForecast:
     supposed = Supposed(fit.brdf.with_amplitudes(*amplitudes), fit.noise)
     observed = final.observations
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
-    foreseen = foreseen_of(situation, supposed, near)
+    foreseen = foreseen_of(situation, supposed, near, observed.shares)
     problem = problem_of(final.problem.unknowns, supposed.brdf)
     return _forecast(problem, foreseen, fit.evidence, explain=True)
 
@@ -104,7 +105,9 @@ def _forecast(
     problem: Problem, foreseen: Foreseen, evidence: WidthEvidence | None, explain: bool
 ) -> MaterialForecast:
     fit = _fit_at(problem, foreseen)
-    parameters = uncertain_parameters(problem, foreseen.model, foreseen.data, fit, True)
+    parameters = uncertain_parameters(
+        problem, foreseen.model, foreseen.data, fit, True, shares=foreseen.shares
+    )
     free = [*problem.unknowns.free_amplitudes, *problem.unknowns.free_numbers]
     identifiable = {name: within_reach(parameters, name) for name in free}
     lost = [name for name in free if not identifiable[name]]
@@ -131,8 +134,9 @@ def _evidence(
 ) -> WidthEvidence | None:
     """Say what sigma will rest on: all samples, those seen head-on, the light's spectrum."""
     brdf, (samples, frame, light) = foreseen.supposed.brdf, foreseen.situation
-    if not (isinstance(brdf, Glossy) and brdf.has_frequency_view):
+    if not by_frequency(brdf, light):
         return None
+    assert isinstance(brdf, Glossy)
     observations = Observations(samples, foreseen.data.radiance, frame)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
     dual = prepare_light(light, observations, lobe, split, None).dual.for_frames(frame)

@@ -16,6 +16,7 @@ from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.elimination import Data, Problem
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.stated import Unknown
@@ -53,13 +54,15 @@ TYPICAL = Supposed()
 class Foreseen(NamedTuple):
     """Photographs that a supposed material would give, to first order in its parameters.
 
-    ``data`` holds their radiance without noise, weighed by the noise.
+    ``data`` holds their radiance without noise, weighed by the noise.  ``shares`` tell how many
+    pixels each sample stands for, relative to their mean, which its weight has in it.
     """
 
     situation: Situation
     supposed: Supposed
     model: LinearisedModel
     data: Data
+    shares: Float[np.ndarray, "sample"] | None = None
 
 
 class SearchPoint(NamedTuple):
@@ -83,16 +86,42 @@ def foresee(
     seed: int = 0,
     angle_per_sigma: float | None = None,
 ) -> Foreseen:
-    """Predict the photographs at ``count`` samples, drawn as the refinement of a fit draws them.
+    """Predict the photographs at ``count`` samples, spread over exit cosines and brightness.
 
     ``angle_per_sigma`` condenses the light to cells of that many sigma.
     """
-    situation = _drawn(situation, supposed, count, seed)
+    situation = _spread(situation, supposed, count, seed)
+    return foreseen_of(situation, supposed, _linearised(situation, supposed, angle_per_sigma))
+
+
+def foresee_draw(
+    situation: Situation,
+    supposed: Supposed = TYPICAL,
+    count: int = 2000,
+    seed: int = 0,
+    angle_per_sigma: float | None = None,
+) -> Foreseen:
+    """Predict the photographs at ``count`` samples, drawn as the refinement of a fit draws them.
+
+    Samples of high leverage are drawn often, and stand for few pixels.
+    """
+    samples, frame, light = situation
+    blank = np.zeros((len(frame), supposed.brdf.amplitudes.shape[1]))
+    every = Observations(samples, blank, frame)
+    some, index = draw(every, leverage(every, light), count, seed)
+    drawn = Situation(some.samples, frame[index], light)
+    near = _linearised(drawn, supposed, angle_per_sigma)
+    return foreseen_of(drawn, supposed, near, some.shares)
+
+
+def _linearised(
+    situation: Situation, supposed: Supposed, angle_per_sigma: float | None
+) -> LinearisedModel:
+    """Linearise the integral about the supposed material."""
     brdf = supposed.brdf
     nodes = exact_nodes(situation.light, situation.frame, float(brdf.width), angle_per_sigma)
     model = ExactModel(kind_of(brdf), situation.samples, nodes)
-    near = LinearisedModel.about(model, numbers_of(brdf))
-    return foreseen_of(situation, supposed, near)
+    return LinearisedModel.about(model, numbers_of(brdf))
 
 
 def kind_of(brdf: Kind) -> Kind:
@@ -106,11 +135,18 @@ def numbers_of(brdf: Parametric) -> dict[str, Float[Array, ""]]:
     return {name: jnp.asarray(float(value)) for name, value in brdf.numbers.items()}
 
 
-def foreseen_of(situation: Situation, supposed: Supposed, near: LinearisedModel) -> Foreseen:
-    """Weigh what a model predicts by the noise to be expected."""
+def foreseen_of(
+    situation: Situation,
+    supposed: Supposed,
+    near: LinearisedModel,
+    shares: Float[np.ndarray, "sample"] | None = None,
+) -> Foreseen:
+    """Weigh what a model predicts by the noise to be expected, and by the samples' shares."""
     radiance = _mixed(supposed.brdf, near.at)
     weights = weights_of(supposed.noise, radiance)
-    return Foreseen(situation, supposed, near, Data(radiance, weights, situation.frame))
+    if shares is not None:
+        weights = weights * np.sqrt(shares)[:, None]
+    return Foreseen(situation, supposed, near, Data(radiance, weights, situation.frame), shares)
 
 
 def weights_of(
@@ -196,7 +232,7 @@ def _columns(model: ExactModel, numbers: dict[str, Float[Array, ""]]) -> Columns
     return model.columns(numbers)
 
 
-def _drawn(situation: Situation, supposed: Supposed, count: int, seed: int) -> Situation:
+def _spread(situation: Situation, supposed: Supposed, count: int, seed: int) -> Situation:
     samples, frame, light = situation
     if len(frame) <= count:
         return situation

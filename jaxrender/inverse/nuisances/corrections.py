@@ -4,6 +4,7 @@ Pixels are blurred radiance times the photograph's gain plus a black level, rais
 All of that is taken off the pixels, so that they are those of the capture as it was told.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -67,7 +68,7 @@ class Corrections(NamedTuple):
     """What is wrong with a capture; zero where it is as told.
 
     ``exposure`` log of the gains, ``camera`` rotation vectors, ``object`` its shift in sizes,
-    ``scale`` log of its scale, ``environment`` a rotation vector, ``lamps`` of each group of
+    ``scale`` log of its scale, ``environment`` rotation vectors, ``lamps`` of each group of
     sources a rotation vector and the log of its brightness, ``nearness`` of each of those,
     ``black`` relative to ``level``, the mean radiance (rms), ``response`` log of the exponent,
     which leaves a value of 1 as it is, ``normals`` a displacement, ``blur`` a variance in pixels
@@ -78,7 +79,7 @@ class Corrections(NamedTuple):
     camera: Float[np.ndarray, "frame 3"]
     object: Float[np.ndarray, "3"]
     scale: Float[np.ndarray, "1"]
-    environment: Float[np.ndarray, "3"]
+    environment: Float[np.ndarray, "image 3"]
     lamps: Float[np.ndarray, "group 4"]
     nearness: Float[np.ndarray, "group"]
     black: Float[np.ndarray, "channel"]
@@ -92,13 +93,14 @@ class Corrections(NamedTuple):
         """Make those of a capture in which nothing is wrong."""
         frames = told.observations.frames
         groups = 0 if told.light is None else len(source_groups(told.light))
+        images = 1 if told.light is None else max(1, len(told.light.images))
         radiance = np.asarray(told.observations.radiance, float)
         return cls(
             np.zeros(frames),
             np.zeros((frames, 3)),
             np.zeros(3),
             np.zeros(1),
-            np.zeros(3),
+            np.zeros((images, 3)),
             np.zeros((groups, 4)),
             np.zeros(groups),
             np.zeros(radiance.shape[1]),
@@ -276,13 +278,21 @@ class Corrections(NamedTuple):
                     )
                     for own in per_frame
                 )
-        turn = rotation(self.environment) if np.any(self.environment) else None
+        turn = turns = None
+        if np.any(self.environment):
+            each = Rotation.from_rotvec(self.environment).as_matrix()
+            if light.environments is None:
+                turn = each[0]
+            else:
+                turns = each[light.image_of_frame]
         near = None
         if np.any(self.nearness):
             assert told.shape is not None
             near = Nearness(nearness, of_frames, center_of(told.shape), size_of(told.shape))
         sources = DirectionalSources(directions, irradiance)
-        return KnownLight(light.environment, sources, per_frame, turn, near)
+        return dataclasses.replace(
+            light, directional=sources, per_frame=per_frame, turn=turn, turns=turns, near=near
+        )
 
 
 def rotation(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

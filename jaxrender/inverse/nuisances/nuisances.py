@@ -60,7 +60,7 @@ NUISANCES = {
         Nuisance("camera", "rotation of each camera", _rotation(0.1)),
         Nuisance("object", "shift of the object, of its size", _percent(1.0) * 3),
         Nuisance("scale", "enlargement of the object", _percent(1.0)),
-        Nuisance("environment", "rotation of the environment", _rotation(1.0)),
+        Nuisance("environment", "rotation of each environment", _rotation(1.0)),
         Nuisance(
             "lamps", "rotation and brightness of each source", _rotation(1.0) + _percent(10.0)
         ),

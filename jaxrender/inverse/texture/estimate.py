@@ -16,12 +16,12 @@ from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
-from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
+from jaxrender.inverse.unknown_material import UnknownMaterial
 from jaxrender.io import write_image, write_mesh
 from jaxrender.shapes import Bool, Float
 

@@ -16,11 +16,12 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.diagnosis import CLIPPED, Diagnosis, Suspect, diagnose, likeliest
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
-from jaxrender.inverse.known_light import DUAL_ERROR, KnownLight
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.misfit import LEAST, Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.models import ExactModel, LinearisedModel, Model
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.prepared_light import DUAL_ERROR
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed

@@ -18,7 +18,6 @@ from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import sites_of
 from jaxrender.inverse.texture.unknown_light import UnknownLightSettings, under_unknown_light
-from jaxrender.lighting import DirectionalSources
 
 
 def estimate_texture(
@@ -44,7 +43,9 @@ def estimate_texture(
             "a texture needs known exposures and a light in known units; leave free_exposure and "
             "free_scale out"
         )
-    dark = scene.light is None and scene.per_frame is None
+    dark = scene.dark
+    if isinstance(scene.light, tuple):
+        raise ValueError("a texture takes one set of photographs; give one light")
     wrong, kind = (TextureSettings, "known") if dark else (UnknownLightSettings, "unknown")
     if isinstance(settings, wrong):
         right = UnknownLightSettings if dark else TextureSettings
@@ -67,15 +68,6 @@ def estimate_texture(
 
 def _light_of(scene: Scene, loaded: LoadedCapture, seen: list[Photograph]) -> KnownLight:
     """Pick the light of the photographs that were not skipped."""
-    if scene.light is None:
-        channels = np.asarray(seen[0].radiance).shape[-1]
-        light = KnownLight(None, DirectionalSources.none(channels), scene.per_frame)
-    else:
-        light = KnownLight.of(scene.light, scene.per_frame)
-    frames = len(loaded.capture.frames)
-    if light.per_frame is not None and len(light.per_frame) < frames:
-        raise ValueError(
-            f"per_frame lights {len(light.per_frame)} photographs of {frames}; give each its "
-            "sources"
-        )
+    channels = np.asarray(seen[0].radiance).shape[-1]
+    light = scene.known_light([len(loaded.capture.frames)], channels)
     return light.of_frames(loaded.capture.numbers_of(one.frame.name for one in seen))

@@ -6,10 +6,10 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
-from jaxrender.inverse.known_light import DUAL_ERROR
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.prepared_light import DUAL_ERROR
 from jaxrender.inverse.texture.clustered import excess_of_surface, widening
 from jaxrender.inverse.texture.estimate import TextureEstimate
 from jaxrender.inverse.texture.examination import misfit_of

@@ -12,9 +12,10 @@ import numpy as np
 
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Shape
-from jaxrender.inverse.known_light import KnownLight, exact_nodes, prepare_light
+from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.inverse.known_light import KnownLight, prepare_light
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
 from jaxrender.inverse.texture.known_light import site_cells

@@ -8,7 +8,6 @@ from jaxrender.brdf import Microfacet
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.models import DiffuseModel
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.stated import Stated
 from jaxrender.inverse.texture.account import TextureFit
@@ -28,6 +27,7 @@ from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.transfer_field import with_field
+from jaxrender.inverse.unknown_material import UnknownMaterial
 from jaxrender.inverse.unknowns import unknowns_of
 from jaxrender.shapes import Bool, Int
 

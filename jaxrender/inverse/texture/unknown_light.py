@@ -18,7 +18,6 @@ from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.scene import UnknownMaterial
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.diffuse_light import (
     DiffuseFactors,
@@ -42,6 +41,7 @@ from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
+from jaxrender.inverse.unknown_material import UnknownMaterial
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import DualForward, DualLight
 from jaxrender.shapes import Float, Int

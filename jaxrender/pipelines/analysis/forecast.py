@@ -17,9 +17,15 @@ from jaxrender.inverse.forecast import (
     forecast_light,
     forecast_material,
     foresee,
+    foresee_draw,
     problem_of,
 )
-from jaxrender.inverse.next_best import Suggestion, suggest_sources, suggest_views
+from jaxrender.inverse.next_best import (
+    Suggestion,
+    present_errors,
+    suggest_sources,
+    suggest_views,
+)
 from jaxrender.pipelines.analysis.prospect import Prospect, prospect_of
 from jaxrender.pipelines.analysis.supposed import Supposition, supposition_of
 from jaxrender.pipelines.config import RunConfig
@@ -47,7 +53,8 @@ class Options(NamedTuple):
 class ConfigAnalysis(NamedTuple):
     """The forecasts of one config; None where a recovery cannot be made at all, and why.
 
-    ``suggestions`` are what one more photograph should be, best first.
+    ``suggestions`` are what one more photograph should be, best first, and ``present`` the errors
+    without it, from the same samples.
     """
 
     prospect: Prospect
@@ -58,6 +65,7 @@ class ConfigAnalysis(NamedTuple):
     joint: JointForecast | None
     impossible: dict[str, str]
     suggestions: tuple[Suggestion, ...]
+    present: dict[str, float]
     text: str
 
 
@@ -96,11 +104,21 @@ def analyze_config(
         light = _tried("light", impossible, lambda: forecast_light(*at, options.band_limit))
         joint = _tried("joint", impossible, lambda: forecast_joint(*at))
     suggestions: tuple[Suggestion, ...] = ()
+    present: dict[str, float] = {}
     if options.suggest is not None:
         with progress.stage("suggest"), fault_of(f"--suggest {options.suggest}"):
-            suggestions = _suggestions(config, prospect, foreseen, options)
+            present, suggestions = _suggestions(config, prospect, supposition, options)
     found = ConfigAnalysis(
-        prospect, supposition, foreseen, material, light, joint, impossible, suggestions, ""
+        prospect,
+        supposition,
+        foreseen,
+        material,
+        light,
+        joint,
+        impossible,
+        suggestions,
+        present,
+        "",
     )
     if options.figure is not None:
         draw(options.figure, found)
@@ -116,10 +134,14 @@ def _check(options: Options) -> None:
 
 def _foreseen(config: RunConfig, prospect: Prospect, supposition: Supposition) -> Foreseen:
     """Predict the samples that the last step of the fit would use."""
+    return foresee_draw(prospect.pool, supposition.supposed, *_last_step(config))
+
+
+def _last_step(config: RunConfig) -> tuple[int, int, float | None]:
+    """Tell how many samples the last step takes, by which seed, under light in which cells."""
     refined = config.solve.refine == "exact"
-    count = config.solve.refine_samples if refined else config.samples.count
-    seed, cell = config.samples.seed, None if refined else _COARSE
-    return foresee(prospect.situation, supposition.supposed, count, seed, cell)
+    count = config.refine_count if refined else config.sample_count
+    return count, config.samples.seed, None if refined else _COARSE
 
 
 def _tried(name: str, impossible: dict[str, str], forecast: Callable[[], Found]) -> Found | None:
@@ -131,11 +153,14 @@ def _tried(name: str, impossible: dict[str, str], forecast: Callable[[], Found])
 
 
 def _suggestions(
-    config: RunConfig, prospect: Prospect, foreseen: Foreseen, options: Options
-) -> tuple[Suggestion, ...]:
+    config: RunConfig, prospect: Prospect, supposition: Supposition, options: Options
+) -> tuple[dict[str, float], tuple[Suggestion, ...]]:
+    """Rank photographs, whose samples are spread alike over those that are there and the new."""
+    foreseen = foresee(prospect.situation, supposition.supposed, *_last_step(config))
     unknowns = unknowns_of(config, len(np.unique(foreseen.situation.frame)))
     problem = problem_of(unknowns, foreseen.supposed.brdf)
+    present = present_errors(foreseen, problem)
     if options.suggest == "sources":
-        return suggest_sources(foreseen, problem, None, options.aim, options.count)
+        return present, suggest_sources(foreseen, problem, None, options.aim, options.count)
     views = candidate_views(prospect.cameras, prospect.shape, config.samples.min_cosine)
-    return suggest_views(foreseen, problem, views, options.aim, options.count)
+    return present, suggest_views(foreseen, problem, views, options.aim, options.count)

@@ -17,9 +17,17 @@ from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast import Situation
 from jaxrender.inverse.observations import random_subset
 from jaxrender.inverse.photographs import Listener, Reading, observations_of, trace_photographs
-from jaxrender.io import Capture, Frame, Image, read_capture
+from jaxrender.io import Capture, Frame, Image
 from jaxrender.lighting import DirectionalSources, SmoothLobes
-from jaxrender.pipelines.config import RecipeConfig, RunConfig, load_recipe
+from jaxrender.pipelines.captures import capture_of, joined, numbered
+from jaxrender.pipelines.config import (
+    CaptureConfig,
+    CaptureLightingConfig,
+    FurtherCaptureConfig,
+    RecipeConfig,
+    RunConfig,
+    load_recipe,
+)
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.scene import (
     fault_of,
@@ -43,10 +51,12 @@ _ROWS = 64
 class Prospect(NamedTuple):
     """What a fit would work on, but for the radiance of its samples.
 
+    ``situation`` are the samples of a fit, ``pool`` all usable pixels.
     ``light_given`` is False where the config has no light and a typical one is supposed.
     """
 
     situation: Situation
+    pool: Situation
     cameras: tuple[Camera, ...]
     names: tuple[str, ...]
     shape: Shape
@@ -60,48 +70,54 @@ def prospect_of(config: RunConfig, progress: Progress) -> Prospect:
     Raises ``InputError`` for what a fit would refuse, photographs apart.
     """
     recipe = None if config.capture.recipe is None else load_recipe(config.capture.recipe)
-    shape, capture = _shape_and_cameras(config, recipe)
-    light, given = _light(config, recipe, capture)
-    reading = Reading(Linear(), erode=config.capture.erode, min_cosine=config.samples.min_cosine)
-    blanks = [_blank(frame.camera) for frame in capture.frames]
-    with fault_of(str(capture.source)):
-        listener = Listener(progress.note, progress.advance)
-        photographs = trace_photographs(capture, blanks, shape, reading, listener)
+    shape = _shape(config, recipe)
+    stated = (config.capture, *config.captures)
+    captures = numbered([_cameras(one) for one in stated])
+    given = config.lighting.given or recipe is not None
+    light = _light(config, captures)
+    photographs = []
+    for one, capture in zip(stated, captures):
+        reading = Reading(Linear(), erode=one.erode, min_cosine=config.samples.min_cosine)
+        blanks = [_blank(frame.camera) for frame in capture.frames]
+        with fault_of(str(capture.source)):
+            listener = Listener(progress.note, progress.advance)
+            photographs += trace_photographs(capture, blanks, shape, reading, listener)
     kept = [photograph.frame for photograph in photographs]
     with fault_of("lighting.per_frame"):
-        light = light.of_frames(capture.numbers_of(frame.name for frame in kept))
-    observations = random_subset(
-        observations_of(photographs), config.samples.count, config.samples.seed
-    )
+        light = light.of_frames(joined(captures).numbers_of(frame.name for frame in kept))
+    every = observations_of(photographs)
+    observations = random_subset(every, config.sample_count, config.samples.seed)
     _check(config, observations, len(kept))
-    situation = Situation(observations.samples, np.asarray(observations.frame), light)
+    situation, pool = (
+        Situation(some.samples, np.asarray(some.frame), light) for some in (observations, every)
+    )
     cameras = tuple(frame.camera for frame in kept)
-    return Prospect(situation, cameras, tuple(frame.name for frame in kept), shape, recipe, given)
+    return Prospect(
+        situation, pool, cameras, tuple(frame.name for frame in kept), shape, recipe, given
+    )
 
 
-def _shape_and_cameras(config: RunConfig, recipe: RecipeConfig | None) -> tuple[Shape, Capture]:
-    if recipe is None:
-        assert config.capture.transforms is not None
-        assert config.capture.geometry is not None
-        capture = read_capture(
-            config.capture.transforms,
-            images=config.capture.images,
-            allow_outside=config.capture.allow_outside,
-            require_images=False,
-        )
-        frames = tuple(_without_missing_mask(frame) for frame in capture.frames)
-        return shape_of(config.capture.geometry), Capture(frames, capture.source)
-    place = config.capture.recipe
-    assert place is not None
-    shape = shape_of(config.capture.geometry or recipe.geometry)
+def _shape(config: RunConfig, recipe: RecipeConfig | None) -> Shape:
+    if recipe is not None:
+        return shape_of(config.capture.geometry or recipe.geometry)
+    assert config.capture.geometry is not None
+    return shape_of(config.capture.geometry)
+
+
+def _cameras(capture: CaptureConfig | FurtherCaptureConfig) -> Capture:
+    """Read the cameras of a capture, or place those of its recipe."""
+    if capture.recipe is None:
+        found = capture_of(capture, require_images=False)
+        return found._replace(frames=tuple(_without_missing_mask(f) for f in found.frames))
+    recipe = load_recipe(capture.recipe)
     centre = np.asarray(shape_of(recipe.geometry).bounds()).mean(axis=0)
-    with fault_of(f"{place}: views.elevation_degrees {recipe.views.elevation_degrees:g}"):
+    with fault_of(f"{capture.recipe}: views.elevation_degrees {recipe.views.elevation_degrees:g}"):
         cameras = cameras_of(recipe.views, centre)
     frames = tuple(
         Frame(f"view_{number:03d}", camera, Path(f"view_{number:03d}"), None, None)
         for number, camera in enumerate(cameras)
     )
-    return shape, Capture(frames, place)
+    return Capture(frames, capture.recipe)
 
 
 def _without_missing_mask(frame: Frame) -> Frame:
@@ -110,15 +126,24 @@ def _without_missing_mask(frame: Frame) -> Frame:
     return frame._replace(mask_path=None) if missing else frame
 
 
-def _light(
-    config: RunConfig, recipe: RecipeConfig | None, capture: Capture
-) -> tuple[KnownLight, bool]:
-    if config.lighting.given:
-        return known_light(config.lighting, [frame.name for frame in capture.frames]), True
+def _light(config: RunConfig, captures: list[Capture]) -> KnownLight:
+    """Make the light of all captures."""
+    stated = [(config.lighting, config.capture.recipe)]
+    stated += [(one.lighting, one.recipe) for one in config.captures]
+    lights = [_one_light(*one, capture) for one, capture in zip(stated, captures)]
+    return KnownLight.joined(lights, [len(capture.frames) for capture in captures])
+
+
+def _one_light(
+    lighting: CaptureLightingConfig, recipe: Path | None, capture: Capture
+) -> KnownLight:
+    """Make the light that is stated, or that of a recipe, or one that is typical."""
+    if lighting.given:
+        return known_light(lighting, [frame.name for frame in capture.frames])
     if recipe is None:
-        return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _SOURCE), False
-    with fault_of(f"{config.capture.recipe}: lighting"):
-        return light_for_fit(recipe), True
+        return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _SOURCE)
+    with fault_of(f"{recipe}: lighting"):
+        return light_for_fit(load_recipe(recipe))
 
 
 def _blank(camera: Camera) -> Image:

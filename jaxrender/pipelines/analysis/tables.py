@@ -37,8 +37,8 @@ def _heading(found: ConfigAnalysis) -> str:
     situation, supposed = found.foreseen.situation, found.supposition.supposed
     brdf, light = supposed.brdf, situation.light
     lit = []
-    if light.environment is not None:
-        height, width = light.environment.grid.shape
+    for image in light.images:
+        height, width = image.grid.shape
         lit.append(f"an environment of {height} x {width}")
     sources = len(light.directional.directions)
     if sources:
@@ -152,7 +152,7 @@ def _suggestions(found: ConfigAnalysis, options: Options) -> str:
         + " ".join(f"{name:>8s}" for name in names),
     ]
     if found.material is not None:
-        now = [found.material.relative_error(name) for name in names]
+        now = [found.present[name] for name in names]
         lines.append(f"  {'':4s}{'now':24s} " + " ".join(f"{_relative(e):>8s}" for e in now))
     for number, one in enumerate(found.suggestions):
         lines.append(

@@ -192,8 +192,7 @@ def _keep(run: Planned, failure: Failure) -> None:
 
 
 def _recipes(runs: Iterable[Planned]) -> list[Path]:
-    found = (run.config.capture.recipe for run in runs)
-    return list(dict.fromkeys(path for path in found if path is not None))
+    return list(dict.fromkeys(path for run in runs for path in run.config.recipes))
 
 
 def _is_rendered(path: Path) -> bool:

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 
 from jaxrender.errors import InputError
 from jaxrender.pipelines.batch.task import Failure, Job
-from jaxrender.pipelines.config import CaptureConfig, RunConfig, load_recipe
+from jaxrender.pipelines.captures import capture_of
+from jaxrender.pipelines.config import CaptureConfig, FurtherCaptureConfig, RunConfig, load_recipe
 from jaxrender.pipelines.config.sweep import Sweep
 from jaxrender.pipelines.output import fingerprint, fingerprint_of, result_folder
 from jaxrender.pipelines.result import read_result, write_json
-from jaxrender.pipelines.scene import capture_of, input_files
+from jaxrender.pipelines.scene import input_files
 
 # Hexadecimal digits of a name: two of 1e5 runs share one by accident with probability 3e-10.
 _NAME_LENGTH = 16
@@ -96,13 +97,14 @@ class _Data:
 
     def digest(self, config: RunConfig) -> str:
         """Digest the contents of all files that a run reads."""
-        recipe = config.capture.recipe
-        files = [path for path in input_files(config) if path != recipe]
-        if recipe is not None:
-            return self._recipe(recipe) + self._contents(files)
-        return self._contents([*files, *self._photographs(config.capture)])
+        recipes = "".join(self._recipe(path) for path in config.recipes)
+        files = [path for path in input_files(config) if path not in config.recipes]
+        for capture in (config.capture, *config.captures):
+            if capture.recipe is None:
+                files += self._photographs(capture)
+        return recipes + self._contents(files)
 
-    def _photographs(self, capture: CaptureConfig) -> list[Path]:
+    def _photographs(self, capture: CaptureConfig | FurtherCaptureConfig) -> list[Path]:
         key = capture.model_dump_json()
         if key not in self._captures:
             frames = capture_of(capture).frames

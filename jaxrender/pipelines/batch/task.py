@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,9 +32,9 @@ class Job(NamedTuple):
     replaces: bool
 
     @property
-    def recipe(self) -> Path | None:
-        """The recipe whose photographs are fitted."""
-        return self.config.capture.recipe
+    def recipes(self) -> tuple[Path, ...]:
+        """The recipes whose photographs are fitted."""
+        return self.config.recipes
 
 
 class Failure(NamedTuple):
@@ -58,9 +58,10 @@ def render_photographs(recipe: Path, set_up: SetUp) -> Failure | None:
     return _attempted(set_up, _photographs, recipe)
 
 
-def run_job(job: Job, rendered: Failure | None, set_up: SetUp) -> Failure | None:
-    """Do one run; ``rendered`` is the outcome of rendering its photographs."""
-    return rendered or _attempted(set_up, _fitted, job)
+def run_job(job: Job, rendered: Sequence[Failure | None], set_up: SetUp) -> Failure | None:
+    """Do one run; ``rendered`` are the outcomes of rendering its photographs."""
+    failed = next((failure for failure in rendered if failure is not None), None)
+    return failed or _attempted(set_up, _fitted, job)
 
 
 def _attempted(set_up: SetUp, action: Callable, *arguments) -> Failure | None:
@@ -78,9 +79,9 @@ def _once(set_up: SetUp) -> None:
 
 
 def _fitted(job: Job) -> None:
-    if job.recipe is not None:
+    for recipe in job.recipes:
         # Only where this machine has another cache than the one that they were rendered into.
-        _photographs(job.recipe)
+        _photographs(recipe)
     fit(job.config.model_copy(update={"output": job.folder}), force=job.replaces)
 
 

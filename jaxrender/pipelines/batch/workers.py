@@ -62,11 +62,12 @@ class InProcess:
 
     def run(self, jobs: Sequence[Job]) -> Iterator[Ended]:
         """Do the jobs in their order."""
-        rendered: dict[Path | None, Failure | None] = {None: None}
+        rendered: dict[Path, Failure | None] = {}
         for job in jobs:
-            if job.recipe is not None and job.recipe not in rendered:
-                rendered[job.recipe] = render_photographs(job.recipe, _nothing)
-            yield job, run_job(job, rendered[job.recipe], _nothing)
+            for recipe in job.recipes:
+                if recipe not in rendered:
+                    rendered[recipe] = render_photographs(recipe, _nothing)
+            yield job, run_job(job, [rendered[recipe] for recipe in job.recipes], _nothing)
 
 
 def in_process(jobs: int) -> AbstractContextManager[Workers]:
@@ -170,11 +171,12 @@ class _Dask:
         from distributed import as_completed
 
         submit, set_up = self._client.submit, self._set_up
-        rendered: dict[Path | None, Any] = {None: None}
-        for recipe in {job.recipe for job in jobs if job.recipe is not None}:
+        rendered: dict[Path, Any] = {}
+        for recipe in {recipe for job in jobs for recipe in job.recipes}:
             rendered[recipe] = submit(render_photographs, recipe, set_up, pure=False)
         futures = {
-            submit(run_job, job, rendered[job.recipe], set_up, pure=False): job for job in jobs
+            submit(run_job, job, [rendered[one] for one in job.recipes], set_up, pure=False): job
+            for job in jobs
         }
         for future in as_completed(list(futures)):
             job = futures.pop(future)

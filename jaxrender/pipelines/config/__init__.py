@@ -11,7 +11,7 @@ each cannot use; :mod:`.honoured` adds those that other settings leave without e
 """
 
 from jaxrender.pipelines.config.brdf import BrdfConfig
-from jaxrender.pipelines.config.capture import CaptureConfig, CurveConfig
+from jaxrender.pipelines.config.capture import CaptureConfig, CurveConfig, FurtherCaptureConfig
 from jaxrender.pipelines.config.geometry import (
     EllipsoidConfig,
     GeometryConfig,
@@ -19,6 +19,7 @@ from jaxrender.pipelines.config.geometry import (
     SphereConfig,
 )
 from jaxrender.pipelines.config.lighting import (
+    CaptureLightingConfig,
     EnvironmentConfig,
     LightingConfig,
     RecipeLightingConfig,
@@ -44,9 +45,11 @@ from jaxrender.pipelines.config.texture import SpectrumConfig, TextureConfig
 __all__ = [
     "BrdfConfig",
     "CaptureConfig",
+    "CaptureLightingConfig",
     "CurveConfig",
     "EllipsoidConfig",
     "EnvironmentConfig",
+    "FurtherCaptureConfig",
     "GeometryConfig",
     "LightingConfig",
     "NoiseConfig",

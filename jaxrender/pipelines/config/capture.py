@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Tag, model_validator
 
 from jaxrender.pipelines.config.geometry import GeometryConfig
+from jaxrender.pipelines.config.lighting import CaptureLightingConfig
 from jaxrender.pipelines.config.values import (
     ConfigPath,
     NonNegative,
@@ -35,8 +36,8 @@ Response = Annotated[
 ]
 
 
-class CaptureConfig(Section):
-    """The photographs: exactly one of ``transforms`` (given) and ``recipe`` (rendered first)."""
+class _Photographs(Section):
+    """Photographs: exactly one of ``transforms`` (given) and ``recipe`` (rendered first)."""
 
     transforms: ConfigPath | None = None
     """transforms.json of the photographs: cameras, file names, exposures."""
@@ -44,8 +45,6 @@ class CaptureConfig(Section):
     """A recipe whose photographs are rendered first and then fitted."""
     images: ConfigPath | None = None
     """The folder of the photographs that transforms.json names."""
-    geometry: GeometryConfig | None = None
-    """The known shape.  With a recipe the default is that of the recipe."""
     response: Response = "linear"
     """How pixel values become radiance: linear, srgb or {curve: path}."""
     invalid: Literal["refuse", "mask"] = "refuse"
@@ -66,12 +65,43 @@ class CaptureConfig(Section):
     """Whether transforms.json may name files outside its own folder."""
 
     @model_validator(mode="after")
-    def _one_source(self) -> CaptureConfig:
+    def _one_source(self) -> _Photographs:
         if (self.transforms is None) == (self.recipe is None):
             found = "neither" if self.transforms is None else "both"
             raise ValueError(f"found {found}; give exactly one of transforms, recipe")
+        return self
+
+
+class CaptureConfig(_Photographs):
+    """The photographs: exactly one of ``transforms`` (given) and ``recipe`` (rendered first)."""
+
+    geometry: GeometryConfig | None = None
+    """The known shape.  With a recipe the default is that of the recipe."""
+
+    @model_validator(mode="after")
+    def _has_geometry(self) -> CaptureConfig:
         if self.transforms is not None and self.geometry is None:
             raise ValueError(
                 "missing key 'geometry'; photographs need {sphere: ...} or {mesh: ...}"
             )
+        return self
+
+
+class FurtherCaptureConfig(_Photographs):
+    """Further photographs of the same object, where it lies as in ``capture``, in another light."""
+
+    lighting: CaptureLightingConfig = CaptureLightingConfig()
+    """The light of these photographs.  With a recipe the default is that of the recipe."""
+
+    @model_validator(mode="after")
+    def _is_lit(self) -> FurtherCaptureConfig:
+        if self.recipe is None and not self.lighting.given:
+            raise ValueError(
+                "missing key 'lighting'; each of captures needs its own: one of environment, "
+                "directional, per_frame"
+            )
+        if self.recipe is not None:
+            for name in ("images", "allow_outside"):
+                if name in self.model_fields_set:
+                    raise ValueError(f"{name}: a recipe has photographs of its own; remove it")
         return self

@@ -56,6 +56,11 @@ def _ks(config: RunConfig) -> Any:
     return None if known is None else known.fixed
 
 
+def _has_image(config: RunConfig) -> bool:
+    """Tell whether the light of any capture is more than directional sources."""
+    return any(one.has_image for one in (config.lighting, *(c.lighting for c in config.captures)))
+
+
 def _varies(config: RunConfig) -> bool:
     return config.texture is not None and config.texture.sigma == "varying"
 
@@ -175,9 +180,7 @@ _OF_SETTINGS = (
     ),
     Case(
         "light of sources alone",
-        lambda config: (
-            config.task == "brdf" and config.lighting.given and not config.lighting.has_image
-        ),
+        lambda config: config.task == "brdf" and config.lighting.given and not _has_image(config),
         {
             "lighting.split": "has nothing to split",
             "solve.band_limit": _NO_DEGREES,
@@ -185,6 +188,17 @@ _OF_SETTINGS = (
             "solve.model": _NO_DEGREES,
         },
         instead="give lighting.environment",
+    ),
+    Case(
+        "captures whose environments differ",
+        lambda config: bool(config.captures) and _has_image(config),
+        {
+            "lighting.split": "are fitted by the integral",
+            "solve.transfer": "are fitted by the integral",
+            "solve.model": "are fitted by the integral",
+        },
+        {"solve.model": ("dual",)},
+        instead="remove captures",
     ),
     Case(
         lambda config: f"model {_by_integral(config)[0]}",

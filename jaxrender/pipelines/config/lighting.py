@@ -87,20 +87,16 @@ class _Light(Section):
         return bool(self.environment) or any(LIGHTS[name].is_image for name in self.stated())
 
 
-class _Lighting(_Light):
-    """The light of the photographs; several kinds add up."""
+class _CaptureLighting(_Light):
+    """The light of the photographs of one capture; several kinds add up."""
 
     per_frame: ConfigPath | None = None
     """A file with a list of directional sources for each photograph."""
     per_frame_irradiance: ConfigPath | None = None
     """The irradiance of each photograph's source, if per_frame is a text of directions."""
-    split: Literal["off", "auto"] | Fraction = "auto"
-    """How compact bright parts become sources: off, auto, or the part of energy that stays slow."""
-    free_scale: Switch = False
-    """Whether the scale between light and photographs is unknown."""
 
     @model_validator(mode="after")
-    def _irradiance_of_sources(self) -> _Lighting:
+    def _irradiance_of_sources(self) -> _CaptureLighting:
         if self.per_frame_irradiance is not None and self.per_frame is None:
             raise ValueError(
                 "found per_frame_irradiance without per_frame; give the directions there, too"
@@ -111,6 +107,15 @@ class _Lighting(_Light):
     def given(self) -> bool:
         """Whether the section names any light."""
         return bool(self.environment or self.stated() or self.per_frame)
+
+
+class _Lighting(_CaptureLighting):
+    """The light of the photographs; several kinds add up."""
+
+    split: Literal["off", "auto"] | Fraction = "auto"
+    """How compact bright parts become sources: off, auto, or the part of energy that stays slow."""
+    free_scale: Switch = False
+    """Whether the scale between light and photographs is unknown."""
 
 
 class _RecipeLighting(_Light):
@@ -125,14 +130,23 @@ class _RecipeLighting(_Light):
 
 
 if TYPE_CHECKING:
+    CaptureLightingConfig = _CaptureLighting
     LightingConfig = _Lighting
     RecipeLightingConfig = _RecipeLighting
 else:
     _SECTIONS = {name: _section(kind) for name, kind in LIGHTS.items()}
-    LightingConfig, RecipeLightingConfig = (
-        create_model(name, __base__=base, __doc__=base.__doc__, **_SECTIONS)
-        for name, base in (
-            ("LightingConfig", _Lighting),
-            ("RecipeLightingConfig", _RecipeLighting),
-        )
+    CaptureLightingConfig = create_model(
+        "CaptureLightingConfig",
+        __base__=_CaptureLighting,
+        __doc__=_CaptureLighting.__doc__,
+        **_SECTIONS,
+    )
+    LightingConfig = create_model(
+        "LightingConfig", __base__=(_Lighting, CaptureLightingConfig), __doc__=_Lighting.__doc__
+    )
+    RecipeLightingConfig = create_model(
+        "RecipeLightingConfig",
+        __base__=_RecipeLighting,
+        __doc__=_RecipeLighting.__doc__,
+        **_SECTIONS,
     )

@@ -155,6 +155,8 @@ def with_absolute_paths(config: Root, document: Document, folders: Mapping[int, 
                 updates[name] = (base / value.expanduser()).resolve()
             elif isinstance(value, BaseModel):
                 updates[name] = absolute(value, inner)
+            elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
+                updates[name] = tuple(absolute(one, (*inner, k)) for k, one in enumerate(value))
         # Only what changed is written back, so that 'given' keys stay told from defaults.
         changed = {
             name: value for name, value in updates.items() if value != getattr(section, name)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
 from jaxrender.pipelines.config.brdf import BrdfConfig
-from jaxrender.pipelines.config.capture import CaptureConfig
+from jaxrender.pipelines.config.capture import CaptureConfig, FurtherCaptureConfig
 from jaxrender.pipelines.config.honoured import CASES
 from jaxrender.pipelines.config.lighting import LightingConfig
 from jaxrender.pipelines.config.samples import SamplesConfig
@@ -36,6 +37,8 @@ class RunConfig(Root):
     """The photographs and the shape."""
     lighting: LightingConfig = LightingConfig()
     """The known light.  Leave it out to recover the light, or to use that of a recipe."""
+    captures: tuple[FurtherCaptureConfig, ...] = ()
+    """Further photographs of the same object, each set with its own light.  A list."""
     brdf: BrdfConfig = BrdfConfig()
     """The material model."""
     samples: SamplesConfig = SamplesConfig()
@@ -48,6 +51,22 @@ class RunConfig(Root):
     """The settings of task brdf-spectrum."""
     output: ConfigPath | None = None
     """Result folder; taken relative to the working directory."""
+
+    @property
+    def recipes(self) -> tuple[Path, ...]:
+        """The recipes whose photographs are fitted, each once."""
+        every = (self.capture.recipe, *(one.recipe for one in self.captures))
+        return tuple(dict.fromkeys(path for path in every if path is not None))
+
+    @property
+    def sample_count(self) -> int:
+        """How many samples a fit draws, of all captures together."""
+        return self.samples.count * (1 + len(self.captures))
+
+    @property
+    def refine_count(self) -> int:
+        """How many samples the refinement draws, of all captures together."""
+        return self.solve.refine_samples * (1 + len(self.captures))
 
     @property
     def knows_light(self) -> bool:

@@ -11,6 +11,6 @@ class SamplesConfig(Section):
     min_cosine: OpenFraction = 0.15
     """Smallest cosine between normal and view direction."""
     count: Count = 12000
-    """Number of pixels drawn from all photographs together."""
+    """Number of pixels drawn from all photographs of a capture together."""
     seed: WholeNumber = 0
     """Seed of the draw."""

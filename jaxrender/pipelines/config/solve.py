@@ -63,8 +63,8 @@ class SolveConfig(Section):
     refine: Literal["exact", "off"] = "exact"
     """Whether the answer is refined with the exact reflection integral."""
     refine_samples: Count = 2000
-    """Pixels that the refinement begins with.  It takes more where the light is a few sources, and
-    where two halves of the pixels disagree."""
+    """Pixels of a capture that the refinement begins with.  It takes more where the light is a few
+    sources, and where two halves of the pixels disagree."""
     method: Literal["variable-projection", "simplex"] = "variable-projection"
     """The search: variable-projection eliminates the linear part; simplex is the thesis's."""
     loss: Literal["auto", "squares", "huber", "cauchy"] = "auto"

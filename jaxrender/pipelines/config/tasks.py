@@ -77,6 +77,7 @@ _UNKNOWN_LIGHT = (
     | _NO_PRIORS
     | {
         "lighting": _RECOVERS_LIGHT,
+        "captures": "finds one light, that of all photographs",
         "solve.method": "has one search",
         "solve.starts": "has one start",
         "solve.refine_samples": "refines on all samples",
@@ -86,6 +87,7 @@ _UNKNOWN_LIGHT = (
     }
 )
 _TEXTURE = {
+    "captures": "takes one set of photographs",
     **_OF_KNOWN_LIGHT,
     **_NO_PRIORS,
     "solve.loss": "counts squared residuals",
@@ -225,6 +227,7 @@ TASKS: Mapping[str, TaskEntry] = {
         section={"spectrum": "finds no coefficients of a BRDF"},
         lit={
             "brdf": "fits no model",
+            "captures": "needs one light for all photographs",
             "lighting.per_frame": "needs one light for all photographs: an environment or "
             "directional sources",
             "lighting.split": "uses the coefficients of the whole light",

@@ -1,11 +1,10 @@
 """The page of a material that was recovered under known light."""
 
-from jaxrender.brdf import Glossy
 from jaxrender.pipelines.report import account, parameters
 from jaxrender.pipelines.report.comparison import comparison
 from jaxrender.pipelines.report.contents import MaterialContents, Page, is_diffuse, is_lambertian
 from jaxrender.pipelines.report.forecast import forecast
-from jaxrender.pipelines.report.light import direction_discs, environment_map
+from jaxrender.pipelines.report.light import direction_discs, environment_map, surroundings
 from jaxrender.pipelines.report.material import spheres
 from jaxrender.pipelines.report.residuals import residual_plots
 from jaxrender.pipelines.report.spectra import spectrum_plots
@@ -22,12 +21,13 @@ def material_page(contents: MaterialContents) -> Page:
         "table": table(contents),
         "forecast": forecast(contents),
         "refined": "frequency" in contents.result,
-        "by_integral": not isinstance(contents.fit.brdf, Glossy),
+        "by_integral": not contents.fit.light.for_dual,
         "map": environment_map(contents.light, contents.fit.light),
+        "surroundings": surroundings(contents.light),
         "discs": direction_discs(contents.light),
         "split": account.split_of(contents),
         "spheres": spheres(contents),
-        "moving": contents.light.per_frame is not None,
+        "moving": contents.light.varies,
         "residuals": residual_plots(contents),
         "spectra": spectrum_plots(contents),
         "lambertian": is_lambertian(contents),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse import KnownLight
-from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.inverse.prepared_light import PreparedLight
 from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.report.display import data_uri, shrunk, tone_key, tone_mapped
 from jaxrender.shapes import AnyArray, Float
@@ -40,6 +40,13 @@ class Map(NamedTuple):
     given: tuple[Circle, ...]
 
 
+class Surrounding(NamedTuple):
+    """The environment of some photographs as a data URI, and the numbers of these in words."""
+
+    picture: str
+    photographs: str
+
+
 class Disc(NamedTuple):
     """One half of the sphere of directions."""
 
@@ -67,10 +74,29 @@ def environment_map(light: KnownLight, prepared: PreparedLight) -> Map | None:
     )
 
 
+def surroundings(light: KnownLight) -> tuple[Surrounding, ...]:
+    """Draw the environments of single photographs, each once."""
+    return tuple(
+        Surrounding(
+            _picture(radiance, tone_key(radiance)),
+            _numbers([at for at, own in enumerate(light.environments or (), 1) if own is image]),
+        )
+        for image in (light.images if light.environments is not None else ())
+        for radiance in [np.asarray(image.radiance, float)]
+    )
+
+
+def _numbers(found: list[int]) -> str:
+    """List numbers of photographs; a row of them by its ends."""
+    if len(found) > 2 and found == list(range(found[0], found[-1] + 1)):
+        return f"{found[0]} to {found[-1]}"
+    return ", ".join(map(str, found))
+
+
 def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
     """Draw the sources that no map shows: all without an environment, and those of one frame."""
     groups = [("", light.directional)] if light.environment is None else []
-    groups += [(str(number), own) for number, own in enumerate(light.per_frame or (), 1)]
+    groups += _sources_by_photographs(light)
     groups = [(label, group) for label, group in groups if group.directions.shape[0]]
     if not groups:
         return ()
@@ -91,6 +117,15 @@ def direction_discs(light: KnownLight) -> tuple[Disc, ...]:
         for name, half in halves
         if half.any()
     )
+
+
+def _sources_by_photographs(light: KnownLight) -> list[tuple[str, DirectionalSources]]:
+    """List the sources of single photographs; those of several alike, as of a capture, once."""
+    found: dict[bytes, tuple[list[int], DirectionalSources]] = {}
+    for number, own in enumerate(light.per_frame or (), 1):
+        key = b"".join(np.asarray(part, float).tobytes() for part in own.nodes())
+        found.setdefault(key, ([], own))[0].append(number)
+    return [(_numbers(numbers), own) for numbers, own in found.values()]
 
 
 def circles_on_map(sources: DirectionalSources) -> tuple[Circle, ...]:

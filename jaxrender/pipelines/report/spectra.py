@@ -86,7 +86,7 @@ def spectrum_plots(contents: MaterialContents) -> SpectrumPlots:
 
 
 def _band_limit(contents: MaterialContents) -> int:
-    if contents.light.environment is not None:
+    if contents.light.has_environment:
         return contents.fit.light.dual.band_limit
     if is_lambertian(contents):
         return _LAMBERTIAN_DEGREE

@@ -50,7 +50,7 @@ class Task(NamedTuple):
 def draw_samples(config: RunConfig, pool: Observations, light: KnownLight | None) -> Observations:
     """Draw samples where the leverage is high, or the specular part is sharp."""
     weight = sharpness(pool) if light is None else leverage(pool, light)
-    return draw(pool, weight, config.samples.count, config.samples.seed).observations
+    return draw(pool, weight, config.sample_count, config.samples.seed).observations
 
 
 def check_samples(config: RunConfig, evidence: Evidence) -> None:
@@ -61,10 +61,10 @@ def check_samples(config: RunConfig, evidence: Evidence) -> None:
     problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
     with fault_of(f"samples.count is {drawn}, and {usable} pixels are usable"):
         check_enough(observations, problem)
-    if config.solve.refine == "exact" and config.solve.refine_samples < observations.count:
+    if config.solve.refine == "exact" and config.refine_count < observations.count:
         refined = config.solve.refine_samples
         with fault_of(f"solve.refine_samples is {refined}; give more, or refine: off"):
-            check_enough(observations.take(np.arange(refined)), problem)
+            check_enough(observations.take(np.arange(config.refine_count)), problem)
     unseen = set(range(len(photographs))) - set(observations.frame.tolist())
     if config.solve.free_exposure and unseen:
         name = photographs[min(unseen)].frame.image_path

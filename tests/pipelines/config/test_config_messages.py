@@ -15,7 +15,7 @@ from jaxrender.pipelines.config.tasks import TASKS
 
 *_FIRST, _LAST = map(repr, TASKS)
 _TASKS = f"{', '.join(_FIRST)} or {_LAST}"
-KEYS = "task, capture, lighting, brdf, samples, solve, texture, spectrum, output"
+KEYS = "task, capture, lighting, captures, brdf, samples, solve, texture, spectrum, output"
 SYNTAX = {
     "": f"bad.yaml:1:1: the file is empty; keys are {KEYS}",
     "# nothing\n": f"bad.yaml:1:1: the file is empty; keys are {KEYS}",

@@ -12,9 +12,9 @@ from jaxrender.inverse import BRDFFit, Observations, Outcome
 from jaxrender.inverse.conditioning import WidthEvidence
 from jaxrender.inverse.elimination import Data, Fit
 from jaxrender.inverse.intervals import Uncertain
-from jaxrender.inverse.known_light import PreparedLight
 from jaxrender.inverse.parameters import Parameters
 from jaxrender.inverse.passes import Stop
+from jaxrender.inverse.prepared_light import PreparedLight
 from jaxrender.lighting import DirectionalSources, Environment, candidates, take
 from jaxrender.pipelines.report import FramePictures
 from jaxrender.pipelines.report.contents import MaterialContents

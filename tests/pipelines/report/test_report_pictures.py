@@ -22,7 +22,7 @@ from report_samples import (
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import SRGB
 from jaxrender.inverse import KnownLight, Observations
-from jaxrender.inverse.known_light import PreparedLight
+from jaxrender.inverse.prepared_light import PreparedLight
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.report import FramePictures
 from jaxrender.pipelines.report.light import direction_discs, environment_map

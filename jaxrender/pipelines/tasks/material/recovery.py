@@ -14,7 +14,7 @@ from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
 from jaxrender.inverse.brdf_table import check_correctable, correct_by_table
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
 from jaxrender.inverse.forecast import forecast_of_fit
-from jaxrender.inverse.known_light import prepare_light
+from jaxrender.inverse.prepared_light import PreparedLight, prepare_light
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
@@ -32,7 +32,12 @@ from jaxrender.pipelines.scene import (
     unknowns_of,
 )
 from jaxrender.pipelines.shadows import interreflection, sentence_on, transfer_field
-from jaxrender.pipelines.tasks.material.result import Finding, groups_of, result_of
+from jaxrender.pipelines.tasks.material.result import (
+    Finding,
+    environment_files,
+    groups_of,
+    result_of,
+)
 from jaxrender.pipelines.tasks.material.table import brdf_of_run, subject_of_run
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 from jaxrender.pipelines.tasks.task import Task, check_samples, draw_samples, would_fit
@@ -69,8 +74,8 @@ class MaterialRecovery(Recovery):
     def write_images(self, folder: Path) -> None:
         """Write the light that was given, its slow part, and a corrected material's table."""
         finding = self.finding
-        if finding.light.environment is not None:
-            write_environment(folder / "lighting.exr", finding.light.environment)
+        for name, image in environment_files(finding.light).items():
+            write_environment(folder / name, image)
         if finding.fit.light.split is not None:
             write_environment(folder / "lighting_slow.exr", finding.fit.light.split.slow)
         if finding.correction is not None:
@@ -94,10 +99,18 @@ class MaterialRecovery(Recovery):
         calibration = finding.fit.calibration
         if calibration is not None and isinstance(material, Glossy) and prepared.split is not None:
             # Light that was mended is split as finely as before.
-            observations, settings = finding.fit.final.observations, self.finding.settings
-            prepared = prepare_light(
-                finding.light, observations, material, settings.split, settings.band_limit
-            )
+            prepared = self._prepared(finding.light, material)
+        of_image: dict[int, PreparedLight] = {}
+
+        def prepared_for(number: int) -> PreparedLight:
+            if finding.light.environments is None:
+                return prepared
+            assert isinstance(material, Glossy)
+            key = id(finding.light.environments[number])
+            if key not in of_image:
+                of_image[key] = self._prepared(finding.light.of_frame(number), material)
+            return of_image[key]
+
         gains = np.asarray(finding.fit.parameters.value.gains)
         scale = float(finding.fit.parameters.value.scale)
         views = [photograph.view for photograph in finding.photographs]
@@ -105,18 +118,20 @@ class MaterialRecovery(Recovery):
         def light_of(number: int, part: BRDF) -> ForwardModel | ShadowedModel:
             own = far_sources(finding.light, number)
             if not isinstance(part, Glossy):
-                if finding.light.environment is None and not np.any(own.irradiance):
+                environment = finding.light.environment_of(number)
+                if environment is None and not np.any(own.irradiance):
                     return ExactForward(own.nodes())
-                light = KnownLight(finding.light.environment, own)
+                light = KnownLight(environment, own)
                 width = part.width if isinstance(part, Parametric) else material.width
                 return exact_forward(light, float(width), finding.shape, condensed=True)
-            dual = dual_light(prepared.split, own, prepared.dual.band_limit)
+            divided = prepared_for(number)
+            dual = dual_light(divided.split, own, divided.dual.band_limit)
             if finding.transfer is None:
                 return DualForward(dual)
             return ShadowedDual(finding.transfer.shape, dual, finding.transfer.at)
 
         def rendered(part: BRDF) -> list[np.ndarray]:
-            if finding.light.per_frame is None:
+            if not finding.light.varies:
                 return [np.asarray(image) for image in render_views(part, views, light_of(0, part))]
             return [
                 np.asarray(render_view(part, view, light_of(k, part)))
@@ -146,6 +161,11 @@ class MaterialRecovery(Recovery):
             found = calibration.corrections.photographed(whole, k, view.hit)
             images[k] = np.where(view.hit[..., None], found, 0)
         return images
+
+    def _prepared(self, light: KnownLight, material: Glossy) -> PreparedLight:
+        """Split a light for the dual model as the fit would."""
+        observations, settings = self.finding.fit.final.observations, self.finding.settings
+        return prepare_light(light, observations, material, settings.split, settings.band_limit)
 
 
 def recover_material(

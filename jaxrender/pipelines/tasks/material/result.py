@@ -4,7 +4,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Glossy
 from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.brdf_table import Correction
@@ -18,6 +17,7 @@ from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.transfer_field import TransferField
 from jaxrender.inverse.variants import Variant, model_sensitive, preferred
 from jaxrender.io.netcdf import Group, Variable
+from jaxrender.lighting import Environment
 from jaxrender.pipelines.arrays import light_group, sample_arrays
 from jaxrender.pipelines.calibration import by_photograph, calibration_document
 from jaxrender.pipelines.deviation import covariance_groups
@@ -103,7 +103,7 @@ def _own(finding: Finding) -> dict[str, Any]:
         own["table"] = table_document(finding.correction)
     if finding.forecast is not None:
         own["forecast"] = _forecast(finding, finding.forecast)
-    if fit.exact is not None and isinstance(fit.brdf, Glossy):
+    if fit.exact is not None and fit.light.for_dual:
         frequency = fit.frequency
         samples = frequency.observations.count
         own["frequency"] = {
@@ -125,6 +125,13 @@ def _own(finding: Finding) -> dict[str, Any]:
     if unknowns.free_scale:
         own["scale"] = float(fit.parameters.value.scale)
     return own
+
+
+def environment_files(light: KnownLight) -> dict[str, Environment]:
+    """Name the files of a light's environments: one of all photographs, or several by number."""
+    if light.environment is not None:
+        return {"lighting.exr": light.environment}
+    return {f"lighting_{at}.exr": image for at, image in enumerate(light.images, 1)}
 
 
 def groups_of(finding: Finding) -> dict[str, Group]:
@@ -173,6 +180,18 @@ def _lighting(finding: Finding) -> dict[str, Any]:
     free = fit.final.problem.unknowns.free_scale
     gauge = "mean of kd + ks is 1; the light of the photographs is the given light times scale"
     lighting: dict[str, Any] = {"gauge": gauge if free else "given"}
+    if light.environments is not None:
+        lighting["environments"] = [
+            {
+                "file": name,
+                "photographs": [
+                    photograph.frame.name
+                    for photograph, own in zip(finding.photographs, light.environments)
+                    if own is image
+                ],
+            }
+            for name, image in environment_files(light).items()
+        ]
     if light.environment is not None:
         sources = light_coefficients(dual.sources, dual.band_limit)
         lighting |= {

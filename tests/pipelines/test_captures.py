@@ -1,0 +1,114 @@
+"""Runs of several captures: one object, each set of photographs in its own light.
+
+- Photographs of a ball under a sky and under a lamp, fitted together, give back the material.  The
+  result names each photograph by its capture, keeps each environment once, and predicts all.
+- The result is rendered again under each photograph's light.
+- ``analyze`` knows all captures before there are photographs.
+- What is no capture of the object, or has no light, is refused by its place.
+"""
+
+import numpy as np
+import pytest
+from small_captures import jaxrender, read_result, standard_errors_off
+
+from jaxrender.io import read_image
+
+MATERIAL = "brdf: {kd: [0.2, 0.15, 0.1], ks: 0.12, sigma: 0.25, mu: 1.6}\n"
+VIEWS = "views: {count: 3, step_degrees: 60, width: 32, height: 32}\n"
+REST = MATERIAL + VIEWS + "noise: {relative: 0.005}\n"
+LIGHTS = {
+    "sky": "{overcast_sky: {zenith: 0.5}, area: [{direction: [0.9, 0.5, 0.4], width_degrees: 40, "
+    "radiance: 2}]}",
+    "sun": "{clear_sky: {sun: [0, 1, 1], zenith: 0.3}, directional: [{direction: [0, 1, 1], "
+    "irradiance: 3}]}",
+    "lamp": "{directional: [{direction: [0.35, 0.8, 0.5], irradiance: 1.2}]}",
+}
+RUN = """\
+task: brdf
+capture: {recipe: sky.yaml}
+captures: [{recipe: sun.yaml}, {recipe: lamp.yaml}]
+solve: {starts: 2, variants: false, refine_samples: 600, diagnose: false}
+output: out
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("captures")
+    for name, light in LIGHTS.items():
+        text = f"geometry: {{sphere: {{}}}}\nlighting: {light}\n{REST}"
+        text += "" if name == "lamp" else "environment_height: 64\n"
+        (place / f"{name}.yaml").write_text(text)
+    (place / "large.yaml").write_text(
+        f"geometry: {{sphere: {{radius: 2}}}}\nlighting: {LIGHTS['lamp']}\n{REST}"
+    )
+    (place / "run.yaml").write_text(RUN)
+    return place
+
+
+@pytest.fixture(scope="module")
+def result(folder):
+    assert jaxrender("fit", folder / "run.yaml", f"output={folder / 'out'}") == 0
+    return folder / "out"
+
+
+def test_the_material_comes_back(result):
+    found = read_result(result)
+    assert found["outcome"] == "converged"
+    off = standard_errors_off(found)
+    assert max(off.values()) < 4, off
+    names = [photograph["name"] for photograph in found["photographs"]]
+    assert names == [f"{capture}-view_{k:03d}" for capture in (1, 2, 3) for k in range(3)]
+    images = found["lighting"]["environments"]
+    assert [one["photographs"] for one in images] == [names[:3], names[3:6]]
+    assert all((result / one["file"]).is_file() for one in images)
+    # One photograph shows the dark side of the lamp.
+    rms = [photograph["relative_rms"] for photograph in found["photographs"]]
+    lit = [value for value in rms if value is not None]
+    assert len(lit) >= 8
+    np.testing.assert_allclose(lit, 0.005, rtol=0.5)
+    report = (result / "report.html").read_text()
+    assert "The environment of photographs 1 to 3." in report
+    assert "The environment of photographs 4 to 6." in report
+
+
+def test_every_photograph_is_predicted(result):
+    for path in (result / "images").glob("*_residual.exr"):
+        left = read_image(path, invalid="mask").pixels
+        whole = read_image(path.with_name(path.name.replace("residual", "predicted"))).pixels
+        seen = whole > 0
+        assert np.std(left[seen]) < 0.02 * np.sqrt(np.mean(whole[seen] ** 2))
+
+
+def test_it_is_rendered_again_in_each_light(result, folder):
+    assert jaxrender("render", result, f"--out={folder / 'again'}") == 0
+    for path in (result / "images").glob("*_predicted.exr"):
+        expected = read_image(path).pixels
+        again = read_image(folder / "again" / path.name.replace("_predicted", "")).pixels
+        assert np.sqrt(np.mean((again - expected) ** 2)) < 0.03 * np.sqrt(np.mean(expected**2))
+
+
+def test_all_captures_are_foreseen(folder, capsys):
+    assert jaxrender("analyze", folder / "run.yaml") == 0
+    said = capsys.readouterr().out
+    assert said.startswith("9 photographs, not read")
+    assert "an environment of 64 x 128 and an environment of 64 x 128 and sources of single" in said
+    assert "every free parameter will be identifiable" in said
+
+
+TASK = "task: brdf\ncapture: {recipe: sky.yaml}\n"
+WRONG = {
+    "captures: [{transforms: none.json}]\n": "wrong.yaml:3:12: captures[0]: missing key 'lighting'",
+    "captures: [{recipe: sun.yaml, images: .}]\n": "images: a recipe has photographs of its own",
+    "captures: [{recipe: large.yaml}]\n": "has another geometry than",
+    "captures: [{recipe: sun.yaml}]\nlighting: {split: off}\n": "lighting.split: found 'off', but "
+    "captures whose environments differ are fitted by the integral; remove it",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_captures_are_refused(folder, capsys, text, result):
+    (folder / "wrong.yaml").write_text(TASK + text)
+    assert jaxrender("fit", folder / "wrong.yaml", f"output={folder / 'wrong'}") == 2
+    assert WRONG[text] in capsys.readouterr().err
+    assert not (folder / "wrong").exists()
