@@ -49,9 +49,9 @@ class Estimate(_Fields, AnyEstimate):
     """What a fit found, by the material's own numbers, and how well it is known.
 
     ``values``, ``standard_error`` and ``interval90`` have kd and ks for each channel; the last axis
-    of an interval is lowest and highest.  ``light`` is that of the scene, or what was found in its
-    place, in units in which kd + ks is one in each channel unless both were known.  ``details`` is
-    the fit itself.
+    of an interval is lowest and highest.  ``light`` is that of the scene, of several captures that
+    of the first.  Where it was unknown it is what was found, in units in which kd + ks is one in
+    each channel unless both were known.  ``details`` is the fit itself.
 
     ``correction`` is the table that corrects the material, where one was asked for, and ``brdf``
     the material with it: what ``render`` shows best.

@@ -264,3 +264,24 @@ def test_lights_stay_with_their_photographs(tmp_path):
     assert "0.exr: warning: its camera does not see the object; skipped" in found.reasons[-1]
     with pytest.raises(ValueError, match="per_frame lights 2 photographs of 3"):
         fit(scene._replace(per_frame=lights[1:]), capture, QUICK)
+
+
+def test_each_capture_has_its_light(tmp_path):
+    """Under a sky and under sources, where a photograph of the first capture is skipped."""
+    lights = (SKY, SOURCES)
+    captures = []
+    for light, away in zip(lights, (0, None)):
+        folder = tmp_path / type(light).__name__
+        folder.mkdir()
+        captures.append(ball_files(folder, (light,) * 3, looks_away=away))
+    scene = Scene(unknown("phong"), BALL, lights)
+    found = fit(scene, captures, FitSettings(starts=2, diagnose=False, refine_samples=400))
+    assert found.values["exponent"] == pytest.approx(30, rel=0.05)
+    np.testing.assert_allclose(found.values["kd"], KD, rtol=0.02)
+    assert found.relative_rms < 0.01
+    assert found.details.final.observations.frames == 5
+    assert found.light is SKY
+    with pytest.raises(ValueError, match="2 captures under unknown light; one light is found"):
+        fit(scene._replace(light=None), captures)
+    with pytest.raises(ValueError, match="2 lights for 1 captures"):
+        fit(scene, captures[0])
