@@ -20,8 +20,8 @@
     the materials of renderers: a base under an interface, a coat and a fuzz
 ``burley`` ``sheen`` ``layer_albedo``
     parts of these, and how much light an interface takes from what lies below
-``ward`` ``kajiya_kay`` ``poulin_fournier``
-    brushed and fibrous surfaces, their direction along +X
+``ward`` ``anisotropic_ggx`` ``kajiya_kay`` ``poulin_fournier`` ``tangents``
+    brushed and fibrous surfaces, their direction along +X; that direction turned
 ``mixture`` ``bank``
     a weighted sum of any of these; many lobes of set shapes, whose weights a fit finds
 ``tables``
@@ -38,6 +38,7 @@
     every model by its name; reciprocity and albedo, measured
 """
 
+from jaxrender.brdf.anisotropic_ggx import AnisotropicGGX
 from jaxrender.brdf.bank import Bank, BankLobe, standard_lobes
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
@@ -130,6 +131,7 @@ from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
+    "AnisotropicGGX",
     "Bank",
     "BankLobe",
     "AnisotropicWard",

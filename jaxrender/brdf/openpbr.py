@@ -50,14 +50,13 @@ from jaxrender.brdf.parameters import (
 )
 from jaxrender.brdf.parametric import Searched, ShapeParameter
 from jaxrender.brdf.sheen import SMOOTHEST_SHEEN, sheen
+from jaxrender.brdf.tangents import TANGENT_ROTATION, in_tangent_frame
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
 MULTIPLE_SCATTERING = ("none", "facets")
 # The mean over a hemisphere of Schlick's growth.
 _MEAN_GROWTH = 1 / 21
-# A tangent is turned by at most a right angle; its search variable is nearly even.
-_MOST_TURN, _BELOW_TURNS = np.pi / 2, -10.0
 
 
 class OpenPBR(Layered):
@@ -101,14 +100,13 @@ class OpenPBR(Layered):
     @property
     def searched(self) -> tuple[Searched, ...]:
         """All numbers; most are settled unless somebody frees them."""
-        turn = Searched("tangent_rotation", -_MOST_TURN, _MOST_TURN, 0.0, _BELOW_TURNS)
         return (
             roughness("specular_roughness"),
             share("base_metalness"),
             index("specular_ior", 1.5),
             share("specular_color", 0.7),
             share("specular_roughness_anisotropy"),
-            turn,
+            TANGENT_ROTATION,
             share("coat_weight", 0.5),
             share("coat_color", 0.7),
             roughness("coat_roughness", 0.15),
@@ -166,7 +164,10 @@ class OpenPBR(Layered):
             for one in (self.base_metalness, self.specular_ior, self.specular_color)
         )
         facets = TrowbridgeReitz(*self._widths(cosine))
-        turned = self._turned(half.direction), self._turned(incoming), self._turned(outgoing)
+        turned = [
+            in_tangent_frame(one, self.tangent_rotation)
+            for one in (half.direction, incoming, outgoing)
+        ]
         lobe = facets.density(turned[0]) / (4 * outgoing.z)
         lobe = lobe * smith_facet_masking(facets, *turned[1:])
         growth = schlick_growth(cosine)
@@ -192,14 +193,6 @@ class OpenPBR(Layered):
             mean = mean - kept * mean_handed
         diffuse = lost[0] * lost[1] / mean * incoming.z / jnp.pi
         return base + (1 - metal) * diffuse, white
-
-    def _turned(self, direction: Components) -> Components:
-        """Turn a direction into the frame of the tangent."""
-        angle = matching(self.tangent_rotation, jnp.asarray(direction.z))
-        c, s = jnp.cos(angle), jnp.sin(angle)
-        return Components(
-            c * direction.x + s * direction.y, c * direction.y - s * direction.x, direction.z
-        )
 
     def _coat(
         self, incoming: Components, outgoing: Components

@@ -38,6 +38,13 @@ def _layer(
     return Number(name, symbol, meaning, domain, typical, part, weighs=name, settled=settled)
 
 
+TANGENT_ROTATION = _layer(
+    "tangent_rotation",
+    "φ",
+    "angle by which the tangent is turned from the meridian about +Z [radians]",
+    0.0,
+    domain=Interval("[-1.5708, 1.5708]"),
+)
 _METAL = "share of the base that is metal"
 _INDEX_OF_REFRACTION = Interval("(1, 6]")
 
@@ -110,13 +117,7 @@ LAYERED: tuple[Model, ...] = (
                 "how much narrower the highlight is across the tangent: 0 is not at all",
                 0.0,
             ),
-            _layer(
-                "tangent_rotation",
-                "φ",
-                "angle by which the tangent is turned from the meridian about +Z [radians]",
-                0.0,
-                domain=Interval("[-1.5708, 1.5708]"),
-            ),
+            TANGENT_ROTATION,
             _layer("coat_weight", "w_c", "share of the surface that is coated", 0.0),
             _layer(
                 "coat_color",

@@ -85,8 +85,9 @@ class Model(NamedTuple):
 
     @property
     def has_one_lobe(self) -> bool:
-        """Whether there is a base and a lobe, or one of the two, and no more."""
-        return self.is_stated and {*self.names("amplitude")} <= {"kd", "ks"}
+        """Whether there is a base and a lobe, or one of the two, of two numbers at most."""
+        few = self.is_stated and len(self.names("searched")) <= 2
+        return few and {*self.names("amplitude")} <= {"kd", "ks"}
 
     @property
     def has_specular(self) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from jaxrender.catalogue.interval import Interval
-from jaxrender.catalogue.layers import LAYERED
+from jaxrender.catalogue.layers import LAYERED, TANGENT_ROTATION
 from jaxrender.catalogue.model import FROM_0, TO_1, Model, Number, amplitude
 
 _ABOVE_0 = Interval("(0, inf)")
@@ -152,6 +152,20 @@ _ALL: tuple[Model, ...] = (
                 TO_1,
                 0.25,
             ),
+        ),
+        about_mirror=False,
+    ),
+    Model(
+        "anisotropic-ggx",
+        "brushed metal as renderers have it",
+        "anisotropic_ggx.AnisotropicGGX",
+        (
+            _KD,
+            _KS,
+            _roughness("roughness along the tangent: the width of the GGX lobe"),
+            Number("roughness_y", "α_y", "roughness across the tangent", TO_1, 0.3),
+            TANGENT_ROTATION,
+            _MU,
         ),
         about_mirror=False,
     ),

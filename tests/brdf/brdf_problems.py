@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import (
+    AnisotropicGGX,
     AnisotropicWard,
     BlinnPhong,
     CookTorrance,
@@ -77,6 +78,7 @@ PROMISED = {
     "ward": (Ward(KD, KS, 0.2), True, False, True),
     "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
     "anisotropic-ward": (AnisotropicWard(KD, KS, 0.15, 0.4), True, False, False),
+    "anisotropic-ggx": (AnisotropicGGX(KD, KS, 0.2, 0.5, None, 0.6), True, True, False),
     "lafortune-lobes": (
         Lafortune(
             KD,

@@ -24,7 +24,14 @@ from inverse_problems import (
     with_noise,
 )
 
-from jaxrender.brdf import AnisotropicWard, KajiyaKay, OrenNayarLobe, PoulinFournier, Ward
+from jaxrender.brdf import (
+    AnisotropicGGX,
+    AnisotropicWard,
+    KajiyaKay,
+    OrenNayarLobe,
+    PoulinFournier,
+    Ward,
+)
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples, fibonacci_sphere, sculpture, visible
 from jaxrender.harmonics import real_basis
 from jaxrender.imaging import NoiseModel
@@ -45,6 +52,7 @@ from jaxrender.inverse.factorization.integral_response import (
 from jaxrender.inverse.factorization.response import Guess
 from jaxrender.inverse.factorization.sight import Sight
 from jaxrender.inverse.forecast import Situation, Supposed, forecast_light
+from jaxrender.inverse.stated import Stated
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
@@ -55,6 +63,7 @@ MODELS = {
     "oren-nayar": OrenNayarLobe(KD, 0.5),
     "kajiya-kay": KajiyaKay(KD, KS, 30.0),
     "anisotropic-ward": BRUSHED,
+    "anisotropic-ggx": AnisotropicGGX(KD, KS, 0.15, 0.3, None, 0.3),
 }
 
 
@@ -64,13 +73,15 @@ MODELS = {
         pytest.param("oren-nayar", marks=pytest.mark.slow),
         pytest.param("kajiya-kay", marks=pytest.mark.slow),
         "anisotropic-ward",
+        "anisotropic-ggx",
     ],
 )
 def test_photographs_give_the_material_back(name):
     truth = MODELS[name]
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
     kind = truth.with_roughness(0.1, None if truth.mu is None else 1.5)
-    fit = fit_brdf(noisy, known_light(), unknowns_of(truth), kind, FitSettings(starts=6))
+    unknowns = unknowns_of(truth, dict.fromkeys(truth.settled, Stated()))
+    fit = fit_brdf(noisy, known_light(), unknowns, kind, FitSettings(starts=6))
     assert fit.outcome is Outcome.CONVERGED
     assert type(fit.brdf) is type(truth)
     own = fit.parameters

@@ -32,6 +32,7 @@ RUNS = {
         f"brdf of {model}": f"task: brdf\nbrdf: {{model: {model}}}\n{_LIT}"
         for model in (
             *("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier", "two-ggx"),
+            "anisotropic-ggx",
             *("metallic-roughness", "principled", "openpbr"),
         )
     },

@@ -203,6 +203,18 @@ ROWS = [
         {**CHANNELS, "roughness": scalar(0.15), "roughness_y": scalar(0.4)},
         width("roughness", 0.01, 1.0),
     ),
+    model(
+        "",
+        brdf.AnisotropicGGX,
+        {
+            **CHANNELS,
+            "roughness": scalar(0.2),
+            "roughness_y": scalar(0.4, 1),
+            **MU,
+            "tangent_rotation": scalar(0.3, 2),
+        },
+        width("roughness", 0.01, 1.0) | INDICES,
+    ),
     model("", brdf.KajiyaKay, {**CHANNELS, "exponent": scalar(20.0)}),
     model(
         "",
