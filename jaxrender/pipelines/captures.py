@@ -27,9 +27,13 @@ from jaxrender.pipelines.scene import fault_of, known_light
 
 
 class LitCapture(NamedTuple):
-    """Photographs with their cameras, how their pixels become radiance, and what lights them."""
+    """Photographs with their cameras, how their pixels become radiance, and what lights them.
+
+    ``names`` are those of the photographs in their own file.
+    """
 
     capture: Capture
+    names: tuple[str, ...]
     stated: CaptureConfig | FurtherCaptureConfig
     lighting: CaptureLightingConfig
     min_cosine: float
@@ -41,7 +45,7 @@ class LitCapture(NamedTuple):
 
     def light(self) -> KnownLight:
         """Make or read the light."""
-        return known_light(self.lighting, [frame.name for frame in self.capture.frames])
+        return known_light(self.lighting, list(self.names))
 
     def images(self, listener: Listener) -> list[Image]:
         """Read the pictures."""
@@ -63,8 +67,8 @@ def captures_of(config: RunConfig, *, require_images: bool = True) -> tuple[LitC
     captures = [capture_of(one, require_images=require_images) for one in stated]
     least = float(config.samples.min_cosine)
     return tuple(
-        LitCapture(capture, one, lighting, least)
-        for one, capture, lighting in zip(stated, numbered(captures), lightings)
+        LitCapture(capture, tuple(f.name for f in told.frames), one, lighting, least)
+        for one, told, capture, lighting in zip(stated, captures, numbered(captures), lightings)
     )
 
 
@@ -90,7 +94,7 @@ def light_of_captures(captures: Sequence[LitCapture]) -> KnownLight:
     """Put the lights of all captures together."""
     lights = []
     for at, one in enumerate(captures):
-        with fault_of(f"captures.{at - 1}") if at else fault_of("capture"):
+        with fault_of(f"captures[{at - 1}]" if at else "capture"):
             lights.append(one.light())
     return KnownLight.joined(lights, [len(one.capture.frames) for one in captures])
 

@@ -162,7 +162,7 @@ def _check_one_shape(config: RunConfig, recipes: dict[Path, RecipeConfig]) -> No
             continue
         if recipes[one.recipe].geometry != recipes[first].geometry:
             raise InputError(
-                f"captures.{at}.recipe: {one.recipe} has another geometry than {first}; all "
+                f"captures[{at}].recipe: {one.recipe} has another geometry than {first}; all "
                 "captures must be of one object"
             )
 

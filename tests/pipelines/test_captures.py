@@ -7,9 +7,11 @@
 - What is no capture of the object, or has no light, is refused by its place.
 """
 
+import json
+
 import numpy as np
 import pytest
-from small_captures import jaxrender, read_result, standard_errors_off
+from small_captures import jaxrender, read_result, standard_errors_off, write_ball, write_json
 
 from jaxrender.io import read_image
 
@@ -94,6 +96,20 @@ def test_all_captures_are_foreseen(folder, capsys):
     assert said.startswith("9 photographs, not read")
     assert "an environment of 64 x 128 and an environment of 64 x 128 and sources of single" in said
     assert "every free parameter will be identifiable" in said
+
+
+def test_photographs_are_named_as_in_their_own_file(folder, capsys):
+    """Lights by name are those of the capture that has the name."""
+    place = folder / "moving"
+    write_ball(place)
+    lights = json.loads((place / "lights.json").read_text())
+    write_json(place / "named.json", {str(at): own for at, own in enumerate(lights)})
+    further = "{transforms: moving/transforms.json, lighting: {per_frame: moving/named.json}}"
+    (folder / "named.yaml").write_text(f"{TASK}captures: [{further}]\n")
+    assert jaxrender("fit", folder / "named.yaml", "--dry-run") == 0
+    assert "of 7 photographs" in capsys.readouterr().out
+    assert jaxrender("analyze", folder / "named.yaml") == 0
+    assert capsys.readouterr().out.startswith("7 photographs, not read")
 
 
 TASK = "task: brdf\ncapture: {recipe: sky.yaml}\n"

@@ -72,9 +72,9 @@ def prospect_of(config: RunConfig, progress: Progress) -> Prospect:
     recipe = None if config.capture.recipe is None else load_recipe(config.capture.recipe)
     shape = _shape(config, recipe)
     stated = (config.capture, *config.captures)
-    captures = numbered([_cameras(one) for one in stated])
+    told = [_cameras(one) for one in stated]
     given = config.lighting.given or recipe is not None
-    light = _light(config, captures)
+    light, captures = _light(config, told), numbered(told)
     photographs = []
     for one, capture in zip(stated, captures):
         reading = Reading(Linear(), erode=one.erode, min_cosine=config.samples.min_cosine)
