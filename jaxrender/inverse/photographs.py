@@ -63,8 +63,12 @@ SILENT = Listener()
 
 
 class Photograph(NamedTuple):
-    """One photograph as radiance, the surface behind its pixels, and which of them are usable."""
+    """One photograph as radiance, the surface behind its pixels, and which of them are usable.
 
+    ``capture`` is the one that it is of, with cameras as they were told.
+    """
+
+    capture: Capture
     frame: Frame
     radiance: Float[np.ndarray, "row column channel"]
     view: SurfaceView
@@ -116,7 +120,7 @@ def trace_photographs(
                 f"{frame.image_path}: warning: its camera does not see the object; skipped"
             )
             continue
-        found.append(_photograph(reading, frame, image, view))
+        found.append(_photograph(capture, reading, frame, image, view))
         listener.advance((number + 1) / len(images))
     place = capture.source
     if not found:
@@ -197,7 +201,9 @@ def observations_of(photographs: list[Photograph]) -> Observations:
     )
 
 
-def _photograph(reading: Reading, frame: Frame, image: Image, view: SurfaceView) -> Photograph:
+def _photograph(
+    capture: Capture, reading: Reading, frame: Frame, image: Image, view: SurfaceView
+) -> Photograph:
     covered = view.hit.copy()
     if image.alpha is not None:
         covered &= image.alpha >= _FULL_SCALE
@@ -227,7 +233,7 @@ def _photograph(reading: Reading, frame: Frame, image: Image, view: SurfaceView)
     if exposure is not None:
         radiance = to_radiance(radiance, float(exposure))
         frame = frame._replace(exposure=float(exposure))
-    return Photograph(frame, radiance, view, covered, selection)
+    return Photograph(capture, frame, radiance, view, covered, selection)
 
 
 def _is_usable(photograph: Photograph, listener: Listener) -> bool:

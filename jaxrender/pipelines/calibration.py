@@ -13,11 +13,12 @@ from jaxrender.inverse.misfit import Left
 from jaxrender.inverse.models import columns_under
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.io import Capture, write_capture
+from jaxrender.io import Capture, Frame, write_capture
 from jaxrender.lighting import DirectionalSources
 from jaxrender.reflection import radiance, visible_nodes
 from jaxrender.shapes import Float
 
+# The mended cameras of the only capture.
 CAMERAS = "capture.json"
 
 
@@ -91,18 +92,25 @@ def write_cameras(
     calibration: Calibration,
     photographs: list[Photograph],
     shape: Shape,
-    source: Path,
 ) -> None:
-    """Write mended cameras and exposures, for another fit to start from."""
-    corrections, frames = calibration.corrections, []
+    """Write mended cameras and exposures, for another fit to start from.
+
+    Each of several captures has a file of its own, with its number.
+    """
+    corrections = calibration.corrections
+    frames: dict[int, list[Frame]] = {}
+    captures = {id(photograph.capture): photograph.capture for photograph in photographs}
     for number, photograph in enumerate(photographs):
         frame, gain = photograph.frame, float(np.exp(corrections.exposure[number]))
         exposure = frame.exposure
         if gain != 1:
             exposure = gain * (1.0 if exposure is None else exposure)
         camera = corrections.camera_of(frame.camera, number, shape)
-        frames.append(frame._replace(camera=camera, exposure=exposure))
-    write_capture(folder / CAMERAS, Capture(tuple(frames), source))
+        mended = frame._replace(camera=camera, exposure=exposure)
+        frames.setdefault(id(photograph.capture), []).append(mended)
+    for at, (key, own) in enumerate(frames.items(), 1):
+        name = CAMERAS if len(frames) == 1 else f"capture_{at}.json"
+        write_capture(folder / name, Capture(tuple(own), captures[key].source))
 
 
 def near_image(

@@ -4,6 +4,7 @@
   result names each photograph by its capture, keeps each environment once, and predicts all.
 - The result is rendered again under each photograph's light.
 - ``analyze`` knows all captures before there are photographs.
+- Names are those of each capture's own file; mended cameras are written capture by capture.
 - What is no capture of the object, or has no light, is refused by its place.
 """
 
@@ -13,8 +14,16 @@ import numpy as np
 import pytest
 from small_captures import jaxrender, read_result, standard_errors_off, write_ball, write_json
 
-from jaxrender.io import read_image
+from jaxrender.geometry import Sphere
+from jaxrender.inverse.calibration import Calibration
+from jaxrender.inverse.nuisances import Corrections, Told
+from jaxrender.inverse.photographs import SILENT, observations_of
+from jaxrender.io import read_capture, read_image
+from jaxrender.pipelines.calibration import write_cameras
+from jaxrender.pipelines.captures import captures_of
+from jaxrender.pipelines.config import load_run_config
 
+BALL = Sphere()
 MATERIAL = "brdf: {kd: [0.2, 0.15, 0.1], ks: 0.12, sigma: 0.25, mu: 1.6}\n"
 VIEWS = "views: {count: 3, step_degrees: 60, width: 32, height: 32}\n"
 REST = MATERIAL + VIEWS + "noise: {relative: 0.005}\n"
@@ -110,6 +119,33 @@ def test_photographs_are_named_as_in_their_own_file(folder, capsys):
     assert "of 7 photographs" in capsys.readouterr().out
     assert jaxrender("analyze", folder / "named.yaml") == 0
     assert capsys.readouterr().out.startswith("7 photographs, not read")
+
+
+def test_mended_cameras_are_written_capture_by_capture(tmp_path):
+    for name in ("first", "second"):
+        write_ball(tmp_path / name)
+    further = "{transforms: second/transforms.json, lighting: {per_frame: second/lights.json}}"
+    (tmp_path / "run.yaml").write_text(
+        "task: brdf\ncapture: {transforms: first/transforms.json, geometry: {sphere: {}}}\n"
+        f"lighting: {{per_frame: first/lights.json}}\ncaptures: [{further}]\n"
+    )
+    photographs = [
+        photograph
+        for one in captures_of(load_run_config(tmp_path / "run.yaml"))
+        for photograph in one.traced(one.images(SILENT), BALL, SILENT)
+    ]
+    told = Told(observations_of(photographs), None, BALL)
+    gains = 1 + 0.1 * np.arange(len(photographs))
+    corrections = Corrections.none(told)._replace(exposure=np.log(gains))
+    freed = Calibration(told, corrections, ("exposure",), {}, np.zeros((0, 0)), True, ())
+    write_cameras(tmp_path, freed, photographs, BALL)
+    found = [
+        read_capture(tmp_path / f"capture_{at}.json", images=tmp_path / name).frames
+        for at, name in enumerate(("first", "second"), 1)
+    ]
+    exposures = [frame.exposure or 1.0 for frames in found for frame in frames]
+    np.testing.assert_allclose(exposures, gains)
+    assert [frame.name for frame in found[1]] == ["0", "1", "2", "3"]
 
 
 TASK = "task: brdf\ncapture: {recipe: sky.yaml}\n"

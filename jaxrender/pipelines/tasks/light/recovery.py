@@ -55,18 +55,10 @@ _PIXELS_AT_ONCE = 2**14
 
 
 class LightRecovery(Recovery):
-    """A recovered light with its material, known beforehand or recovered along with it.
+    """A recovered light with its material, known beforehand or recovered along with it."""
 
-    ``source`` is the file that named the cameras.
-    """
-
-    def __init__(
-        self,
-        recovered: Recovered,
-        shape: Shape,
-        source: Path,
-    ):
-        self.recovered, self.shape, self.source = recovered, shape, source
+    def __init__(self, recovered: Recovered, shape: Shape):
+        self.recovered, self.shape = recovered, shape
         self.found, self.photographs = recovered.found, recovered.photographs
 
     @property
@@ -119,7 +111,7 @@ class LightRecovery(Recovery):
         write_environment(folder / "lighting_deviation.exr", Environment(self._images.deviation))
         calibration = self.found.calibration
         if calibration is not None:
-            write_cameras(folder, calibration, self.photographs, self.shape, self.source)
+            write_cameras(folder, calibration, self.photographs, self.shape)
 
     def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
         """Lay out the report."""
@@ -197,8 +189,7 @@ def recover_light(
         photographs = mended(photographs, calibration, shape)
         progress.note(f"freed: {', '.join(calibration.free)}")
     recovered = Recovered(config.task, model, gauge, found, photographs, comparison)
-    assert config.capture.transforms is not None
-    return LightRecovery(recovered, shape, config.capture.transforms)
+    return LightRecovery(recovered, shape)
 
 
 def _sentence(round_: Round, width_is_known: bool) -> str:

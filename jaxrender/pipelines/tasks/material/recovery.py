@@ -57,11 +57,10 @@ if TYPE_CHECKING:
 
 
 class MaterialRecovery(Recovery):
-    """A recovered material; ``source`` is the file that named the cameras."""
+    """A recovered material."""
 
-    def __init__(self, finding: Finding, source: Path):
+    def __init__(self, finding: Finding):
         self.finding, self.photographs = finding, finding.photographs
-        self.source = source
 
     def result(self) -> Result:
         """Sum up what was found."""
@@ -82,7 +81,7 @@ class MaterialRecovery(Recovery):
             finding.correction.write_merl(folder)
         calibration = finding.fit.calibration
         if calibration is not None:
-            write_cameras(folder, calibration, finding.photographs, finding.shape, self.source)
+            write_cameras(folder, calibration, finding.photographs, finding.shape)
 
     def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
         """Lay out the report."""
@@ -238,8 +237,7 @@ def recover_material(
         settings,
         correction,
     )
-    assert config.capture.transforms is not None
-    return MaterialRecovery(finding, config.capture.transforms)
+    return MaterialRecovery(finding)
 
 
 def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison:

@@ -82,9 +82,7 @@ class TextureRecovery(Recovery):
         """Write the maps, the light, and cameras and exposures that were mended."""
         calibration = self.estimate.calibration
         if calibration is not None:
-            shape, source = self.evidence.shape, self.config.capture.transforms
-            assert source is not None
-            write_cameras(folder, calibration, self.photographs, shape, source)
+            write_cameras(folder, calibration, self.photographs, self.evidence.shape)
         self.estimate.write_maps(folder, texture_of(self.config).dilate)
         if self.estimate.light is not None:
             light = positive_environment(*self.estimate.light, _ROWS)
