@@ -66,6 +66,8 @@ def result(folder):
 def test_the_material_comes_back(result):
     found = read_result(result)
     assert found["outcome"] == "converged"
+    # Each capture is refined with as many.
+    assert found["residual"]["samples"] == 3 * 600
     off = standard_errors_off(found)
     assert max(off.values()) < 4, off
     names = [photograph["name"] for photograph in found["photographs"]]
