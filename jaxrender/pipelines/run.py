@@ -1,7 +1,7 @@
 """A fit from its config to its result folder: load, trace, fit, account, write."""
 
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -134,7 +134,10 @@ def _with_photographs(
         for one in config.captures
     )
     with fault_of(f"the light of {', '.join(map(str, recipes))}"):
-        update = {"capture": capture, "lighting": lighting, "captures": captures}
+        update: dict[str, Any] = {"capture": capture, "lighting": lighting}
+        if captures:
+            # What is not stated stays so.
+            update["captures"] = captures
         config = config.model_copy(update=update)
         config.refuse_in_vain()
     return config

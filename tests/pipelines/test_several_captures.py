@@ -150,6 +150,15 @@ def test_mended_cameras_are_written_capture_by_capture(tmp_path):
     assert [frame.name for frame in found[1]] == ["0", "1", "2", "3"]
 
 
+@pytest.mark.parametrize("task", ["factorize", "texture", "brdf-spectrum", "lighting"])
+def test_one_recipe_is_no_list_of_captures(folder, result, task):
+    """Tasks that take one capture take the photographs of a recipe, which are there."""
+    more = ", brdf: {kd: 0.2, ks: 0.1, sigma: 0.2, mu: 1.5}" if task == "lighting" else ""
+    text = f"{{task: {task}, capture: {{recipe: sky.yaml}}{more}}}\n"
+    (folder / "one.yaml").write_text(text)
+    assert jaxrender("fit", folder / "one.yaml", "--dry-run") == 0
+
+
 TASK = "task: brdf\ncapture: {recipe: sky.yaml}\n"
 WRONG = {
     "captures: [{transforms: none.json}]\n": "wrong.yaml:3:12: captures[0]: missing key 'lighting'",
