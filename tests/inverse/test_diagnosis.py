@@ -186,13 +186,13 @@ def test_an_environment_in_another_convention_is_told_by_its_axes(grounds):
     assert other_axes(grounds) is None
 
 
-def fitted(photographs, **settings):
+def fitted(photographs, light=KNOWN, **settings):
     rng = np.random.default_rng(1)
     noisy = photographs * (1 + 0.01 * rng.normal(size=photographs.shape))
     pool = CLEAN._replace(radiance=noisy)
     kind = dataclasses.replace(BRDF, sigma=0.1)
     settings = FitSettings(starts=2, refine_samples=600, **settings)
-    return fit_brdf(pool, KNOWN, unknowns_of(kind), kind, settings, shape=Sphere(), pool=pool)
+    return fit_brdf(pool, light, unknowns_of(kind), kind, settings, shape=Sphere(), pool=pool)
 
 
 def off(fit):
@@ -238,6 +238,17 @@ def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
     assert fit.diagnosis[0].explains > 0.7
     assert any(fit.diagnosis[0].sentence in reason for reason in fit.reasons)
     assert off(fit) < 3.5
+
+
+def test_a_lamp_alone_is_named_though_light_falls_where_none_should():
+    # Most pixels are black, and some of those that should be are lit: no column can make these.
+    elsewhere = rotation(0.01, [1, 0, 0]) @ LAMP[0]
+    planted = photographed(CLEAN, lamp=elsewhere[None]) - photographed(CLEAN, energy=0 * ENERGY)
+    fit = fitted(np.maximum(planted, 0), KnownLight(None, KNOWN.directional))
+    should_be_black = np.asarray(CLEAN.samples.normals) @ LAMP[0] < 0
+    assert np.any(planted[should_be_black] > 1e-6)
+    assert fit.diagnosis[0].cause == "lamps"
+    assert fit.diagnosis[0].explains > 0.9
 
 
 @pytest.mark.slow

@@ -35,6 +35,37 @@ def test_columns_that_the_fit_makes_itself_explain_nothing():
     assert not Leftover(left, own).score(np.zeros((100, 2))).columns
 
 
+def test_values_that_are_dark_and_known_to_be_do_not_count():
+    rng = np.random.default_rng(5)
+    own, more, left = rng.normal(size=(80, 2)), rng.normal(size=(80, 1)), rng.normal(size=80)
+    dark = np.zeros(300)
+    padded = [np.concatenate([part, np.zeros((300, part.shape[1]))]) for part in (own, more)]
+    alone = Leftover(left, own).score(more)
+    beside = Leftover(np.concatenate([left, dark]), padded[0]).score(padded[1])
+    assert beside.gain == pytest.approx(alone.gain)
+
+
+def test_no_value_is_surer_than_the_integrals():
+    rng = np.random.default_rng(7)
+    weights = 10 ** rng.uniform(-2, 9, (40, 2))
+    radiance, own = rng.normal(size=(40, 2)), rng.normal(size=(40, 2, 3))
+    prior = tuple(rng.normal(size=(40, 5)) for _ in range(2))
+    known = Derivatives(
+        weights * radiance,
+        weights[:, :, None] * own,
+        weights,
+        tuple(w[:, None] * part for w, part in zip(weights.T, prior)),
+        np.eye(13),
+    )
+    held = known.no_surer_than(1e-3)
+    # Variances add.
+    np.testing.assert_allclose(held.weights**-2, weights**-2.0 + 1e-6)
+    np.testing.assert_allclose(held.residual, held.weights * radiance)
+    np.testing.assert_allclose(held.by_unknown, held.weights[:, :, None] * own)
+    for weight, found, part in zip(held.weights.T, held.prior, prior):
+        np.testing.assert_allclose(found, weight[:, None] * part)
+
+
 def test_values_left_out_are_not_in_the_fit():
     rng = np.random.default_rng(6)
     own = rng.normal(size=(50, 2, 2))

@@ -83,13 +83,22 @@ class Derivatives:
 
     def without(self, values: Bool[np.ndarray, "sample channel"]) -> "Derivatives":
         """Let some values say nothing."""
-        kept = np.where(values, 0.0, 1.0)
+        return self._times(np.where(values, 0.0, 1.0))
+
+    def no_surer_than(self, deviation: float) -> "Derivatives":
+        """Let no value say more than one of this standard deviation, in radiance, beside its noise.
+
+        Where the model is exactly dark and its noise relative, light would count infinitely.
+        """
+        return self._times(1 / np.hypot(1, self.weights * deviation))
+
+    def _times(self, factor: Float[np.ndarray, "sample channel"]) -> "Derivatives":
         return dataclasses.replace(
             self,
-            residual=kept * self.residual,
-            by_unknown=kept[:, :, None] * self.by_unknown,
-            weights=kept * self.weights,
-            prior=tuple(own[:, None] * part for own, part in zip(kept.T, self.prior)),
+            residual=factor * self.residual,
+            by_unknown=factor[:, :, None] * self.by_unknown,
+            weights=factor * self.weights,
+            prior=tuple(own[:, None] * part for own, part in zip(factor.T, self.prior)),
         )
 
     def moved(

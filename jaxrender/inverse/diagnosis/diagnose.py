@@ -77,7 +77,10 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
     everywhere.
     """
     index = _some(suspect)
-    grounds, known = Grounds.of(suspect, index), suspect.derivatives(index)
+    grounds = Grounds.of(suspect, index)
+    # The integrals' own errors are noise as well: dark samples may have no other.
+    typical = float(np.sqrt(np.mean(grounds.predicted**2)))
+    known = suspect.derivatives(index).no_surer_than(_LEAST_EFFECT * typical)
     freed = [CAUSES[name].columns(grounds) for name in suspect.freed]
 
     def leftover_of(known: Derivatives) -> Leftover:
@@ -100,8 +103,8 @@ def diagnose(suspect: Suspect, misfit: Misfit) -> tuple[Diagnosis, ...]:
                 continue
             columns = cause.columns(grounds)
             if columns is not None:
-                typical = typical_amounts(cause.name, grounds, columns.shape[2])
-                score = leftover.score(known.weighted(columns), typical)
+                amounts = typical_amounts(cause.name, grounds, columns.shape[2])
+                score = leftover.score(known.weighted(columns), amounts)
                 found.append(_Tested(cause.name, cause.sentence, score))
         return found
 

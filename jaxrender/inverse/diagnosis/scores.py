@@ -47,6 +47,8 @@ class Leftover:
         # What unknowns answer to values along each vector of the basis.
         self._answers = turned[:, real] / root / size[:, None]
         self._along = self._basis.T @ left
+        # What is dark, and known to be, says nothing: it must not count as a perfect prediction.
+        self._count = int(np.count_nonzero(left)) - int(real.sum())
         self.left = left - self._basis @ self._along
 
     @property
@@ -98,8 +100,8 @@ class Leftover:
         change: Float[np.ndarray, "value"],
     ) -> Score:
         # What the fit's own unknowns have taken is no longer free to speak.
-        before, count = float(self.left @ self.left), len(self.left) - self._basis.shape[1]
-        if not explained > 0:
+        before, count = float(self.left @ self.left), self._count
+        if not (explained > 0 and count > 0):
             return Score(0.0, columns, 0.0, np.zeros_like(shift), np.zeros_like(change))
         after = max(before - explained, np.finfo(float).eps * before)
         gain = count * np.log(before / after) - columns * np.log(count)
