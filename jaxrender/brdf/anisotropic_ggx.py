@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxrender.brdf.distributions import TrowbridgeReitz
 from jaxrender.brdf.facets import facet_transfer
-from jaxrender.brdf.fresnel import normalised_fresnel
+from jaxrender.brdf.fresnel import largest_fresnel_ratio, normalised_fresnel
 from jaxrender.brdf.half_vector import are_visible, lifted
 from jaxrender.brdf.parameters import (
     Scalar,
@@ -97,7 +97,7 @@ class AnisotropicGGX(Parametric):
     @property
     def conserves_energy(self) -> bool:
         """When pi kd + ks times the Fresnel ratio's largest value is at most 1."""
-        ratio = 1 if self.mu is None else float((self.mu + 1) / (self.mu - 1)) ** 2
+        ratio = largest_fresnel_ratio(self.mu)
         return share_of_energy_is_bounded(np.pi * self.kd, self.ks * ratio)
 
     @property

@@ -36,6 +36,14 @@ def normalised_fresnel(
     return _over_head_on(mu, _clipped(cosines))
 
 
+def largest_fresnel_ratio(mu: Float[AnyArray, ""] | float | None) -> float:
+    """Compute F(mu, t) / F(mu, 0) at grazing: ((mu + 1) / (mu - 1))^2, 25 for glass; 1 of a metal.
+
+    Tell what a lobe that is weighed by the ratio may reflect at most.
+    """
+    return 1.0 if mu is None else float((mu + 1) / (mu - 1)) ** 2
+
+
 def _over_head_on(
     mu: Float[AnyArray, ""] | float, cosines: Float[Array, "*batch"]
 ) -> Float[Array, "*batch"]:

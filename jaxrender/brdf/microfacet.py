@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxrender.brdf.distributions import DISTRIBUTIONS
 from jaxrender.brdf.facets import facet_transfer
-from jaxrender.brdf.fresnel import FRESNEL_ANGLES, normalised_fresnel
+from jaxrender.brdf.fresnel import FRESNEL_ANGLES, largest_fresnel_ratio, normalised_fresnel
 from jaxrender.brdf.glossy import Glossy
 from jaxrender.brdf.half_vector import lifted
 from jaxrender.brdf.masking import FACET_MASKINGS, MASKINGS
@@ -91,11 +91,11 @@ class Microfacet(Glossy):
     def conserves_energy(self) -> bool:
         """With masking, when pi kd + ks times the Fresnel ratio's largest value is at most 1.
 
-        The ratio at grazing is ((mu + 1) / (mu - 1))^2: 25 for glass.  Without masking, never.
+        Without masking, never.
         """
         if self.masking == "none":
             return not np.any(self.ks) and share_of_energy_is_bounded(np.pi * self.kd)
-        ratio = 1 if self.mu is None else float((self.mu + 1) / (self.mu - 1)) ** 2
+        ratio = largest_fresnel_ratio(self.mu)
         return share_of_energy_is_bounded(np.pi * self.kd, self.ks * ratio)
 
     @property

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf.fresnel import largest_fresnel_ratio
 from jaxrender.brdf.half_vector import are_visible
 from jaxrender.brdf.microfacet import Microfacet
 from jaxrender.brdf.parameters import (
@@ -80,7 +81,7 @@ class TwoGGX(Parametric):
     @property
     def conserves_energy(self) -> bool:
         """When pi kd + (ks + ks_broad) times the Fresnel ratio's largest value is at most 1."""
-        ratio = 1 if self.mu is None else float((self.mu + 1) / (self.mu - 1)) ** 2
+        ratio = largest_fresnel_ratio(self.mu)
         return share_of_energy_is_bounded(
             np.pi * self.kd, self.ks * ratio, np.asarray(self.ks_broad) * ratio
         )

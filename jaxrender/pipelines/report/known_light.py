@@ -1,5 +1,6 @@
 """The page of a material that was recovered under known light."""
 
+from jaxrender.brdf import Glossy
 from jaxrender.pipelines.report import account, parameters
 from jaxrender.pipelines.report.comparison import comparison
 from jaxrender.pipelines.report.contents import MaterialContents, Page, is_diffuse, is_lambertian
@@ -22,6 +23,8 @@ def material_page(contents: MaterialContents) -> Page:
         "forecast": forecast(contents),
         "refined": "frequency" in contents.result,
         "by_integral": not contents.fit.light.for_dual,
+        "own_environments": contents.light.environments is not None,
+        "glossy": isinstance(contents.fit.brdf, Glossy),
         "map": environment_map(contents.light, contents.fit.light),
         "surroundings": surroundings(contents.light),
         "discs": direction_discs(contents.light),
