@@ -30,19 +30,33 @@ KS = np.array([0.06, 0.12])
 
 
 class Paint(NamedTuple):
-    """Two paints, and where each is; sigma grows by this power from the bottom to the top."""
+    """Two paints, and where each is; sigma grows by this power from the bottom to the top.
+
+    Normals lean up by ``tilt`` where the second paint is, and down where the first is.
+    """
 
     kd: np.ndarray = KD
     ks: np.ndarray = KS
     growth: float = 0.0
+    tilt: float = 0.0
 
     def of(self, points):
         """Kd and ks by direction from the origin."""
+        which = self.which(points)
+        return self.kd[which], self.ks[which]
+
+    def normals_of(self, points, normals):
+        """Tilt the normals of a ball."""
+        up = np.array([0.0, 0.0, 1.0]) - normals[:, 2:] * normals
+        leaning = normals + self.tilt * (2 * self.which(points)[:, None] - 1) * up
+        return leaning / np.linalg.norm(leaning, axis=1, keepdims=True)
+
+    def which(self, points):
+        """Number the paint by direction from the origin."""
         x, y, z = (points / np.linalg.norm(points, axis=1, keepdims=True)).T
         row = np.floor(np.arccos(np.clip(z, -1, 1)) / np.pi * CELLS)
         column = np.floor((np.arctan2(y, x) / (2 * np.pi)) % 1 * 2 * CELLS)
-        which = ((row + column) % 2).astype(int)
-        return self.kd[which], self.ks[which]
+        return ((row + column) % 2).astype(int)
 
     def sigma_of(self, points):
         """Sigma by height, that of ``small_captures`` in the middle."""
@@ -70,7 +84,8 @@ def write_painted(
         view = observe(camera, shape)
         kd, ks = paint.of(view.points[view.hit])
         sigma = paint.sigma_of(view.points[view.hit])
-        diffuse, specular = columns(view.normals[view.hit], view.outgoing[view.hit], sources, sigma)
+        normals = paint.normals_of(view.points[view.hit], view.normals[view.hit])
+        diffuse, specular = columns(normals, view.outgoing[view.hit], sources, sigma)
         image = np.zeros((*view.hit.shape, 4))
         exact = kd * diffuse + ks[:, None] * specular
         image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))

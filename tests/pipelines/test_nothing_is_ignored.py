@@ -43,6 +43,7 @@ USUAL = (
     "factorize",
     "texture",
     "texture of varying sigma",
+    "texture of maps",
     "brdf-spectrum",
 )
 # What is so, whether it is said or not.

@@ -19,6 +19,9 @@
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``
     a sigma that varies slowly over the surface
+``site_numbers``, ``site_equations``, ``site_solver``, ``site_search``
+    a sigma and a normal that each site has for itself: what they are; chi-squared with its
+    derivatives; the search at every site; what all sites share, and what is expected of each
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
     diffuse object; light from what moves with the view (``view_dependent`` with all else given,
@@ -66,7 +69,7 @@ from jaxrender.inverse.texture.glossy_light import (
     GlossyTexture,
     recover_glossy,
 )
-from jaxrender.inverse.texture.known_light import forward_under, recover_texture
+from jaxrender.inverse.texture.known_light import finest_of, forward_under, recover_texture
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
 from jaxrender.inverse.texture.measurements import (
     SiteData,
@@ -78,6 +81,7 @@ from jaxrender.inverse.texture.measurements import (
 from jaxrender.inverse.texture.prediction import LitTexture
 from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.site_numbers import MAPS, NormalMap
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
     SiteSums,
@@ -96,6 +100,7 @@ from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_vi
 from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
+    "MAPS",
     "NEVER",
     "Alternation",
     "Confidence",
@@ -109,6 +114,7 @@ __all__ = [
     "LitTexture",
     "Lobe",
     "ModelOf",
+    "NormalMap",
     "RegionLobe",
     "Regions",
     "SigmaField",
@@ -134,6 +140,7 @@ __all__ = [
     "estimate_texture",
     "exact_forward",
     "factor_diffuse",
+    "finest_of",
     "fit_texture",
     "fit_texture_by_region",
     "forward_under",

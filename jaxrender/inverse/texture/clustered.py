@@ -134,7 +134,7 @@ def excess_of_surface(
     ``columns`` and what is ``left`` are of the observations that ``measured`` sorts by site.
     """
     found = Excess(*(np.zeros((measured.count, 2)) for _ in Excess._fields))
-    for part, sites, filled in in_chunks(measured, chunk):
+    for part, sites, filled in in_chunks(measured, min(chunk, len(measured.site))):
         off, channels = left[part.index], part.radiance.shape[1]
         own = Columns(*(np.asarray(at)[part.index] for at in (columns.diffuse, columns.specular)))
         deviation = np.asarray(noise.standard_deviation(np.maximum(part.radiance - off, 0)))

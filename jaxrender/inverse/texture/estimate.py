@@ -17,6 +17,7 @@ from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
+from jaxrender.inverse.texture.site_numbers import NormalMap
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap
@@ -79,7 +80,8 @@ class TextureEstimate(AnyEstimate):
     diffuse paint they have kd alone.  What is not to be trusted is marked in ``texture``.
     ``ambiguity`` says up to what the values are known, and is "" where they are absolute;
     ``gauge`` says in what units the light is.  ``light`` is a light that was found, and
-    ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.
+    ``variation`` sigma at every site where it varies; a lobe's sigma is then a mean.  ``normals``
+    are those of the sites, where ``maps``, which sites have for themselves, say so.
     ``misfit`` is what the photographs of the largest region hold above their noise, and
     ``diagnosis`` what would explain it; ``calibration`` is what was freed of the capture.
     """
@@ -95,6 +97,8 @@ class TextureEstimate(AnyEstimate):
     ambiguity: str = ""
     light: LightCoefficients | None = None
     variation: SigmaMap | None = None
+    normals: NormalMap | None = None
+    maps: tuple[str, ...] = ()
     misfit: Misfit | None = None
     diagnosis: tuple[Diagnosis, ...] = ()
     calibration: Calibration | None = None
@@ -201,6 +205,11 @@ class TextureEstimate(AnyEstimate):
             known = np.isfinite(self.variation.sigma)
             for name, values in zip(("sigma", "sigma_error"), self.variation):
                 images[name] = image_of_sites(values, self.sites.image, known)
+        if self.normals is not None:
+            known = np.isfinite(self.normals.error)
+            named = {"normal": self.normals.normal, "normal_error": self.normals.error}
+            for name, values in named.items():
+                images[name] = image_of_sites(values, self.sites.image, known)
         return images
 
     def marks(self) -> Float[np.ndarray, "row column channel"]:
@@ -215,6 +224,7 @@ class TextureEstimate(AnyEstimate):
         if self.sites.image is None:
             return {"vertices": "textures/vertices.ply"}
         names = _MAPS if self.variation is None else (*_MAPS, "sigma", "sigma_error")
+        names = names if self.normals is None else (*names, "normal", "normal_error")
         return {name: f"textures/{name}.exr" for name in names} | {"marks": "textures/marks.png"}
 
     def write_maps(self, folder: Path, reach: int = _REACH) -> None:
@@ -278,6 +288,9 @@ class TextureEstimate(AnyEstimate):
         columns |= {"kd_marked": texture.kd_marked, "ks_marked": texture.ks_marked}
         if self.variation is not None:
             columns |= {"sigma": self.variation.sigma, "sigma_error": self.variation.error}
+        if self.normals is not None:
+            columns |= dict(zip(("normal_x", "normal_y", "normal_z"), self.normals.normal.T))
+            columns["normal_error"] = self.normals.error
         return columns
 
 

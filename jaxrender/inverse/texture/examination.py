@@ -26,6 +26,7 @@ from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.paint_slopes import PaintSlopes
+from jaxrender.inverse.texture.site_numbers import OwnSigma
 from jaxrender.inverse.texture.sites import middles
 from jaxrender.inverse.texture.texture import TRUSTED_MISFIT, Texture
 from jaxrender.inverse.texture.varying import VaryingSigma
@@ -173,6 +174,7 @@ class Tested(NamedTuple):
 
     ``sites`` are the places of these sites on the surface, ``number`` says which of them each pixel
     shows; ``point`` are the search variables of the lobe, whose numbers ``names`` are free.
+    ``found`` are causes that the fit does not take for granted.
     ``slopes`` say how paint changes beside the sites, where it is known where pixels lie, and
     ``beside`` what pixels send for that.
     """
@@ -181,11 +183,12 @@ class Tested(NamedTuple):
     sites: Int[np.ndarray, "tested"]
     number: Int[np.ndarray, "sample"]
     model: Model
-    unknowns: Unknowns | VaryingSigma
+    unknowns: Unknowns | VaryingSigma | OwnSigma
     point: Float[AnyArray, "unknown"]
     kd: Float[np.ndarray, "tested channel"]
     ks: Float[np.ndarray, "tested"]
     names: tuple[str, ...]
+    found: tuple[str, ...] = _NOT_TESTED
     slopes: PaintSlopes | None = None
     beside: Float[np.ndarray, "sample channel"] | None = None
 
@@ -207,6 +210,7 @@ class Tested(NamedTuple):
             fit.texture.kd[sites],
             fit.texture.ks[sites],
             fit.lobe.unknowns.names,
+            _NOT_TESTED if fit.lobe.normals is None else (*_NOT_TESTED, "normals"),
             slopes,
         )
 
@@ -265,7 +269,7 @@ class Tested(NamedTuple):
             partial(_of, known),
             painted.seed,
             freed=painted.freed,
-            unknown=_NOT_TESTED,
+            unknown=self.found,
             paint=paint,
             by_place=None if self.slopes is None else self.slopes.of_samples(near.at, number),
         )

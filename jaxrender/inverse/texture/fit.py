@@ -5,12 +5,15 @@
    search goes on with a K_s a site.  Noise is estimated from what is left, and all of it repeated.
 2. Where sigma varies slowly over the surface, it is searched for once more at control points
    (:mod:`.varying`), from one sigma for all.
-3. Every site is solved exactly, a chunk at a time, with standard errors that include those of sigma
+3. Where each site has a sigma or a normal of its own, these are searched for at every site
+   (:mod:`.site_search`), beginning with one lobe for all.
+4. Every site is solved exactly, a chunk at a time, with standard errors that include those of sigma
    and mu; what cannot be trusted is marked.
 
 ``method="thesis"`` does it as T 6.4.2 does: phase 1 by simplex, then the alternation.
 """
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
@@ -18,20 +21,25 @@ from jaxrender.inverse.texture.account import TextureFit, account_of, lobe_of
 from jaxrender.inverse.texture.forward import Forward
 from jaxrender.inverse.texture.measurements import SiteObservations, whole_sites
 from jaxrender.inverse.texture.rounds import (
+    Searched,
     TextureSettings,
     let_vary,
     prediction_for,
     search_in_rounds,
     weighted,
 )
-from jaxrender.inverse.texture.search import refine
+from jaxrender.inverse.texture.search import TextureProblem, refine
+from jaxrender.inverse.texture.site_numbers import MAPS, with_normals
+from jaxrender.inverse.texture.site_search import SiteFit, search_sites, solve_numbers
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField
-from jaxrender.inverse.texture.whole_surface import solve_surface
+from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float, Int
 
 METHODS = ("joint", "thesis")
+# What all sites share is found on so many observations, where each has numbers of its own.
+_MAP_SAMPLES = 6000
 
 
 def fit_texture(
@@ -57,6 +65,8 @@ def fit_texture(
     model = forward.search(some.index)
     starts = unknowns.starts(settings.starts) if start is None else start[None]
     searched = search_in_rounds(some, model, unknowns, starts, settings)
+    if settings.maps:
+        return _with_maps(measured, forward, searched, settings)
     if field is not None:
         model = forward.final(some.index)
         searched = let_vary(searched, measured, some, model, field, settings)
@@ -81,6 +91,32 @@ def fit_texture(
         measured, forward.final, lobe, searched.problem.prior, noise, settings.method
     )
     return account_of(surface, lobe, searched, noise)
+
+
+def _with_maps(
+    measured: SiteObservations, forward: Forward, searched: Searched, settings: TextureSettings
+) -> TextureFit:
+    """Go on from one lobe for all sites to numbers that each of them has for itself."""
+    one, fit, maps = searched.problem.unknowns, searched.fit, settings.maps
+    assert isinstance(one, Unknowns)
+    some = whole_sites(measured, min(settings.search_samples, _MAP_SAMPLES), settings.seed)
+    begin = SiteFit.begin(one, fit.point, searched.problem.prior, searched.noise)
+    found = search_sites(some, forward.final, maps, begin, settings.noise is not None)
+    own = solve_numbers(measured, forward.final, maps, found)
+    lobe = Lobe(one, *found.shared[1:], own=own)
+    final = forward.final
+    if own.normals is not None:
+        site = np.full(int(measured.index.max()) + 1, -1)
+        site[measured.index] = measured.site
+        final = with_normals(final, own.normals, site)
+    surface = solve_surface(measured, final, lobe, found.prior, found.noise, settings.method)
+    lobe = lobe._replace(own=own.widened(surface.wider.max(axis=1)))
+    searched = searched._replace(
+        fit=fit._replace(point=jnp.asarray(lobe.point)),
+        problem=TextureProblem(one, found.prior, np.asarray(False)),
+        noise=found.noise,
+    )
+    return account_of(surface, lobe, searched, found.noise)
 
 
 def fit_texture_by_region(
@@ -108,15 +144,18 @@ def fit_texture_by_region(
     return joined, fits
 
 
-def check_variation(unknowns: Unknowns, settings: TextureSettings) -> None:
-    """Raise ``ValueError`` where sigma cannot vary over the surface."""
-    if not unknowns["sigma"].free:
+def check_variation(unknowns: Unknowns, settings: TextureSettings, sigma: bool = True) -> None:
+    """Raise ``ValueError`` where sigma, or what else each site is to have, cannot vary."""
+    if sigma and not unknowns["sigma"].free:
         raise ValueError("sigma is fixed, but it is to vary over the surface: leave it free")
     if settings.method != "joint":
-        raise ValueError(f"method={settings.method!r} knows one sigma: choose joint")
+        raise ValueError(f"method={settings.method!r} knows one lobe for all sites: choose joint")
 
 
 def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSettings) -> None:
+    for name in settings.maps:
+        if name not in MAPS:
+            raise ValueError(f"maps has {name!r}: choose of {', '.join(MAPS)}")
     if settings.method not in METHODS:
         raise ValueError(f"method={settings.method!r}: choose one of {', '.join(METHODS)}")
     if unknowns.free_amplitudes != unknowns.amplitude_names:

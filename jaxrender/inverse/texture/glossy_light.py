@@ -194,7 +194,7 @@ def _texture(
     """Solve every site under the light found, a chunk at a time."""
     measured, light = problem.measured, jnp.asarray(found.coefficients)
     sites, sums, variances = [], [], []
-    for chunk in in_chunks(measured, _CHUNK):
+    for chunk in in_chunks(measured, min(_CHUNK, len(measured.site))):
         data = _weighted(chunk.measured, problem.noise, chunk.filled)
         samples = _samples(problem, chunk.measured)
         columns = LobeColumns(

@@ -4,6 +4,8 @@ The dual model needs to know which parts of the light are narrow beside the lobe
 unknown at first.  So the light is split at a small roughness and a search follows.  Then the light
 is split at the roughness found, and the search goes on.
 
+Where sites have a sigma of their own the light is split for the finest of most of them.
+
 The sites of a convex shape are then solved on the integral itself, unless the lobe is so narrow
 that the light has too many cells; those of a concave one on the dual model.
 """
@@ -11,7 +13,7 @@ that the light has too many cells; those of a concave one on the dual model.
 import numpy as np
 
 from jaxrender.brdf import Microfacet
-from jaxrender.geometry import Shape
+from jaxrender.geometry import Shape, SurfaceSamples
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, Model
 from jaxrender.inverse.observations import Observations
@@ -24,13 +26,14 @@ from jaxrender.inverse.texture.fit import check_variation, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.site_numbers import with_normals
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.transfer_field import with_field
 from jaxrender.inverse.unknowns import Unknowns, unknowns_of
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FACETS, FrameNodes
-from jaxrender.shapes import Int
+from jaxrender.shapes import Float, Int
 
 # The roughness that the light is split at in the first pass, and the table's reach in the second.
 _ROUGH_SIGMA, _TABLE_REACH = 0.06, 1.8
@@ -41,6 +44,11 @@ _ROUGH_SAMPLES = 4000
 # Sites are solved on a sum over cells of the light, so narrow in widths of the lobe; where there
 # are more cells than this, which takes minutes for all pixels, on the dual model.
 _CELL_PER_SIGMA, _MOST_CELLS = 1 / 2, 2**15
+# Where each site has numbers of its own the model is evaluated again and again: so many
+# observations times cells take seconds.
+_MAP_WORK = 2**22
+# Most sites are at least as rough as this part of the typical one; the finest of most of them.
+_FINER, _FINEST_PART = 1.8, 0.05
 # Under shadows the environment is condensed to cells this narrow: each is a ray for every sample.
 _SHADOWED_ANGLE_PER_SIGMA = 1 / 4
 
@@ -69,15 +77,8 @@ def recover_texture(
     needed where that moves what pixels show.
     """
     settings = settings or TextureSettings()
-    unknowns, exact = unknowns or unknowns_of(variant), settings.exact_samples > 0
-    if field is not None and settings.free:
-        raise ValueError("nothing is freed where sigma varies: leave free out, or field")
-    if field is not None:
-        check_variation(unknowns, settings)
-        if not exact:
-            raise ValueError(
-                "a sigma that varies is found on the integral alone: give exact_samples above 0"
-            )
+    unknowns = unknowns or unknowns_of(variant)
+    _check_own(unknowns, settings, field, shape)
 
     def refit(
         observations: Observations, site: Int[np.ndarray, "sample"], light: KnownLight
@@ -104,33 +105,77 @@ def _fitted(
     some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
     low, high = _sigma_range(unknowns)
     found = float(np.clip(_ROUGH_SIGMA, low, high))
+    most = most_cells(observations.count, settings.maps)
     whole, shape = shape, concave(shape)
     if shape is not None:
         observations = with_field(observations, shape, light.diffuse_degrees)
     rough = forward_under(
         light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
     )
-    rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES)
+    rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES, maps=())
     fit = fit_texture(some, rough, unknowns, rough_settings)
-    forward = rough
+    forward, finest = rough, fit.sigma
+    if "sigma" in settings.maps:
+        finest = max(low, finest / _FINER)
     for _ in range(_SPLITS):
-        before, found = found, _finest(fit)
+        before, found = found, finest
         reach = (max(low, fit.sigma / _TABLE_REACH), min(high, fit.sigma * _TABLE_REACH))
         forward = forward_under(
-            light, observations, variant, found, reach, exact=exact, shape=shape
+            light, observations, variant, found, reach, exact=exact, shape=shape, most=most
         )
         start = unknowns.pack({"sigma": fit.sigma, "mu": fit.mu})
         fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
-        if abs(np.log(_finest(fit) / found)) < _SPLIT_AGAIN or before == found:
+        varying = fit.variation
+        finest = fit.sigma if varying is None else finest_of(varying.sigma, settings.maps)
+        off = np.log(finest / found)
+        # For a map, light that is split finer than need be will do.
+        if (-off if settings.maps else abs(off)) < _SPLIT_AGAIN or before == found:
             break
-    painted = Painted(observations, site, light, variant, whole, forward.final, settings.seed)
+    final, normals = forward.final, fit.lobe.normals
+    if normals is not None:
+        final = with_normals(final, normals, site)
+        tilted = normals.tilted(observations.samples.normals, site)
+        samples = SurfaceSamples(tilted, np.asarray(observations.samples.outgoing))
+        observations = observations._replace(samples=samples)
+    painted = Painted(observations, site, light, variant, whole, final, settings.seed)
     return End(painted, fit)
 
 
-def _finest(fit: TextureFit) -> float:
-    """Return sigma, or the least of it where it varies: what the light must be split for."""
-    varying = fit.variation
-    return fit.sigma if varying is None else float(np.nanmin(varying.sigma))
+def finest_of(sigma: Float[np.ndarray, "site"], maps: tuple[str, ...]) -> float:
+    """Return the least of a sigma that varies: what the light must be split for.
+
+    Of a map, whose single sites may be far off, it is the least of most sites.
+    """
+    return float(np.nanquantile(sigma, _FINEST_PART if "sigma" in maps else 0.0))
+
+
+def most_cells(observations: int, maps: tuple[str, ...]) -> int:
+    """Say how many cells of the light sites may be solved by."""
+    return min(_MOST_CELLS, _MAP_WORK // observations) if maps else _MOST_CELLS
+
+
+def _check_own(
+    unknowns: Unknowns, settings: TextureSettings, field: SigmaField | None, shape: Shape | None
+) -> None:
+    """Raise ``ValueError`` where sites cannot have what they are to have for themselves."""
+    if field is None and not settings.maps:
+        return
+    if field is not None and settings.maps:
+        raise ValueError("a sigma that varies slowly goes with no maps: leave maps out, or field")
+    if settings.free:
+        raise ValueError(
+            "nothing is freed where sigma varies, or where there are maps: leave free out, or these"
+        )
+    check_variation(unknowns, settings, field is not None or "sigma" in settings.maps)
+    if not settings.exact_samples:
+        raise ValueError(
+            "a sigma that varies, and maps, are found on the integral alone: give exact_samples "
+            "above 0"
+        )
+    if "normal" in settings.maps and concave(shape) is not None:
+        raise ValueError(
+            "normals of a concave shape would change its shadows: leave normal out of maps"
+        )
 
 
 def forward_under(
@@ -142,8 +187,11 @@ def forward_under(
     split: str | float = "auto",
     exact: bool = True,
     shape: Shape | None = None,
+    most: int = _MOST_CELLS,
 ) -> Forward:
     """Model observations under a known light, split at ``sigma``; ``shape`` if it is concave.
+
+    Sites are solved on the integral where the light has ``most`` cells or fewer.
 
     A concave shape's observations have their transfer vectors (T 6.10).
     """
@@ -159,7 +207,7 @@ def forward_under(
         return Forward(dual.search, final, integral)
     frame = np.asarray(observations.frame)
     integral = exact_forward(variant, observations, exact_nodes(light, frame, sigma))
-    cells = site_cells(light, frame, sigma)
+    cells = site_cells(light, frame, sigma, most)
     if cells is None:
         final = _by_facets(light, observations, variant, sigma, None)
     else:
@@ -168,15 +216,15 @@ def forward_under(
 
 
 def site_cells(
-    light: KnownLight, frame: Int[np.ndarray, "sample"], sigma: float
+    light: KnownLight, frame: Int[np.ndarray, "sample"], sigma: float, most: int = _MOST_CELLS
 ) -> tuple[LightNodes | FrameNodes, ...] | None:
     """List the cells of a light by which the sites of a convex shape are solved.
 
-    None where there are too many of them: the dual model is then quicker, and 1 to 2 % off.
+    None where there are more than ``most``: the dual model is then quicker, and 1 to 2 % off.
     """
     cells = exact_nodes(light, frame, sigma, _CELL_PER_SIGMA)
     count = sum(part.directions.shape[-2] for part in cells)
-    return cells if count <= _MOST_CELLS else None
+    return cells if count <= most else None
 
 
 def _by_facets(

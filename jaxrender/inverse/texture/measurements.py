@@ -145,11 +145,12 @@ def in_chunks(measured: SiteObservations, length: int) -> Iterator[Chunk]:
     """Cut sorted observations between sites, so that each chunk is solved by itself.
 
     Every chunk has the same length and number of sites, so one compiled program serves them all.
+    No site has more observations than the longest chunk: ``length`` grows to that.
     """
     seen = measured.seen
     present = np.flatnonzero(seen)
     ends = np.cumsum(seen[present])
-    length = min(max(length, int(seen.max())), len(measured.site))
+    length = max(length, int(seen.max()))
     first, start = 0, 0
     while first < len(present):
         last = int(np.searchsorted(ends, start + length, side="right"))

@@ -12,7 +12,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.inverse.texture.columns import texture_columns
 from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
-from jaxrender.inverse.texture.known_light import site_cells
+from jaxrender.inverse.texture.known_light import finest_of, most_cells, site_cells
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.unknown_light import model_under
 from jaxrender.inverse.transfer_field import TransferField
@@ -52,6 +52,9 @@ class LitTexture(NamedTuple):
     ) -> list[Float[np.ndarray, "row column channel"]]:
         """Render every photograph, given what its camera sees, as the sites were solved."""
         pixels = _Pixels.of(views, self.estimate.sites)
+        if self.estimate.normals is not None:
+            tilted = self.estimate.normals.tilted(pixels.samples.normals, pixels.site)
+            pixels = pixels._replace(samples=pixels.samples._replace(normals=tilted))
         values = np.zeros((len(pixels.site), self.estimate.texture.kd.shape[1]))
         for lobe in self.estimate.lobes:
             own = pixels.site >= 0
@@ -94,11 +97,13 @@ class LitTexture(NamedTuple):
             found = model_under(self.estimate.light)
             return lambda number: found
         brdf, transfer = self.estimate.brdf_of(lobe).as_metal(), "exit-cosine"
+        maps = self.estimate.maps
         if self.estimate.variation is not None:
-            brdf = brdf.with_roughness(float(np.nanmin(self.estimate.variation.sigma)))
+            brdf = brdf.with_roughness(finest_of(self.estimate.variation.sigma, maps))
         if field is None and self.exact:
             # As the sites were solved.
-            cells = site_cells(light, np.zeros(1, int), float(brdf.sigma))
+            most = most_cells(self.observations.count, maps)
+            cells = site_cells(light, np.zeros(1, int), float(brdf.sigma), most)
             if cells is not None:
                 return lambda number: _integral(cells, number)
             transfer = FACETS

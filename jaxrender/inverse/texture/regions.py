@@ -1,6 +1,6 @@
 """A texture under known light whose materials lie in regions: each region by itself (T 6.13)."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from jaxrender.inverse.texture.forward import Forward, ModelOf
 from jaxrender.inverse.texture.known_light import forward_under, recover_texture
 from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.site_numbers import NormalMap
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap
 from jaxrender.inverse.transfer_field import with_field
@@ -31,6 +32,7 @@ from jaxrender.inverse.unknown_material import UnknownMaterial
 from jaxrender.inverse.unknowns import unknowns_of
 from jaxrender.shapes import Bool, Int
 
+_Map = TypeVar("_Map", SigmaMap, NormalMap)
 # A lobe that nothing asks about: diffuse paint has none.
 _NO_LOBE = 0.1
 
@@ -69,7 +71,7 @@ def under_known_light(
             f"{len(regions.names)} regions: nuisances are freed where the surface has one material "
             "alone; leave free out, or the regions"
         )
-    texture, variation = None, None
+    texture, variation, normals = None, None, None
     for number, name in enumerate(regions.names):
         site = sites.of_region(number)
         if not (site >= 0).any():
@@ -93,6 +95,7 @@ def under_known_light(
         own = regions.of_site == number
         texture = fit.texture if texture is None else texture.with_sites(own, fit.texture)
         variation = _joined(variation, fit.variation, own)
+        normals = _joined(normals, fit.lobe.normals, own)
         seen = int(np.count_nonzero(fit.texture.seen))
         sigma_error, mu_error = (None, None) if diffuse else (fit.sigma_error, fit.mu_error)
         lobe = RegionLobe(
@@ -119,6 +122,8 @@ def under_known_light(
         worst_outcome([one.lobe.outcome for one in found]),
         tuple(reason for one in found for reason in _reasons(one)),
         variation=variation,
+        normals=normals,
+        maps=settings.maps,
         misfit=largest.misfit,
         diagnosis=largest.diagnosis,
         calibration=largest.calibration,
@@ -138,6 +143,11 @@ def _check_diffuse(settings: TextureSettings, control_points: int) -> None:
                 f"{name}={getattr(settings, name)!r}: diffuse paint is found without a search and "
                 "without refinement; leave it out"
             )
+    if settings.maps:
+        raise ValueError(
+            f"maps={', '.join(settings.maps)}: diffuse paint has K_d alone; leave maps out, or "
+            "choose a model with a specular lobe"
+        )
     if control_points:
         raise ValueError(
             f"control_points={control_points}: diffuse paint has no sigma that could vary; leave "
@@ -153,13 +163,16 @@ def _field(sites: SurfaceSites, site: Int[np.ndarray, "sample"], control_points:
     return SigmaField.over(places, min(control_points, int(own.sum())))
 
 
-def _joined(
-    before: SigmaMap | None, own: SigmaMap | None, chosen: Bool[np.ndarray, "site"]
-) -> SigmaMap | None:
-    """Add a region's sigma to those of the regions before it."""
+def _joined(before: _Map | None, own: _Map | None, chosen: Bool[np.ndarray, "site"]) -> _Map | None:
+    """Add a region's sigma, or its normals, to those of the regions before it."""
     if own is None or before is None:
         return own
-    return SigmaMap(*(np.where(chosen, new, old) for new, old in zip(own, before)))
+    return type(own)(
+        *(
+            np.where(chosen[:, None] if np.ndim(new) == 2 else chosen, new, old)
+            for new, old in zip(own, before)
+        )
+    )
 
 
 def _diffuse(

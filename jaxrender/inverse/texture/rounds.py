@@ -40,7 +40,8 @@ class TextureSettings(NamedTuple):
     iteration of T 6.4.2.  ``search_samples`` of whole sites are drawn to find sigma and mu.
     ``exact_samples`` are drawn to refine both on the exact model; 0: no exact model is used.
     ``diagnose`` says whether causes of a misfit are looked for.  ``free`` names nuisances that are
-    found with the texture, or is ``"auto"``.
+    found with the texture, or is ``"auto"``.  ``maps`` are what each site has for itself beside its
+    K_d and K_s: ``sigma``, ``normal``.
     """
 
     noise: NoiseModel | None = None
@@ -51,6 +52,7 @@ class TextureSettings(NamedTuple):
     seed: int = 0
     diagnose: bool = True
     free: tuple[str, ...] | Literal["auto"] = ()
+    maps: tuple[str, ...] = ()
 
 
 class Searched(NamedTuple):

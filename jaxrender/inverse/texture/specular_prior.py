@@ -23,9 +23,22 @@ def spread_of(
 
     Sites of precision 0 have no say.  Without any other there is no prior.
     """
+    mean, variance = normal_spread(estimates, precision)
+    if not np.isfinite(variance):
+        return SpecularPrior(np.zeros(()), np.zeros(()))
+    return SpecularPrior(np.asarray(max(mean, 0.0)), np.asarray(1 / variance))
+
+
+def normal_spread(
+    estimates: Float[np.ndarray, "site"], precision: Float[np.ndarray, "site"], least: float = 0.0
+) -> tuple[float, float]:
+    """Do the same of any number: its mean, and its variance over the sites, infinite if unknown.
+
+    The spread is ``least`` at least.
+    """
     measured = precision > 0
     if not measured.any():
-        return SpecularPrior(np.zeros(()), np.zeros(()))
+        return 0.0, np.inf
     values, variances = estimates[measured], 1 / precision[measured]
     mean = float(np.average(values, weights=1 / variances))
     spread = float(np.median((values - mean) ** 2))
@@ -34,7 +47,8 @@ def spread_of(
         before = mean, spread
         mean = float(np.average(values, weights=weights))
         excess = float(np.average((values - mean) ** 2 - variances, weights=weights**2))
-        spread = max(excess, (_LEAST_SPREAD * abs(mean)) ** 2, np.finfo(float).tiny)
+        lowest = max(least, _LEAST_SPREAD * abs(mean)) ** 2
+        spread = max(excess, lowest, np.finfo(float).tiny)
         if np.allclose(before, (mean, spread), rtol=_SETTLED, atol=0):
             break
-    return SpecularPrior(np.asarray(max(mean, 0.0)), np.asarray(1 / spread))
+    return mean, spread

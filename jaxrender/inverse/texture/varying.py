@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
+from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
@@ -127,6 +128,11 @@ class SigmaMap(NamedTuple):
 
     sigma: Float[np.ndarray, "site"]
     error: Float[np.ndarray, "site"]
+
+    @property
+    def marked(self) -> Bool[np.ndarray, "site"]:
+        """Say where the interval is too wide to speak of a value."""
+        return np.asarray(~(NORMAL_90 * self.error <= IDENTIFIABLE_WITHIN * self.sigma))
 
 
 def sigma_map(

@@ -17,6 +17,7 @@ from jaxrender.inverse.texture.clustered import Excess, Groups, excess_of, widen
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.search import predicted
+from jaxrender.inverse.texture.site_numbers import NormalMap, OwnSigma, SiteNumbers
 from jaxrender.inverse.texture.site_systems import (
     SiteMaterial,
     SpecularPrior,
@@ -39,7 +40,8 @@ _LEAST_NOISE = 1e-6
 class Lobe(NamedTuple):
     """sigma and mu as search variables, with their covariance; ``field`` where sigma varies.
 
-    ``exact_covariance`` is what it would be if the model were exact.
+    ``exact_covariance`` is what it would be if the model were exact.  ``own`` are the numbers that
+    each site has for itself; sigma is then what is typical of the sites.
     """
 
     unknowns: Unknowns
@@ -47,20 +49,32 @@ class Lobe(NamedTuple):
     covariance: Float[np.ndarray, "unknown unknown"]
     exact_covariance: Float[np.ndarray, "unknown unknown"]
     field: SigmaField | None = None
+    own: SiteNumbers | None = None
 
     def if_exact(self) -> "Lobe":
         """Take the model to be exact."""
         return self._replace(covariance=self.exact_covariance)
 
-    def of_sites(self, site: Int[np.ndarray, "sample"]) -> Unknowns | VaryingSigma:
+    def of_sites(self, site: Int[np.ndarray, "sample"]) -> Unknowns | VaryingSigma | OwnSigma:
         """Return the unknowns of samples that show the given sites."""
+        sigma = None if self.own is None else self.own.sigma
+        if sigma is not None:
+            typical = self.values()[0]
+            return OwnSigma(self.unknowns, np.nan_to_num(sigma.sigma, nan=typical)[site])
         return self.unknowns if self.field is None else self.field.unknowns(self.unknowns, site)
 
     def variation(self) -> SigmaMap | None:
         """Return sigma and its standard error at every site, where it varies."""
+        if self.own is not None:
+            return self.own.sigma
         if self.field is None:
             return None
         return sigma_map(self.field, self.unknowns, self.point, self.covariance)
+
+    @property
+    def normals(self) -> NormalMap | None:
+        """The normal of every site, where it is its own."""
+        return None if self.own is None else self.own.normals
 
     def errors(self) -> tuple[float, float]:
         """Standard errors of sigma and mu in their own units, 0 for what is not searched."""
@@ -97,18 +111,20 @@ def _values(
 class Surface(NamedTuple):
     """A texture, and what it leaves of each of the observations that it was solved from.
 
-    ``index`` is the place of each among all observations.
+    ``index`` is the place of each among all observations.  ``wider`` is by how much the errors of
+    each site's K_d and K_s are larger than noise makes them.
     """
 
     texture: Texture
     left: Float[np.ndarray, "sample channel"]
     index: Int[np.ndarray, "sample"]
+    wider: Float[np.ndarray, "site 2"]
 
 
 class _Known(NamedTuple):
     """The lobe of a chunk's samples with its covariances, and what to expect of K_s."""
 
-    unknowns: Unknowns | VaryingSigma
+    unknowns: Unknowns | VaryingSigma | OwnSigma
     point: Float[AnyArray, "unknown"]
     covariance: Float[AnyArray, "unknown unknown"]
     exact_covariance: Float[AnyArray, "unknown unknown"]
@@ -151,7 +167,7 @@ def solve_surface(
     left = np.zeros_like(measured.radiance)
     scale = float(np.sqrt(np.mean(measured.radiance**2))) or 1.0
     done = 0
-    for chunk in in_chunks(measured, _CHUNK):
+    for chunk in in_chunks(measured, min(_CHUNK, len(measured.site))):
         part, sites = chunk.measured, chunk.sites
         share = np.where(chunk.filled, 0, part.share)
         even = np.broadcast_to(np.sqrt(share)[:, None], part.radiance.shape)
@@ -169,7 +185,9 @@ def solve_surface(
         filled = int(np.count_nonzero(~chunk.filled))
         left[done : done + filled] = np.asarray(own)[:filled]
         done += filled
-    return Surface(_texture(measured, every, left, prior), left, measured.index)
+    wider = widening(every.excess)
+    texture = _texture(measured, every, left, prior, wider, lobe.own)
+    return Surface(texture, left, measured.index, wider)
 
 
 def _empty(count: int, channels: int) -> "_Solved":
@@ -187,18 +205,26 @@ def _texture(
     found: "_Solved",
     left: Float[np.ndarray, "sample channel"],
     prior: SpecularPrior,
+    wider: Float[np.ndarray, "site 2"],
+    own: SiteNumbers | None,
 ) -> Texture:
     """Put errors together, and mark what is not to be trusted."""
     kd, channels = np.asarray(found.material.kd), measured.radiance.shape[1]
-    wider = widening(found.excess)
-    kd_error = np.hypot(found.errors.kd * wider[:, :1], found.carried.kd)
-    ks_error = np.hypot(found.errors.ks * wider[:, 1], found.carried.ks)
+    errors, numbers = found.errors, 0
+    if own is not None:
+        numbers = len(own.names)
+        errors = SiteMaterial(
+            np.asarray(errors.kd) * own.inflation[:, :-1],
+            np.asarray(errors.ks) * own.inflation[:, -1],
+        )
+    kd_error = np.hypot(errors.kd * wider[:, :1], found.carried.kd)
+    ks_error = np.hypot(errors.ks * wider[:, 1], found.carried.ks)
     kd_exact, ks_exact = (
-        np.hypot(of_site, of_lobe) for of_site, of_lobe in zip(found.errors, found.exactly_carried)
+        np.hypot(of_site, of_lobe) for of_site, of_lobe in zip(errors, found.exactly_carried)
     )
     with np.errstate(divide="ignore"):
         told = np.where(ks_exact > 0, 1 / ks_exact**2 - float(prior.precision), 0)
-    freedom = np.maximum(measured.seen * channels - channels - 1, 1)
+    freedom = np.maximum(measured.seen * channels - channels - 1 - numbers, 1)
     misfit = np.sqrt(np.asarray(found.squares) / freedom)
     energy = float(np.sum(measured.share[:, None] * measured.radiance**2))
     unexplained = float(np.sum(measured.share[:, None] * left**2))

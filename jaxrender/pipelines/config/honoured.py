@@ -65,6 +65,12 @@ def _varies(config: RunConfig) -> bool:
     return config.texture is not None and config.texture.sigma == "varying"
 
 
+def _has_maps(config: RunConfig) -> bool:
+    """Tell whether each site has a sigma or a normal for itself."""
+    asked = config.texture
+    return asked is not None and "map" in (asked.sigma, asked.normals)
+
+
 def _is_diffuse_texture(config: RunConfig) -> bool:
     return config.task == "texture" and config.brdf.model == "lambertian"
 
@@ -254,14 +260,15 @@ _OF_SETTINGS = (
         },
     ),
     Case(
-        "a texture with varying sigma or the simplex",
+        "a texture with varying sigma, with maps, or by the simplex",
         lambda config: (
-            config.task == "texture" and (_varies(config) or config.solve.method == "simplex")
+            config.task == "texture"
+            and (_varies(config) or _has_maps(config) or config.solve.method == "simplex")
         ),
         {"solve.refine_samples": "has no refinement with its own samples"},
     ),
     Case(
-        "texture.sigma: even",
+        "texture.sigma: even or map",
         lambda config: not _varies(config),
         {"texture.control_points": "has no control points"},
         instead="choose texture.sigma: varying",
@@ -282,6 +289,35 @@ _OF_SETTINGS = (
             "brdf.model": FACET_MODELS,
         },
         instead="choose texture.sigma: even",
+    ),
+    Case(
+        "a texture with maps of sigma or normals",
+        _has_maps,
+        {
+            "solve.refine": "is found on the integral",
+            "solve.method": "is too much for the simplex",
+            "brdf.model": "needs a specular lobe",
+            "solve.free": "takes the capture as it is told",
+        },
+        {
+            "solve.refine": ("exact",),
+            "solve.method": ("variable-projection",),
+            "brdf.model": FACET_MODELS,
+        },
+        instead="choose texture.sigma: even and texture.normals: shape",
+    ),
+    Case(
+        "texture.sigma: map",
+        lambda config: config.texture is not None and config.texture.sigma == "map",
+        {"brdf.sigma.fixed": "finds sigma"},
+        instead="choose texture.sigma: even",
+    ),
+    Case(
+        "texture.normals: map",
+        lambda config: config.texture is not None and config.texture.normals == "map",
+        {"texture.sigma": "knows no sigma that varies slowly"},
+        {"texture.sigma": ("even", "map")},
+        instead="choose texture.sigma: map, or texture.normals: shape",
     ),
     Case(
         "texture.regions",

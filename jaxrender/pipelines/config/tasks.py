@@ -29,6 +29,7 @@ _AS_IT_IS: Mapping[str, tuple[Any, ...]] = {
     "brdf.kd": (Parameter(),),
     "brdf.ks": (Parameter(),),
     "texture.sigma": ("even",),
+    "texture.normals": ("shape",),
 }
 
 
@@ -219,6 +220,7 @@ TASKS: Mapping[str, TaskEntry] = {
             "solve.refine_samples": "refines on all samples",
             "texture.regions": "has one lobe for the whole surface",
             "texture.sigma": "has one sigma for the whole surface",
+            "texture.normals": "takes the normals of the shape",
         },
     ),
     "brdf-spectrum": TaskEntry(

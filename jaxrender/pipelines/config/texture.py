@@ -18,10 +18,13 @@ class TextureConfig(Section):
     regions: ConfigPath | None = None
     """A picture over the texture coordinates.  Each colour is a material with its own sigma and
     mu."""
-    sigma: Literal["even", "varying"] = "even"
-    """even: one sigma for each material.  varying: sigma varies slowly over the surface."""
+    sigma: Literal["even", "varying", "map"] = "even"
+    """even: one sigma for each material.  varying: sigma varies slowly over the surface.  map: each
+    texel or vertex has its own."""
     control_points: Count = 24
     """Number of places where a varying sigma is fitted; it is smooth between them."""
+    normals: Literal["shape", "map"] = "shape"
+    """shape: the normals are those of the shape.  map: each texel or vertex has its own."""
     unknown_light: Switch = False
     """Whether the light is unknown although the recipe states it."""
     prior: Literal["total-variation", "variance"] = "total-variation"

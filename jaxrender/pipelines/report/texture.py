@@ -33,6 +33,8 @@ _CAPTIONS = {
     "ks_error": "standard error of K_s",
     "sigma": "sigma",
     "sigma_error": "standard error of sigma",
+    "normal": "normal: x, y and z from -1 to 1 as red, green and blue",
+    "normal_error": "standard error of the normal, radians",
     "marks": "marks: red: K_d is unreliable; green: K_s is unreliable; blue or white: not seen",
 }
 
@@ -106,6 +108,9 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
     if "sigma" in maps:
         graded |= {name: maps[name] for name in ("sigma", "sigma_error")}
         names = (*names, "sigma", "sigma_error")
+    if "normal" in maps:
+        found.append(Map(_coded((1 + maps["normal"]) / 2), _CAPTIONS["normal"]))
+        graded["normal_error"], names = maps["normal_error"], (*names, "normal_error")
     for name in names:
         uri, top = _graded(graded[name])
         scale = percent(top) if name == "kd_error" else shown(top, 3)
@@ -115,9 +120,21 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
 
 
 def _coloured(image: Picture) -> str:
-    known = np.asarray(np.isfinite(image).all(axis=-1))
     small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)
-    codes = exposed(small, exposure_for(image))
+    return _transparent(exposed(small, exposure_for(image)), image)
+
+
+def _coded(image: Picture) -> str:
+    """Show numbers from 0 to 1 as they are, as programs that read normal maps do."""
+    known = np.isfinite(image).all(axis=-1, keepdims=True)
+    small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)
+    share = np.maximum(shrunk(known.astype(float), _LONGEST_SIDE), 1e-6)
+    return _transparent(np.rint(255 * np.clip(small / share, 0, 1)).astype(np.uint8), image)
+
+
+def _transparent(codes: np.ndarray, image: Picture) -> str:
+    """Enlarge a small picture, which is transparent where nothing is known."""
+    known = np.asarray(np.isfinite(image).all(axis=-1))
     opacity = shrunk(known[..., None].astype(float), _LONGEST_SIDE)[..., 0]
     return data_uri(_enlarged(with_alpha(codes, opacity)))
 

@@ -21,6 +21,9 @@ _SITE = {
     "region": ("1", "number of the region, -1 for none"),
     "sigma": ("radian", "width of the lobe"),
     "sigma_error": ("radian", "standard error of sigma"),
+    "normal": ("1", "normal, a unit vector"),
+    "normal_offset": ("1", "what to add to the shape's normal before it is made unit"),
+    "normal_error": ("radian", "standard error of the normal's tilt along a tangent"),
 }
 
 
@@ -34,9 +37,14 @@ def texture_groups(estimate: TextureEstimate) -> dict[str, Group]:
     values["region"] = sites.regions.of_site
     if estimate.variation is not None:
         values |= zip(("sigma", "sigma_error"), estimate.variation)
+    if estimate.normals is not None:
+        offset, normal, error = estimate.normals
+        values |= {"normal": normal, "normal_offset": offset, "normal_error": error}
     variables = {}
     for name, found in values.items():
-        inner = ("channel",) if np.ndim(found) == 2 else ()
+        inner = (
+            (("axis" if name.startswith("normal") else "channel"),) if np.ndim(found) == 2 else ()
+        )
         shaped = np.reshape(found, (*size, *np.shape(found)[1:]))
         variables[name] = Variable((*names, *inner), shaped, *_SITE[name])
     groups = {"texture": Group(variables), "lobe": Group(_lobe(estimate))}

@@ -55,7 +55,14 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
         settings.seed,
         config.solve.diagnose,
         config.solve.free,
+        asked_maps(texture_of(config)),
     )
+
+
+def asked_maps(asked: TextureConfig) -> tuple[str, ...]:
+    """Name what each site is to have for itself."""
+    wanted = {"sigma": asked.sigma, "normal": asked.normals}
+    return tuple(name for name, value in wanted.items() if value == "map")
 
 
 def unknown_light_settings(config: RunConfig) -> UnknownLightSettings:

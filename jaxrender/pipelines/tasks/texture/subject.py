@@ -6,11 +6,12 @@ from jaxrender.brdf import Microfacet
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.geometry.texels import surface_sites
-from jaxrender.inverse.texture import texture_columns
-from jaxrender.io.netcdf import opened
+from jaxrender.inverse.texture import NormalMap, finest_of, texture_columns
+from jaxrender.io.netcdf import Reader, opened
 from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun
 from jaxrender.pipelines.scene import lobe_of
 from jaxrender.pipelines.subject import Subject
+from jaxrender.pipelines.tasks.texture.asked import asked_maps
 from jaxrender.reflection import ForwardModel, ShadowedModel
 from jaxrender.shapes import Float
 
@@ -27,6 +28,7 @@ class TexturedSubject(Subject):
             kd, ks, region = (group.array(name) for name in ("kd", "ks", "region"))
             sigmas, mus = (lobe.array(name, ("region",)) for name in ("sigma", "mu"))
             own = group.array("sigma").ravel() if "sigma" in group else None
+            self.normals = _normals(group)
         size = ks.shape if ks.ndim == 2 else (1, 1)
         self.shape, self.size = shape, (int(size[0]), int(size[1]))
         self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))
@@ -39,7 +41,9 @@ class TexturedSubject(Subject):
         ]
         seen = np.isfinite(kd.reshape(-1, kd.shape[-1])).all(axis=1)
         self.regions = np.unique(self.region[seen])
-        self.width = float(sigmas.min() if own is None else np.nanmin(own))
+        maps = () if run.config.texture is None else asked_maps(run.config.texture)
+        # What the light is split for.
+        self.width = float(sigmas.min()) if own is None else finest_of(own, maps)
         self.lobe = self.lobes[int(np.argmin(sigmas))]
         # Only where sigma varies.  An unseen site is black at any sigma.
         self.sigma = None if own is None else np.nan_to_num(own, nan=float(np.nanmean(own)))
@@ -56,13 +60,16 @@ class TexturedSubject(Subject):
                 "changed since; run fit again with --force"
             )
         site = found.of_pixel[view.hit]
+        normals = np.asarray(view.normals[view.hit])
+        if self.normals is not None:
+            normals = self.normals.tilted(normals, site)
         values = np.zeros((len(site), self.kd.shape[1]))
         places = SurfacePlaces.of_views([view])
         for number, lobe in zip(self.regions, self.lobes):
             rows = np.flatnonzero(self.region[site] == number)
             if not rows.size:
                 continue
-            samples = SurfaceSamples(view.normals[view.hit][rows], view.outgoing[view.hit][rows])
+            samples = SurfaceSamples(normals[rows], view.outgoing[view.hit][rows])
             own = SurfacePlaces(*(part[rows] for part in places))
             widths = None if self.sigma is None else self.sigma[site[rows]]
             columns = texture_columns(lobe, samples, model, own, widths)
@@ -71,3 +78,11 @@ class TexturedSubject(Subject):
         image = np.zeros((*view.hit.shape, values.shape[1]))
         image[view.hit] = values
         return image
+
+
+def _normals(group: Reader) -> NormalMap | None:
+    """Read what sites add to the shape's normals, where they do."""
+    if "normal_offset" not in group:
+        return None
+    offset, normal = (group.array(name).reshape(-1, 3) for name in ("normal_offset", "normal"))
+    return NormalMap(offset, normal, group.array("normal_error").ravel())

@@ -128,12 +128,22 @@ def _texture(estimate: TextureEstimate) -> dict[str, Any]:
 
 
 def _variation(estimate: TextureEstimate) -> dict[str, Any]:
-    """Say how far sigma ranges where it varies."""
-    if estimate.variation is None:
-        return {}
-    sigma, error = (part[np.isfinite(estimate.variation.sigma)] for part in estimate.variation)
-    low, high = np.percentile(sigma, _MOST_OF)
-    return {"sigma_range": [float(low), float(high)], "sigma_error": float(np.median(error))}
+    """Say how far sigma ranges where it varies, and how far normals are tilted."""
+    found, seen = {}, estimate.seen
+    if estimate.variation is not None:
+        sigma, error = (part[np.isfinite(estimate.variation.sigma)] for part in estimate.variation)
+        low, high = np.percentile(sigma, _MOST_OF)
+        found |= {"sigma_range": [float(low), float(high)], "sigma_error": float(np.median(error))}
+    if "sigma" in estimate.maps and estimate.variation is not None:
+        found["sigma_marked"] = int(np.count_nonzero(estimate.variation.marked & seen))
+    if estimate.normals is not None:
+        tilt = np.arctan(np.linalg.norm(estimate.normals.offset, axis=1))[seen]
+        found |= {
+            "tilt_degrees": float(np.degrees(np.median(tilt))),
+            "normal_error_degrees": float(np.degrees(np.median(estimate.normals.error[seen]))),
+            "normal_marked": int(np.count_nonzero(estimate.normals.marked & seen)),
+        }
+    return found
 
 
 def _region(lobe: RegionLobe) -> dict[str, Any]:

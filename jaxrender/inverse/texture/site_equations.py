@@ -1,0 +1,189 @@
+"""The equations of a site's K_d, K_s and numbers: chi-squared with its derivatives.
+
+For given numbers of a site its K_d and K_s are the exact solution of a small system, and follow
+where the numbers go.  What the numbers are expected to be counts as one more observation of each.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.inverse.texture.search import predicted
+from jaxrender.inverse.texture.site_systems import (
+    SiteMaterial,
+    SpecularPrior,
+    over_sites,
+    site_sums,
+    solve_sites,
+)
+from jaxrender.programs import stored
+from jaxrender.shapes import AnyArray, Array, Bool, Float
+
+
+class Expected(NamedTuple):
+    """What is expected of each number of a site beforehand: its mean, and 1 / variance."""
+
+    mean: Float[np.ndarray, "number"]
+    precision: Float[np.ndarray, "number"]
+
+
+class SiteEquations(NamedTuple):
+    """Chi-squared of every site with its derivatives: half the slope, and the normal matrix.
+
+    The unknowns of a site are K_d, K_s and its numbers.
+    """
+
+    cost: Float[AnyArray, "site"]
+    gradient: Float[AnyArray, "site unknown"]
+    matrix: Float[AnyArray, "site unknown unknown"]
+    material: SiteMaterial
+
+
+class Common(NamedTuple):
+    """The normal equations of what all sites share, and what each observation says of it."""
+
+    matrix: Float[AnyArray, "shared shared"]
+    gradient: Float[AnyArray, "shared"]
+    scores: Float[AnyArray, "sample shared"]
+
+
+@stored(effort="less")
+def chi_squared(
+    near: LinearisedModel,
+    data: SiteData,
+    prior: SpecularPrior,
+    expected: Expected,
+    value: Float[AnyArray, "site number"],
+) -> tuple[Float[Array, "site"], Float[Array, "sample channel"]]:
+    """Evaluate chi-squared of every site, and predict its observations."""
+    with jax.default_matmul_precision("highest"):
+        material = solve_sites(site_sums(data, near.at), prior)
+        foreseen = predicted(material, near.at, data)
+        return _squares(data, foreseen, material, prior, expected, value), foreseen
+
+
+@stored(effort="less")
+def equations_of(
+    near: LinearisedModel,
+    data: SiteData,
+    prior: SpecularPrior,
+    expected: Expected,
+    value: Float[AnyArray, "site number"],
+    names: tuple[str, ...],
+) -> tuple[SiteEquations, Float[Array, "sample channel"]]:
+    """Evaluate chi-squared of every site with its derivatives, and predict its observations."""
+    with jax.default_matmul_precision("highest"):
+        material = solve_sites(site_sums(data, near.at), prior)
+        foreseen = predicted(material, near.at, data)
+        jacobian = _jacobian(near, data, material, names)
+        weighted = jnp.asarray(data.weights)[..., None] * jacobian
+        left = jnp.asarray(data.weights) * (data.radiance - foreseen)
+        matrix = over_sites(jnp.einsum("sci,scj->sij", weighted, weighted), data)
+        gradient = over_sites(jnp.einsum("sci,sc->si", weighted, left), data)
+        gradient, matrix, _ = _held(gradient, matrix, material, prior, expected, value)
+        cost = _squares(data, foreseen, material, prior, expected, value)
+    return SiteEquations(cost, gradient, matrix, material), foreseen
+
+
+@stored(effort="less")
+def common_equations(
+    near: LinearisedModel,
+    data: SiteData,
+    prior: SpecularPrior,
+    expected: Expected,
+    value: Float[AnyArray, "site number"],
+    names: tuple[str, ...],
+    chain: Float[AnyArray, "name shared"],
+) -> Common:
+    """Write down a part of the equations of what all sites share, whose names come last.
+
+    ``chain`` are their derivatives by the search variables.
+    """
+    with jax.default_matmul_precision("highest"):
+        material = solve_sites(site_sums(data, near.at), prior)
+        foreseen = predicted(material, near.at, data)
+        every = _jacobian(near, data, material, names)
+        weights = jnp.asarray(data.weights)
+        own, others = jnp.split(every, [every.shape[2] - len(chain)], axis=2)
+        own, others = weights[..., None] * own, weights[..., None] * (others @ chain)
+        left = weights * (data.radiance - foreseen)
+        matrix = over_sites(jnp.einsum("sci,scj->sij", own, own), data)
+        gradient = over_sites(jnp.einsum("sci,sc->si", own, left), data)
+        across = over_sites(jnp.einsum("sci,scj->sij", own, others), data)
+        _, matrix, free = _held(gradient, matrix, material, prior, expected, value)
+        across = jnp.where(free[..., None], across, 0)
+        answer = -jnp.linalg.solve(matrix, across)
+        rest = others + jnp.einsum("sci,sij->scj", own, answer[jnp.asarray(data.site)])
+        scores = jnp.einsum("scj,sc->sj", rest, left)
+        return Common(jnp.einsum("sci,scj->ij", rest, others), jnp.sum(scores, axis=0), scores)
+
+
+def _squares(
+    data: SiteData,
+    foreseen: Float[Array, "sample channel"],
+    material: SiteMaterial,
+    prior: SpecularPrior,
+    expected: Expected,
+    value: Float[AnyArray, "site number"],
+) -> Float[Array, "site"]:
+    left = jnp.asarray(data.weights) * (data.radiance - foreseen)
+    off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
+    held = jnp.sum(jnp.asarray(expected.precision)[None] * off**2, axis=1)
+    held = held + jnp.asarray(prior.precision) * (material.ks - jnp.asarray(prior.mean)) ** 2
+    return jnp.sum(over_sites(left**2, data), axis=1) + held
+
+
+def _held(
+    gradient: Float[Array, "site unknown"],
+    matrix: Float[Array, "site unknown unknown"],
+    material: SiteMaterial,
+    prior: SpecularPrior,
+    expected: Expected,
+    value: Float[AnyArray, "site number"],
+) -> tuple[
+    Float[Array, "site unknown"],
+    Float[Array, "site unknown unknown"],
+    Bool[Array, "site unknown"],
+]:
+    """Add what is expected, and hold what is at zero or was not measured; say what is free."""
+    kd, ks = jnp.asarray(material.kd), jnp.asarray(material.ks)
+    sites, channels = kd.shape
+    off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
+    precision = jnp.concatenate(
+        [jnp.zeros(channels), jnp.asarray(prior.precision)[None], jnp.asarray(expected.precision)]
+    )
+    below = jnp.concatenate(
+        [jnp.zeros((sites, channels)), (ks - jnp.asarray(prior.mean))[:, None], off], axis=1
+    )
+    gradient, matrix = gradient - precision[None] * below, matrix + jnp.diag(precision)[None]
+    free = jnp.concatenate([kd > 0, (ks > 0)[:, None], jnp.ones(off.shape, bool)], axis=1)
+    free = free & (jnp.diagonal(matrix, axis1=1, axis2=2) > 0)
+    pairs = free[:, :, None] & free[:, None, :]
+    return (
+        jnp.where(free, gradient, 0),
+        jnp.where(pairs, matrix, jnp.eye(matrix.shape[1])[None]),
+        free,
+    )
+
+
+def _jacobian(
+    near: LinearisedModel, data: SiteData, material: SiteMaterial, names: tuple[str, ...]
+) -> Float[Array, "sample channel unknown"]:
+    """Line up the derivatives by K_d of each channel, by K_s, and by the numbers named."""
+    site = jnp.asarray(data.site)
+    kd, ks = jnp.asarray(material.kd)[site], jnp.asarray(material.ks)[site][:, None]
+    channels = kd.shape[1]
+    amplitudes = (kd, jnp.broadcast_to(ks, kd.shape))
+    by_kd = near.at.diffuse[:, :, None] * jnp.eye(channels)[None]
+    columns = [by_kd, near.at.specular[:, :, None]]
+    for name in names:
+        slopes = zip(near.at.shaped, near.slopes[name])
+        slope = sum((amplitudes[place] * part for place, part in slopes), jnp.zeros_like(kd))
+        if name == "sigma" and jnp.ndim(near.numbers[name]):
+            slope = slope * near.numbers[name][:, None]
+        columns.append(slope[:, :, None])
+    return jnp.concatenate(columns, axis=2)

@@ -1,0 +1,182 @@
+"""Numbers that each site has for itself: the width of its lobe, and its normal.
+
+The search knows log sigma, and the tilt of the normal: t_x and t_y along two tangents of the site,
+
+    n'  ~  n + t_x e_x + t_y e_y.
+
+A site's tangents belong to its mean normal, so that they are the same for all its observations, but
+for what of them lies along an observation's own normal n.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.geometry import SurfaceSamples, world_from_local
+from jaxrender.inverse.models import Columns, DualModel, ExactModel, Numbers, Rows
+from jaxrender.inverse.texture.forward import ModelOf
+from jaxrender.inverse.texture.varying import SigmaMap
+from jaxrender.inverse.unknowns import Physical, Unknowns
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
+
+# What may be a map, and the numbers that it has at each site.
+MAPS: Mapping[str, tuple[str, ...]] = {"sigma": ("sigma",), "normal": ("tilt_x", "tilt_y")}
+# A normal is marked where its standard error is larger (radians): two degrees.
+_TRUSTED_TILT = np.deg2rad(2.0)
+
+
+class TiltedModel(eqx.Module):
+    """A model whose normals are tilted along two tangents of each sample.
+
+    The numbers ``tilt_x`` and ``tilt_y`` join those of the lobe.  All columns change with them.
+    """
+
+    model: DualModel | ExactModel
+    axes: Float[AnyArray, "sample 2 3"]
+
+    def columns(self, numbers: Numbers) -> Columns:
+        """Evaluate the columns where normals are tilted so."""
+        rest = dict(numbers)
+        tilt = jnp.stack([rest.pop("tilt_x"), rest.pop("tilt_y")], axis=-1)
+        samples = self.model.samples
+        offset = jnp.einsum("sk,ski->si", tilt, jnp.asarray(self.axes))
+        normals = _tilted(jnp.asarray(samples.normals), offset)
+        tilted = eqx.tree_at(
+            lambda model: model.samples, self.model, SurfaceSamples(normals, samples.outgoing)
+        )
+        columns = tilted.columns(rest)
+        return Columns(*columns, shaped=tuple(range(len(columns))))
+
+    def take(self, index: Rows) -> "TiltedModel":
+        """Keep the samples of the given indices."""
+        return TiltedModel(self.model.take(index), np.asarray(self.axes)[index])
+
+
+class OwnSigma(eqx.Module):
+    """The unknowns of samples whose sigma is that of their site: nothing is left to find of it."""
+
+    one: Unknowns
+    sigma: Float[AnyArray, "sample"]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The unknowns of one lobe for all: of sigma, what is typical."""
+        return self.one.names
+
+    @eqx.filter_jit
+    def unpack(self, point: Float[Array, "unknown"]) -> Physical:
+        """Turn a search vector into numbers in their own units, with a sigma for each sample."""
+        others = self.one.unpack(point)
+        return Physical({**others.numbers, "sigma": jnp.asarray(self.sigma)}, others.gains)
+
+
+class NormalMap(NamedTuple):
+    """What to add to the shape's normals at every site before they are made unit; and how sure.
+
+    ``normal`` is what becomes of the mean normal of what was seen of the site, NaN where that was
+    nothing.  ``error`` is the standard error of the tilt along either tangent, in radians; infinite
+    there.
+    """
+
+    offset: Float[np.ndarray, "site 3"]
+    normal: Float[np.ndarray, "site 3"]
+    error: Float[np.ndarray, "site"]
+
+    def tilted(
+        self, normals: Float[AnyArray, "pixel 3"], site: Int[np.ndarray, "pixel"]
+    ) -> Float[np.ndarray, "pixel 3"]:
+        """Tilt the normals of pixels that show the given sites; those of -1 stay."""
+        offset = np.where((site >= 0)[:, None], self.offset[site], 0)
+        return np.asarray(_tilted(jnp.asarray(normals), jnp.asarray(offset)))
+
+    @property
+    def marked(self) -> Bool[np.ndarray, "site"]:
+        """Say where the normal is not to be trusted."""
+        return ~(self.error <= _TRUSTED_TILT)
+
+
+class SiteNumbers(NamedTuple):
+    """What was found at every site, with its covariance; NaN and infinite where nothing was.
+
+    ``names`` are those of ``MAPS``; in place of sigma ``value`` has log sigma.  ``inflation`` is by
+    how much larger the errors of K_d and K_s are for all this being unknown.
+    """
+
+    names: tuple[str, ...]
+    value: Float[np.ndarray, "site number"]
+    covariance: Float[np.ndarray, "site number number"]
+    inflation: Float[np.ndarray, "site amplitude"]
+    axes: Float[np.ndarray, "site 2 3"]
+
+    @property
+    def sigma(self) -> SigmaMap | None:
+        """sigma at every site with its standard error."""
+        if "sigma" not in self.names:
+            return None
+        at = self.names.index("sigma")
+        sigma = np.exp(self.value[:, at])
+        error = np.where(np.isfinite(sigma), sigma * np.sqrt(self.covariance[:, at, at]), np.inf)
+        return SigmaMap(sigma, error)
+
+    @property
+    def normals(self) -> NormalMap | None:
+        """The normal of every site with its standard error."""
+        if "tilt_x" not in self.names:
+            return None
+        at = [self.names.index(name) for name in MAPS["normal"]]
+        offset = np.einsum("sk,ski->si", np.nan_to_num(self.value[:, at]), self.axes)
+        # The tangents and the mean normal are a right-handed frame.
+        mean = np.cross(self.axes[:, 0], self.axes[:, 1])
+        normal = (mean + offset) / np.linalg.norm(mean + offset, axis=1, keepdims=True)
+        variance = self.covariance[:, at, at].mean(axis=1)
+        seen = np.isfinite(variance)
+        normal = np.where(seen[:, None], normal, np.nan)
+        return NormalMap(offset, normal, np.sqrt(variance))
+
+    def widened(self, by: Float[np.ndarray, "site"]) -> "SiteNumbers":
+        """Make standard errors larger by a factor."""
+        return self._replace(covariance=self.covariance * by[:, None, None] ** 2)
+
+
+def tangents_of(
+    normals: Float[np.ndarray, "sample 3"], site: Int[np.ndarray, "sample"], count: int
+) -> Float[np.ndarray, "site 2 3"]:
+    """Choose two tangents of every site, by the mean normal of its observations."""
+    sums = np.stack(
+        [np.bincount(site, normals[:, axis], minlength=count) for axis in range(3)], axis=-1
+    )
+    unseen = ~np.any(sums, axis=1)
+    sums[unseen] = [0.0, 0.0, 1.0]
+    frames = np.asarray(world_from_local(_unit(jnp.asarray(sums))))
+    return np.swapaxes(frames[:, :, :2], 1, 2)
+
+
+def with_normals(
+    model_of: ModelOf, normals: NormalMap, site: Int[np.ndarray, "observation"]
+) -> ModelOf:
+    """Tilt the normals of models of observations that show the given sites."""
+
+    def tilted(index: Int[np.ndarray, "kept"]) -> DualModel | ExactModel:
+        model = model_of(index)
+        assert isinstance(model, DualModel | ExactModel)
+        samples = model.samples
+        moved = normals.tilted(samples.normals, site[index])
+        return eqx.tree_at(
+            lambda one: one.samples, model, SurfaceSamples(moved, np.asarray(samples.outgoing))
+        )
+
+    return tilted
+
+
+def _tilted(
+    normals: Float[Array, "sample 3"], offset: Float[Array, "sample 3"]
+) -> Float[Array, "sample 3"]:
+    along = jnp.sum(normals * offset, axis=1, keepdims=True)
+    return _unit((1 - along) * normals + offset)
+
+
+def _unit(vectors: Float[Array, "*any 3"]) -> Float[Array, "*any 3"]:
+    return vectors / jnp.linalg.norm(vectors, axis=-1, keepdims=True)

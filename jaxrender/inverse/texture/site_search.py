@@ -1,0 +1,273 @@
+"""A sigma and a normal of every site, beside its K_d and K_s.
+
+What all sites share (mu, and sigma where only normals are their own) is solved for on some sites,
+with all numbers of these eliminated.  Their noise and the spread of their numbers are learned
+there, too.  The spread is then what is expected of each site: who saw no highlight of a site knows
+nothing of its sigma.  The whole surface comes last (:mod:`.site_solver`).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.clusters import widened
+from jaxrender.inverse.texture.forward import ModelOf
+from jaxrender.inverse.texture.measurements import SiteObservations
+from jaxrender.inverse.texture.site_equations import Common, Expected, common_equations
+from jaxrender.inverse.texture.site_numbers import MAPS, SiteNumbers
+from jaxrender.inverse.texture.site_solver import (
+    LEAST_NOISE,
+    Asked,
+    Solved,
+    parts_of,
+    solve_at,
+    solve_numbers_of,
+)
+from jaxrender.inverse.texture.site_systems import SpecularPrior
+from jaxrender.inverse.texture.specular_prior import normal_spread, spread_of
+from jaxrender.inverse.unknowns import Unknowns
+from jaxrender.inverse.weights import deviations, noise_settled
+from jaxrender.shapes import AnyArray, Float
+
+# What is expected of a site before its like are known: log sigma about that of all, and tilts.
+_FIRST_SPREAD = {"sigma": 0.7, "tilt_x": 0.15, "tilt_y": 0.15}
+# Sites that show little may be unlike those that show much, however well these agree: polished
+# where no highlight falls, or dented where nobody looked.  Then their errors must say so.
+_LEAST_SPREAD = {"sigma": 0.3, "tilt_x": 0.04, "tilt_y": 0.04}
+# Rounds of noise and spread, and steps of what all sites share in each of them.
+_ROUNDS, _TURNS, _SETTLED = 4, 6, 0.1
+
+
+class Shared(NamedTuple):
+    """What all sites share, as search variables, with its covariances."""
+
+    unknowns: Unknowns
+    point: Float[np.ndarray, "unknown"]
+    covariance: Float[np.ndarray, "unknown unknown"]
+    exact_covariance: Float[np.ndarray, "unknown unknown"]
+
+
+class SiteFit(NamedTuple):
+    """What was found on the sites of a search, and what that tells of all others."""
+
+    shared: Shared
+    expected: Expected | None
+    prior: SpecularPrior
+    noise: NoiseModel
+
+    @classmethod
+    def begin(
+        cls,
+        unknowns: Unknowns,
+        point: Float[AnyArray, "unknown"],
+        prior: SpecularPrior,
+        noise: NoiseModel,
+    ) -> "SiteFit":
+        """Begin with one lobe for all sites, at the search variables ``point``."""
+        nothing = np.zeros((len(point), len(point)))
+        return cls(Shared(unknowns, np.asarray(point), nothing, nothing), None, prior, noise)
+
+
+def numbers_of(maps: tuple[str, ...]) -> tuple[str, ...]:
+    """Name the numbers that sites have for themselves."""
+    return tuple(name for one in MAPS if one in maps for name in MAPS[one])
+
+
+def search_sites(
+    some: SiteObservations,
+    model_of: ModelOf,
+    maps: tuple[str, ...],
+    begin: SiteFit,
+    noise_given: bool,
+) -> SiteFit:
+    """Find what all sites share, the noise, and how the sites' numbers are spread."""
+    names, unknowns, point = numbers_of(maps), begin.shared.unknowns, begin.shared.point
+    typical = float(unknowns.unpack(jnp.asarray(point)).numbers["sigma"])
+    mean = np.array([np.log(typical) if name == "sigma" else 0.0 for name in names])
+    spread = np.array([_FIRST_SPREAD[name] for name in names])
+    expected = Expected(mean, spread**-2)
+    asked = Asked(names, unknowns, point, begin.prior, expected, begin.noise)
+    start = None
+    for _ in range(_ROUNDS):
+        asked, solved, common = _share(some, model_of, asked, start)
+        start, before = solved.value, asked.noise
+        if not noise_given:
+            asked = asked._replace(noise=_noise_left(some, solved, len(names)))
+        asked = _learned(asked, solved)
+        if noise_settled(before, asked.noise, solved.predicted):
+            break
+    return SiteFit(_shared(some, asked, solved, common), asked.expected, asked.prior, asked.noise)
+
+
+def solve_numbers(
+    measured: SiteObservations, model_of: ModelOf, maps: tuple[str, ...], fit: SiteFit
+) -> SiteNumbers:
+    """Find the numbers of every site of a surface."""
+    shared = fit.shared
+    names = numbers_of(maps)
+    assert fit.expected is not None
+    asked = Asked(names, shared.unknowns, shared.point, fit.prior, fit.expected, fit.noise)
+    return _numbers(measured, asked, solve_numbers_of(measured, model_of, asked, None))
+
+
+def _share(
+    some: SiteObservations,
+    model_of: ModelOf,
+    asked: Asked,
+    start: Float[np.ndarray, "site number"] | None,
+) -> tuple[Asked, Solved, Common]:
+    """Step what all sites share, and search the sites anew, until neither moves."""
+    solved = solve_numbers_of(some, model_of, asked, start)
+    common = _in_common(some, model_of, asked, solved)
+    for _ in range(_TURNS):
+        if not len(asked.shared):
+            break
+        step = np.linalg.lstsq(common.matrix, common.gradient, rcond=None)[0]
+        if step @ common.gradient < _SETTLED**2:
+            break
+        moved = asked.point.copy()
+        moved[asked.shared] += np.clip(step, -1, 1)
+        trial = asked._replace(point=moved)
+        other = solve_at(some, model_of, trial, solved.value)
+        if np.sum(other.local.cost) >= np.sum(solved.local.cost):
+            break
+        asked, solved = trial, other
+        common = _in_common(some, model_of, asked, solved)
+    return asked, solved, common
+
+
+def _in_common(some: SiteObservations, model_of: ModelOf, asked: Asked, solved: Solved) -> Common:
+    """Add up the equations of what all sites share, with the sites' own unknowns eliminated."""
+    count = len(asked.shared)
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    scores = np.zeros((len(some.site), count))
+    if not count:
+        return Common(matrix, gradient, scores)
+    point = jnp.asarray(asked.point)
+    slopes = jax.jacfwd(lambda p: asked.unknowns.unpack(p).numbers)(point)
+    shared = tuple(n for n in asked.unknowns.free_numbers if n not in asked.names)
+    chain = np.stack([np.asarray(slopes[name])[asked.shared] for name in shared])
+    every, weigh = (*asked.names, *shared), solved.predicted
+    for part in parts_of(some, model_of, asked, solved.value, weigh, every):
+        found = common_equations(
+            part.near, part.data, asked.prior, asked.expected, part.value, every, chain
+        )
+        matrix, gradient = matrix + np.asarray(found.matrix), gradient + np.asarray(found.gradient)
+        scores[part.rows] = np.asarray(found.scores)[: part.kept]
+    return Common(matrix, gradient, scores)
+
+
+def _noise_left(some: SiteObservations, solved: Solved, numbers: int) -> NoiseModel:
+    """Estimate the noise from what is left; what the sites have fitted away is made up for."""
+    channels = some.radiance.shape[1]
+    measured, fitted = some.seen[some.site] * channels, channels + 1 + numbers
+    usable = measured > fitted
+    if not usable.any():
+        raise ValueError(
+            "no site is seen often enough to tell its own numbers from noise: give more "
+            "photographs, larger texels, or fewer maps"
+        )
+    inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
+    left = (some.radiance - solved.predicted)[usable] * inflation
+    return estimate_noise(left, np.maximum(solved.predicted[usable], 0))
+
+
+def _learned(asked: Asked, solved: Solved) -> Asked:
+    """Learn what to expect of the numbers of a site, and of its K_s."""
+    inverse, count = _inverse(np.asarray(solved.local.matrix)), len(asked.names)
+    variances = np.diagonal(inverse, axis1=1, axis2=2)
+    mean, precision = asked.expected.mean.copy(), asked.expected.precision.copy()
+    lit = np.asarray(solved.local.material.ks) > 0
+    for at, name in enumerate(asked.names):
+        of_data, told = _without(
+            solved.value[:, at], variances[:, at - count], mean[at], precision[at]
+        )
+        own = lit if name == "sigma" else np.ones(len(lit), bool)
+        found, variance = normal_spread(of_data, np.where(own, told, 0), _LEAST_SPREAD[name])
+        if np.isfinite(variance):
+            # Normals are those of the shape on average.
+            mean[at] = found if name == "sigma" else 0.0
+            precision[at] = 1 / variance
+    ks, told = _without(
+        np.asarray(solved.local.material.ks),
+        variances[:, -count - 1],
+        float(asked.prior.mean),
+        float(asked.prior.precision),
+    )
+    prior = spread_of(ks, np.where(lit, told, 0))
+    return asked._replace(expected=Expected(mean, precision), prior=prior)
+
+
+def _without(
+    value: Float[np.ndarray, "site"],
+    variance: Float[np.ndarray, "site"],
+    mean: float,
+    precision: float,
+) -> tuple[Float[np.ndarray, "site"], Float[np.ndarray, "site"]]:
+    """Take what was expected out of what was found: the photographs' own estimate and precision."""
+    whole = 1 / np.maximum(variance, 1e-300)
+    told = np.where(whole > (1 + 1e-6) * precision, whole - precision, 0)
+    of_data = np.where(
+        told > 0, (whole * value - precision * mean) / np.where(told > 0, told, 1), mean
+    )
+    return of_data, told
+
+
+def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common) -> Shared:
+    """Put covariances together; of a sigma of every site that of their mean."""
+    unknowns, at = asked.unknowns, asked.shared
+    point, size = asked.point.copy(), len(unknowns.names)
+    exact, robust = np.zeros((2, size, size))
+    if len(at):
+        inverse = np.linalg.pinv(np.asarray(common.matrix), hermitian=True)
+        channels = some.radiance.shape[1]
+        fitted = len(np.unique(some.site)) * (channels + 1 + len(asked.names)) + len(at)
+        scale = float(np.sqrt(np.mean(some.radiance**2)))
+        deviation = deviations(asked.noise, np.maximum(solved.predicted, 0), scale)
+        deviation = np.hypot(deviation, LEAST_NOISE * scale)
+        left = np.sqrt(some.share)[:, None] * (some.radiance - solved.predicted) / deviation
+        scatter = max(float(np.sum(left**2)) / max(left.size - fitted, 1), 1.0)
+        exact[np.ix_(at, at)] = scatter * inverse
+        clustered = some.clusters.covariance(np.asarray(common.scores) @ inverse)
+        robust[np.ix_(at, at)] = widened(scatter * inverse, clustered)
+    if "sigma" in asked.names:
+        place = asked.names.index("sigma")
+        mean, own = asked.expected.mean[place], unknowns.names.index("sigma")
+        numbers = {n: float(v) for n, v in asked.numbers(np.zeros((1, 0))).items()}
+        point[own] = unknowns.pack(numbers | {"sigma": float(np.exp(mean))})[own]
+        slope = float(
+            jax.jacfwd(lambda p: jnp.log(unknowns.unpack(p).numbers["sigma"]))(jnp.asarray(point))[
+                own
+            ]
+        )
+        told = 1 / (asked.expected.precision[place] * max(some.count, 1))
+        exact[own, own] = robust[own, own] = told / slope**2
+    return Shared(unknowns, point, robust, exact)
+
+
+def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNumbers:
+    """State values and errors; nothing is known of what was not seen."""
+    count, seen = len(asked.names), measured.seen > 0
+    inverse = _inverse(np.asarray(solved.local.matrix))
+    alone = _inverse(np.asarray(solved.local.matrix)[:, :-count, :-count])
+    whole, own = (np.diagonal(part, axis1=1, axis2=2) for part in (inverse, alone))
+    inflation = np.sqrt(np.maximum(whole[:, :-count] / own, 1))
+    covariance = inverse[:, -count:, -count:]
+    covariance[~seen] = np.diag(np.full(count, np.inf))
+    return SiteNumbers(
+        asked.names,
+        np.where(seen[:, None], solved.value, np.nan),
+        covariance,
+        np.where(seen[:, None], inflation, 1.0),
+        solved.axes,
+    )
+
+
+def _inverse(matrix: Float[np.ndarray, "site n n"]) -> Float[np.ndarray, "site n n"]:
+    """Invert every matrix, scaled to comparable sizes."""
+    size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))
+    scale = size[:, :, None] * size[:, None, :]
+    return np.linalg.inv(matrix / scale + 1e-14 * np.eye(matrix.shape[1])) / scale
