@@ -211,7 +211,7 @@ def report(fit: TextureFit, truth: Truth, seen: Seen, shape_normals: np.ndarray)
     line(
         "colour",
         np.abs(texture.kd / true.kd - 1).mean(axis=1),
-        (texture.kd_error / texture.kd).mean(axis=1),
+        (texture.kd_error / np.maximum(texture.kd, 1e-6)).mean(axis=1),
         texture.kd_marked,
         0.05,
     )

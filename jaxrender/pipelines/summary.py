@@ -98,13 +98,22 @@ def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
 
 
 def _summary_of_texture(result: dict[str, Any]) -> list[str]:
-    """Give the number of sites that were seen and marked, and the median error."""
+    """Give the number of sites that were seen and marked, the median error, and what is a map."""
     texture = result["texture"]
     lines = [
         f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
         f"{texture['kd_marked']}, ks {texture['ks_marked']}",
         f"median error of kd: {100 * texture['median_relative_error_kd']:.2g} %",
     ]
+    if "sigma_range" in texture:
+        low, high = texture["sigma_range"]
+        marked = f", marked: {texture['sigma_marked']}" if "sigma_marked" in texture else ""
+        lines.append(f"sigma of most sites: {low:.3g} to {high:.3g}{marked}")
+    if "tilt_degrees" in texture:
+        lines.append(
+            f"normals: tilted by {texture['tilt_degrees']:.2g} degrees (median), standard error "
+            f"{texture['normal_error_degrees']:.2g}, marked: {texture['normal_marked']}"
+        )
     if "ambiguity" in result:
         lines.append(f"not identifiable: {result['ambiguity']}")
     return lines

@@ -35,10 +35,10 @@ _LENGTHS = (2**9, 2**11, 2**13)
 # Sigmas that a site's search begins with: each this many times the one before it, within so many
 # times the typical one.
 _RATIO, _REACH = 1.6, 4.2
-# Where a site's chi-squared is so many times its number of values, it is tried from other sigmas.
-_BAD, _OTHERS = 1.4, (0.4, 1.0, 2.5)
+# Where a site's chi-squared is so many times what is usual, it is tried from other sigmas.
+_BAD, _OTHERS = 2.5, (0.4, 1.0, 2.5)
 # A search ends where no step would lower a site's chi-squared by more than this.
-_GAIN, _STEPS = 0.02, 10
+_GAIN, _STEPS = 0.05, 10
 _LARGEST_STEP = {"sigma": 0.7, "tilt_x": 0.15, "tilt_y": 0.15}
 _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
 
@@ -115,9 +115,11 @@ def solve_numbers_of(
     if "sigma" not in asked.names:
         return found
     at, (low, high) = asked.names.index("sigma"), asked.bounds
-    values = measured.seen * measured.radiance.shape[1]
+    seen, values = measured.seen > 0, np.maximum(measured.seen, 1) * measured.radiance.shape[1]
+    # Where the model is wrong everywhere, other sigmas are of no help.
+    usual = max(float(np.median((found.local.cost / values)[seen])), 1.0)
     for factor in _OTHERS:
-        bad = (measured.seen > 0) & (found.local.cost > _BAD * values)
+        bad = seen & (found.local.cost > _BAD * usual * values)
         if not bad.any():
             break
         other = np.tile(asked.expected.mean, (measured.count, 1))
