@@ -26,7 +26,7 @@ from texture_problems import (
 from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh, SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations
+from jaxrender.inverse import Observations, Outcome
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.stated import Unknown
@@ -228,6 +228,13 @@ def test_one_lobe_for_all_would_be_a_misfit(found):
     world, fit = found
     assert fit.texture.relative_rms < 1.3 * NOISE.relative
     assert fitted(world, maps=()).texture.relative_rms > 3 * NOISE.relative
+
+
+def test_nothing_is_named_where_nothing_is_wrong(world):
+    """Causes are tested on the model with the sigmas and normals that were found."""
+    fit = fitted(world, noise=NOISY, diagnose=True)
+    assert fit.outcome is Outcome.CONVERGED
+    assert not fit.diagnosis
 
 
 def test_what_maps_cannot_be_combined_with(world):
