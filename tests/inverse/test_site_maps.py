@@ -169,9 +169,9 @@ def test_the_equations_are_derivatives_of_chi_squared(world):
         np.testing.assert_allclose(-2 * gradient[:, 4 + number], difference, rtol=1e-4)
 
 
-def fitted(world, **changed):
+def fitted(world, observations=None, **changed):
     return recover_texture(
-        world.observations,
+        observations or world.observations,
         world.site,
         SITES,
         world.light,
@@ -230,11 +230,18 @@ def test_one_lobe_for_all_would_be_a_misfit(found):
     assert fitted(world, maps=()).texture.relative_rms > 3 * NOISE.relative
 
 
-def test_nothing_is_named_where_nothing_is_wrong(world):
+def test_what_is_wrong_is_named(world):
     """Causes are tested on the model with the sigmas and normals that were found."""
-    fit = fitted(world, noise=NOISY, diagnose=True)
-    assert fit.outcome is Outcome.CONVERGED
-    assert not fit.diagnosis
+    clean = fitted(world, noise=NOISY, diagnose=True)
+    assert clean.outcome is Outcome.CONVERGED
+    assert not clean.diagnosis
+    seen = world.observations
+    gains = 1 + 0.05 * np.cos(1.7 * world.frame)
+    wrong = seen._replace(radiance=seen.radiance * gains[:, None])
+    fit = fitted(world, wrong, noise=NOISY, diagnose=True)
+    assert fit.outcome is Outcome.MISFIT
+    assert fit.diagnosis[0].cause == "exposure"
+    assert fit.diagnosis[0].explains > 0.7
 
 
 def test_what_maps_cannot_be_combined_with(world):
