@@ -236,7 +236,7 @@ def test_what_is_wrong_is_named(world):
     assert clean.outcome is Outcome.CONVERGED
     assert not clean.diagnosis
     seen = world.observations
-    gains = 1 + 0.05 * np.cos(1.7 * world.frame)
+    gains = 1 + 0.02 * np.cos(1.7 * world.frame)
     wrong = seen._replace(radiance=seen.radiance * gains[:, None])
     fit = fitted(world, wrong, noise=NOISY, diagnose=True)
     assert fit.outcome is Outcome.MISFIT
