@@ -1,12 +1,17 @@
-"""The settings of a recovered texture, and of a BRDF as coefficients."""
+"""The settings of a recovered texture and of a BRDF as coefficients, and what has no effect."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import model_validator
 
+from jaxrender.pipelines.config.brdf import FACET_MODELS
+from jaxrender.pipelines.config.stated import Case
 from jaxrender.pipelines.config.values import ConfigPath, Count, Section, Switch, WholeNumber
+
+if TYPE_CHECKING:
+    from jaxrender.pipelines.config.run import RunConfig
 
 
 class TextureConfig(Section):
@@ -46,3 +51,103 @@ class SpectrumConfig(Section):
     """Highest degrees l and p."""
     reciprocal: Switch = True
     """Whether the fit imposes rho~_lpq = rho~_plq, which halves the unknowns."""
+
+
+def _varies(config: RunConfig) -> bool:
+    return config.texture is not None and config.texture.sigma == "varying"
+
+
+def _has_maps(config: RunConfig) -> bool:
+    """Tell whether each site has a sigma or a normal for itself."""
+    asked = config.texture
+    return asked is not None and "map" in (asked.sigma, asked.normals)
+
+
+def _is_diffuse_texture(config: RunConfig) -> bool:
+    return config.task == "texture" and config.brdf.model == "lambertian"
+
+
+CASES_OF_TEXTURES = (
+    Case(
+        "a diffuse texture",
+        _is_diffuse_texture,
+        {
+            "solve.refine": "is found without refinement",
+            "solve.refine_samples": "is found without refinement",
+            "solve.method": "is found without a search",
+            "solve.starts": "is found without a search",
+        },
+    ),
+    Case(
+        "a texture with varying sigma, with maps, or by the simplex",
+        lambda config: (
+            config.task == "texture"
+            and (_varies(config) or _has_maps(config) or config.solve.method == "simplex")
+        ),
+        {"solve.refine_samples": "has no refinement with its own samples"},
+    ),
+    Case(
+        "texture.sigma: even or map",
+        lambda config: not _varies(config),
+        {"texture.control_points": "has no control points"},
+        instead="choose texture.sigma: varying",
+    ),
+    Case(
+        "texture.sigma: varying",
+        _varies,
+        {
+            "solve.refine": "is found on the integral",
+            "solve.method": "is too much for the simplex",
+            "brdf.model": "needs a specular lobe",
+            "brdf.sigma.fixed": "finds sigma",
+            "solve.free": "takes the capture as it is told",
+        },
+        {
+            "solve.refine": ("exact",),
+            "solve.method": ("variable-projection",),
+            "brdf.model": FACET_MODELS,
+        },
+        instead="choose texture.sigma: even",
+    ),
+    Case(
+        "a texture with maps of sigma or normals",
+        _has_maps,
+        {
+            "solve.refine": "is found on the integral",
+            "solve.method": "is too much for the simplex",
+            "brdf.model": "needs a specular lobe",
+            "solve.free": "takes the capture as it is told",
+        },
+        {
+            "solve.refine": ("exact",),
+            "solve.method": ("variable-projection",),
+            "brdf.model": FACET_MODELS,
+        },
+        instead="choose texture.sigma: even and texture.normals: shape",
+    ),
+    Case(
+        "texture.sigma: map",
+        lambda config: config.texture is not None and config.texture.sigma == "map",
+        {"brdf.sigma.fixed": "finds sigma"},
+        instead="choose texture.sigma: even",
+    ),
+    Case(
+        "texture.normals: map",
+        lambda config: config.texture is not None and config.texture.normals == "map",
+        {"texture.sigma": "knows no sigma that varies slowly"},
+        {"texture.sigma": ("even", "map")},
+        instead="choose texture.sigma: map, or texture.normals: shape",
+    ),
+    Case(
+        "texture.regions",
+        lambda config: config.texture is not None and config.texture.regions is not None,
+        {"solve.free": "has several materials, and takes the capture as it is told"},
+        instead="remove texture.regions",
+    ),
+    Case(
+        "a specular texture",
+        lambda config: not _is_diffuse_texture(config),
+        {"texture.prior": "is fixed by how it changes with the view, not by a prior"},
+        instead="choose model: lambertian",
+    ),
+)
