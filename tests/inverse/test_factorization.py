@@ -34,6 +34,7 @@ from jaxrender.geometry import fibonacci_sphere
 from jaxrender.inverse import Outcome
 from jaxrender.inverse.factorization import FactorSettings, Known, factorize
 from jaxrender.inverse.factorization.account import account_of
+from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.correction import change, corrected
 from jaxrender.inverse.factorization.gauges import GAUGES
 from jaxrender.inverse.factorization.projection import reduced_system
@@ -110,12 +111,12 @@ def test_pursued_gains_are_what_the_cost_loses(photographs):
     dark = with_sources(task, [])
     data, response = measured(task, dark), response_of(task, dark)
     pursued = pursue(response, dark.guess, data, SOURCE[None], 1)
-    before = reduced_system(response, dark.guess, data).solved
+    before = reduced_system(in_blocks(response, data), dark.guess).solved
     guess = dark.guess._replace(directions=jnp.asarray(np.tile(SOURCE, (SOURCES, 1))))
     one = np.zeros((len(task.radiance), SOURCES))
     one[:, 0] = 1
     lit = eqx.tree_at(lambda r: r.lit, response, jnp.asarray(one))
-    after = reduced_system(lit, guess, data).solved
+    after = reduced_system(in_blocks(lit, data), guess).solved
     assert float(pursued.gains[0]) == pytest.approx(2 * float(before.cost - after.cost), rel=1e-5)
 
 

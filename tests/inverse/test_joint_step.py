@@ -12,11 +12,11 @@ import pytest
 from painted_ball import SOURCE, SOURCES, photographed, task_of, with_sources
 
 from jaxrender.inverse.factorization.account import _inverse, _moves
-from jaxrender.inverse.factorization.blocks import Measured
+from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.correction import corrected
 from jaxrender.inverse.factorization.joint import Descent, _damped, _moved, descend_jointly
 from jaxrender.inverse.factorization.projection import Drawn, mixed, reduced_system, scatter
-from jaxrender.inverse.factorization.response import Guess, MirrorResponse
+from jaxrender.inverse.factorization.response import Guess, MirrorResponse, specular_share
 from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
 from jaxrender.inverse.factorization.state import begin, free_unknowns, measured, response_of
 
@@ -63,11 +63,11 @@ def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
     task = task_of(photographs)
     state = with_sources(task, [SOURCE, np.array([0.6, 0.0, 0.8])])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    system = reduced_system(response, guess, data, at_once=220)
+    system = reduced_system(in_blocks(response, data, 220), guess)
     solved = system.solved
     slopes = _slopes(response, guess, solved.light)
     curvature, slope, cost = 0, 0, 0
-    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+    for k, columns in enumerate(np.asarray(mixed(response.columns(guess), specular_share(guess)))):
         weighted, moved = (data.weights[:, k, None] * a for a in (columns, slopes[k]))
         seen = data.weights[:, k] * data.radiance[:, k]
         dark = np.append(np.zeros(121), ~state.active)
@@ -95,11 +95,11 @@ def test_scatter_is_that_of_whole_matrices(photographs):
     task = task_of(photographs._replace(stands_for=pixels))
     state = with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    found, shares = reduced_system(response, guess, data), task.observations.shares
+    found, shares = reduced_system(in_blocks(response, data), guess), task.observations.shares
     one = np.zeros(photographs.count, int)
-    ours = scatter(response, guess, data, Drawn(shares, one), found)
+    ours = scatter(in_blocks(response, data), guess, Drawn(shares, one), found)
     slopes, own = _slopes(response, guess, found.solved.light), 0
-    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+    for k, columns in enumerate(np.asarray(mixed(response.columns(guess), specular_share(guess)))):
         whole = np.concatenate([columns, slopes[k]], axis=1)
         parts, weights = columns.shape[1], data.weights[:, k, None]
         prior = np.diag(np.append(data.penalty[:, k], np.zeros(slopes.shape[-1])))
@@ -121,9 +121,9 @@ def test_scatter_of_single_pixels_is_the_curvature(photographs):
     task = task_of(photographs)
     state = with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    system = reduced_system(response, guess, data)
+    system = reduced_system(in_blocks(response, data), guess)
     drawn = Drawn(np.ones(photographs.count), np.zeros(photographs.count, int))
-    ours = scatter(response, guess, data, drawn, system)
+    ours = scatter(in_blocks(response, data), guess, drawn, system)
     scale = np.abs(system.curvature).max()
     np.testing.assert_allclose(ours.own, system.curvature, atol=1e-9 * scale)
     np.testing.assert_allclose(ours.both, 0, atol=1e-9 * np.abs(system.across).max())
@@ -134,18 +134,21 @@ def test_groups_of_samples_move_the_answer_as_whole_matrices_say(photographs):
     task = task_of(photographs)
     state = with_sources(task, [SOURCE])
     response, guess, data = response_of(task, state), state.guess, measured(task, state)
-    system, group = reduced_system(response, guess, data), np.arange(photographs.count) % 5
+    system, group = (
+        reduced_system(in_blocks(response, data), guess),
+        np.arange(photographs.count) % 5,
+    )
     free = free_unknowns(task, state)
     inverse = _inverse(system, free)
     drawn = Drawn(np.ones(photographs.count), group)
-    ours = _moves(system, scatter(response, guess, data, drawn, system), inverse)
+    ours = _moves(system, scatter(in_blocks(response, data), guess, drawn, system), inverse)
     slopes = _slopes(response, guess, system.solved.light)
     unknowns, (channels, _, parts) = slopes.shape[-1], np.shape(system.solved.normal)
     size = unknowns + channels * parts
     bread, rights = np.zeros((size, size)), np.zeros((5, size))
     bread[:unknowns, :unknowns] = np.eye(unknowns) / 4
     left = np.asarray(data.radiance) - np.asarray(system.solved.predicted)
-    for k, columns in enumerate(np.asarray(mixed(response, guess))):
+    for k, columns in enumerate(np.asarray(mixed(response.columns(guess), specular_share(guess)))):
         at = np.r_[:unknowns, unknowns + k * parts : unknowns + (k + 1) * parts]
         whole = data.weights[:, k, None] * np.concatenate([slopes[k], columns], axis=1)
         dark = np.append(np.zeros(121), ~state.active)
@@ -172,7 +175,8 @@ def test_a_sample_counts_as_often_as_it_stands_for_pixels(photographs):
         data = measured(task, state)
         # Shares have a mean of one, so what is expected of the light goes by the number of samples.
         data = data._replace(penalty=data.penalty * some.count / photographs.count)
-        lights.append(reduced_system(response_of(task, state), state.guess, data).solved.light)
+        blocks = in_blocks(response_of(task, state), data)
+        lights.append(reduced_system(blocks, state.guess).solved.light)
     np.testing.assert_allclose(*lights, atol=1e-8 * np.abs(lights[0]).max())
 
 
@@ -192,13 +196,13 @@ def test_reduced_curvature_is_that_of_the_projected_problem(photographs):
     task = task_of(photographs)
     state = with_sources(task, [SOURCE])
     response, data = response_of(task, state), measured(task, state)
-    system = reduced_system(response, state.guess, data)
+    system = reduced_system(in_blocks(response, data), state.guess)
 
     def cost(step: float) -> float:
         moved = state.guess._replace(
             specular_logit=state.guess.specular_logit + jnp.array([step, 0.0, 0.0])
         )
-        return float(reduced_system(response, moved, data).solved.cost)
+        return float(reduced_system(in_blocks(response, data), moved).solved.cost)
 
     # Gauss-Newton leaves out what the residual bends: a per cent of it at this noise.
     second = (cost(3e-2) - 2 * cost(0.0) + cost(-3e-2)) / 9e-4
@@ -216,7 +220,9 @@ def test_only_good_steps_count(photographs):
     free = free_unknowns(task, state)
     end = descend_jointly(response, far, data, free, Descent(task.bounds, 1, 1e-6))
     assert end.steps == 1
-    assert float(end.solved.cost) < float(reduced_system(response, far, data).solved.cost)
+    assert float(end.solved.cost) < float(
+        reduced_system(in_blocks(response, data), far).solved.cost
+    )
 
 
 def test_a_descent_without_promise_ends_where_it_is(photographs):

@@ -45,7 +45,7 @@ def test_the_derivatives_are_differences(ended):
     slow, sources = response.slow_count, np.flatnonzero(state.active)
 
     def predicted(guess, light):
-        every = np.asarray(mixed(response, guess))[:, index]
+        every = np.asarray(mixed(response.columns(guess), specular_share(guess)))[:, index]
         return np.einsum("csp,pc->sc", every, light)
 
     def difference(guess, light):
@@ -71,7 +71,9 @@ def test_the_derivatives_are_differences(ended):
 
 def predicted_all(response, state):
     return np.einsum(
-        "csp,pc->sc", np.asarray(mixed(response, state.guess)), np.asarray(state.joint.solved.light)
+        "csp,pc->sc",
+        np.asarray(mixed(response.columns(state.guess), specular_share(state.guess))),
+        np.asarray(state.joint.solved.light),
     )
 
 

@@ -17,6 +17,7 @@ import scipy.linalg
 
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.clusters import Clusters, widened
+from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.gauges import GAUGES, carried, gauge_factors, in_gauge
 from jaxrender.inverse.factorization.projection import (
     Drawn,
@@ -61,7 +62,8 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     if gauge not in GAUGES:
         raise ValueError(f"gauge={gauge!r}: choose one of {', '.join(GAUGES)}")
     response, data = response_of(task, state), measured(task, state)
-    system = reduced_system(response, state.guess, data)
+    blocks = in_blocks(response, data)
+    system = reduced_system(blocks, state.guess)
     solved = system.solved
     left = np.asarray(data.weights) * (task.radiance - np.asarray(solved.predicted))
     free = free_unknowns(task, state)
@@ -73,7 +75,7 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     inverse = _inverse(system, free)
     together, group = Clusters.of(task.observations).both
     drawn = Drawn(task.observations.shares, group)
-    spread = scatter(response, state.guess, data, drawn, system)
+    spread = scatter(blocks, state.guess, drawn, system)
     exact = _joint_covariance(system, spread, inverse, variance)
     moves = _moves(system, spread, inverse)[: len(together.cell)]
     whole = widened(exact, together.covariance(moves))

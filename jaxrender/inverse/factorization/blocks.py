@@ -1,20 +1,20 @@
-"""Samples in blocks: what one block gives is added up over all of them.
+"""Samples in blocks of one length: what one block gives is added up over all of them.
 
-Columns and derivatives of one block stay in the processor's cache.  Memory does not grow with the
-number of samples.
+Every number of samples needs the same programs, memory does not grow with it, and the columns of
+one block stay near the processor.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.inverse.factorization.response import Response
-from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.shapes import AnyArray, Array, Float, Int, as_jax
 
-# Samples in a block: at 169 columns and 101 unknowns, 256 to 1024 take the same time to a tenth.
-SAMPLES_AT_ONCE = 512
+# Samples in a block: what the lobe passes on costs as much of 1,000 as of 2,000.
+SAMPLES_AT_ONCE = 2000
 
 
 class Measured(NamedTuple):
@@ -25,49 +25,57 @@ class Measured(NamedTuple):
     penalty: Float[AnyArray, "part channel"]
 
 
-class Part(NamedTuple):
-    """What one block gives: ``sums`` are added up over the blocks, ``rows`` are joined."""
-
-    sums: Any
-    rows: Any = None
-
-
 class Block(NamedTuple):
-    """Some of the samples: of ``lobe`` what is asked for; or, with one more axis, all blocks."""
+    """Some of the samples; ``rows`` are theirs among all, the last of them repeated to the end.
 
-    rows: dict[str, Any]
-    lobe: Any
+    What is repeated has no weight.
+    """
+
+    rows: Int[np.ndarray, "sample"]
+    response: Response
     radiance: Float[Array, "sample channel"]
     weights: Float[Array, "sample channel"]
 
 
-def in_blocks(response: Response, lobe: Any, measured: Measured, most: int) -> Block:
-    """Cut all that has a row for each sample into blocks of equal length, no longer than ``most``.
+class Blocks(NamedTuple):
+    """All samples, and the light's penalty."""
 
-    The last is filled up with samples of no weight.
-    """
-    radiance, weights = jnp.asarray(measured.radiance), jnp.asarray(measured.weights)
-    count = len(radiance)
-    blocks = max(1, -(-count // most))
-    length = -(-count // blocks)
+    blocks: tuple[Block, ...]
+    count: int
+    penalty: Float[AnyArray, "part channel"]
 
-    def cut(rows: Array, mode: str = "edge") -> Array:
-        fill = ((0, blocks * length - count), *((0, 0),) * (rows.ndim - 1))
-        return jnp.pad(rows, fill, mode=mode).reshape(blocks, length, *rows.shape[1:])
-
-    every = Block(response.rows, lobe, radiance, weights)
-    return jax.tree.map(cut, every)._replace(weights=cut(weights, "constant"))
+    def joined(self, parts: list[Array]) -> Float[np.ndarray, "sample ..."]:
+        """Join the rows that every block gives."""
+        return np.concatenate([np.asarray(part) for part in parts])[: self.count]
 
 
-def summed(of_block: Callable[..., Part], *blocks: Any) -> Part:
-    """Add up the sums of every block, and join its rows."""
-    one = jax.tree.map(lambda rows: rows[0], blocks)
-    shapes = jax.eval_shape(of_block, *one).sums
-    zeros = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
+def in_blocks(response: Response, measured: Measured, most: int = SAMPLES_AT_ONCE) -> Blocks:
+    """Cut samples into blocks of ``most``; fewer than these are one block of their own length."""
+    count, blocks = len(measured.radiance), []
+    for rows, filled in cut(count, most):
+        weights = np.where(filled[:, None], 0, np.asarray(measured.weights)[rows])
+        radiance = np.asarray(measured.radiance)[rows]
+        blocks.append(Block(rows, response.take(rows), as_jax(radiance), as_jax(weights)))
+    return Blocks(tuple(blocks), count, measured.penalty)
 
-    def add(sums: Any, block: Any):
-        more, rows = of_block(*block)
-        return jax.tree.map(jnp.add, sums, more), rows
 
-    sums, rows = jax.lax.scan(add, zeros, blocks)
-    return Part(sums, jax.tree.map(lambda part: part.reshape(-1, *part.shape[2:]), rows))
+def by_rows(function: Callable[..., Array], *rows: Any) -> Float[np.ndarray, "sample ..."]:
+    """Apply a function that treats each row by itself, a block at a time."""
+    count, parts = len(jax.tree.leaves(rows)[0]), []
+    for index, _ in cut(count, SAMPLES_AT_ONCE):
+        own = jax.tree.map(lambda values, index=index: as_jax(np.asarray(values)[index]), rows)
+        parts.append(np.asarray(function(*own)))
+    return np.concatenate(parts)[:count]
+
+
+def cut(count: int, most: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Number the rows of each block, and mark those that fill up the last."""
+    length = min(count, most)
+    for first in range(0, count, length):
+        rows = np.arange(first, first + length)
+        yield np.minimum(rows, count - 1), rows >= count
+
+
+def added(parts: list[Any]) -> Any:
+    """Add up what every block gives, array by array."""
+    return jax.tree.map(lambda *each: sum(np.asarray(part) for part in each), *parts)

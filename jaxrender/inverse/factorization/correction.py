@@ -1,11 +1,14 @@
 """Complete the dual model by what it leaves out of the exact integral."""
 
+from functools import partial
+
 import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, evaluate
+from jaxrender.inverse.factorization.blocks import by_rows
 from jaxrender.inverse.factorization.response import (
     Guess,
     MirrorResponse,
@@ -72,8 +75,8 @@ def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sampl
     """Compute what the dual model leaves out at a guess; nothing hides anything."""
     # The sources stay outside: another number of them would be another program.
     sigma, mu = jnp.asarray(guess.sigma), jnp.asarray(guess.mu)
-    rows = response.samples, response.mirror_basis
-    return np.asarray(_left_out(response.variant, sigma, mu, *rows))
+    left_out = partial(_left_out, response.variant, sigma, mu)
+    return by_rows(left_out, response.samples, response.mirror_basis)
 
 
 @stored(effort="less")

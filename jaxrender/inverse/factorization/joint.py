@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.inverse.factorization.blocks import Measured
+from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.projection import (
     Solved,
     reduced_system,
@@ -71,7 +71,8 @@ def descend_jointly(
 ) -> Joint:
     """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for."""
     damping, step, in_vain, converged = _DAMPING, 0, 0, False
-    system = reduced_system(response, guess, measured)
+    blocks = in_blocks(response, measured)
+    system = reduced_system(blocks, guess)
     while step < descent.steps and in_vain < _MOST_IN_VAIN and not converged:
         move, expected = _damped(system.curvature, system.slope, free, damping)
         if float(expected) < _NOTHING * descent.tolerance * float(system.solved.cost):
@@ -79,7 +80,7 @@ def descend_jointly(
             break
         trial = _moved(guess, move, descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
-        there = reduced_system(response, trial, measured)
+        there = reduced_system(blocks, trial)
         gain = float(system.solved.cost) - float(there.solved.cost)
         if not gain > 0:
             damping, in_vain = damping * _TIGHTENING, in_vain + 1
@@ -97,12 +98,13 @@ def unknown_count(guess: Guess) -> int:
 
 @stored(jax.jit, effort="least")
 def _damped(
-    curvature: Float[Array, "unknown unknown"],
-    slope: Float[Array, "unknown"],
+    curvature: Float[AnyArray, "unknown unknown"],
+    slope: Float[AnyArray, "unknown"],
     free: Bool[AnyArray, "unknown"],
     damping: float | Float[Array, ""],
 ) -> tuple[Float[Array, "unknown"], Float[Array, ""]]:
     """Find a damped step, and by how much it would lower a cost that is a parabola."""
+    curvature, slope = jnp.asarray(curvature), jnp.asarray(slope)
     size = jnp.diag(curvature)
     usable = jnp.asarray(free) & (size > 0)
     scale = jnp.where(usable, jax.lax.rsqrt(jnp.where(usable, size, 1)), 0)

@@ -10,7 +10,7 @@ There are dozens of columns and thousands of samples, so that all of it costs a 
 whatever the number of parameters.  Samples are passed through twice, in ``blocks``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
 
@@ -18,16 +18,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.inverse.factorization.blocks import (
-    SAMPLES_AT_ONCE,
-    Block,
-    Measured,
-    Part,
-    in_blocks,
-    summed,
-)
-from jaxrender.inverse.factorization.response import Columns, Guess, Response, specular_share
-from jaxrender.inverse.factorization.slopes import Lobe, lobe_slopes, prediction_slopes
+from jaxrender.inverse.factorization.blocks import Block, Blocks, added
+from jaxrender.inverse.factorization.response import Columns, Guess, specular_share
+from jaxrender.inverse.factorization.slopes import Lobe, columns_at, lobe_slopes, prediction_slopes
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
@@ -41,10 +34,10 @@ class Solved(NamedTuple):
     ``normal`` is the Cholesky factor of each channel's normal equations.
     """
 
-    light: Float[Array, "part channel"]
-    predicted: Float[Array, "sample channel"]
-    cost: Float[Array, ""]
-    normal: Float[Array, "channel part part"]
+    light: Float[AnyArray, "part channel"]
+    predicted: Float[AnyArray, "sample channel"]
+    cost: Float[AnyArray, ""]
+    normal: Float[AnyArray, "channel part part"]
 
 
 class System(NamedTuple):
@@ -54,9 +47,9 @@ class System(NamedTuple):
     """
 
     solved: Solved
-    curvature: Float[Array, "unknown unknown"]
-    slope: Float[Array, "unknown"]
-    across: Float[Array, "channel part unknown"]
+    curvature: Float[AnyArray, "unknown unknown"]
+    slope: Float[AnyArray, "unknown"]
+    across: Float[AnyArray, "channel part unknown"]
 
 
 class Scatter(NamedTuple):
@@ -67,11 +60,27 @@ class Scatter(NamedTuple):
     groups of samples leave of the reduced slope and of the light's equations.
     """
 
-    own: Float[Array, "unknown unknown"]
-    light: Float[Array, "channel part part"]
-    both: Float[Array, "channel part unknown"]
-    slopes: Float[Array, "group unknown"]
-    rights: Float[Array, "channel group part"]
+    own: Float[AnyArray, "unknown unknown"]
+    light: Float[AnyArray, "channel part part"]
+    both: Float[AnyArray, "channel part unknown"]
+    slopes: Float[AnyArray, "group unknown"]
+    rights: Float[AnyArray, "channel group part"]
+
+
+class _Seen(NamedTuple):
+    """Every channel's normal equations of the light: M' W M, and M' W times what was measured."""
+
+    gram: Float[AnyArray, "channel part part"]
+    right: Float[AnyArray, "channel part"]
+
+
+class _Stepped(NamedTuple):
+    """V' W V and M' W V of each channel, V' W r of all, and what is left: r' W r."""
+
+    curvature: Float[AnyArray, "channel unknown unknown"]
+    slope: Float[AnyArray, "unknown"]
+    across: Float[AnyArray, "channel part unknown"]
+    misfit: Float[AnyArray, ""]
 
 
 class Drawn(NamedTuple):
@@ -81,153 +90,57 @@ class Drawn(NamedTuple):
     group: Int[np.ndarray, "sample"]
 
 
-def reduced_system(
-    response: Response,
-    guess: Guess,
-    measured: Measured,
-    lobe: Lobe | None = None,
-    *,
-    at_once: int = SAMPLES_AT_ONCE,
-) -> System:
-    """Solve for the light and set up the step of everything else, ``at_once`` samples at a time.
+def reduced_system(blocks: Blocks, guess: Guess, lobes: list[Lobe] | None = None) -> System:
+    """Solve for the light and set up the step of everything else.
 
-    ``lobe`` is that of ``lobe_slopes``, where it is known.
+    ``lobes`` are those of ``lobes_of``, where they are known.
     """
-    lobe = lobe_slopes(response, guess) if lobe is None else lobe
-    return _reduced(response, guess, measured, lobe, at_once)
-
-
-@stored(partial(jax.jit, static_argnames="at_once"), effort="less")
-def _reduced(
-    response: Response, guess: Guess, measured: Measured, lobe: Lobe, at_once: int
-) -> System:
-    with jax.default_matmul_precision("highest"):
-        blocks = in_blocks(response, lobe, measured, at_once)
-        light, normal = _solved(response, guess, measured, blocks._replace(lobe=blocks.lobe.passed))
-
-        def add(block: Block) -> Part:
-            own = response.of_rows(block.rows)
-            columns = _evaluated(own, block.lobe.passed, guess)
-            predicted = _predicted(columns, guess, light)
-            slopes = prediction_slopes(own, block.lobe, guess, columns, light)
-
-            def of_channel(share, weights, left, slopes):
-                moved = jax.lax.optimization_barrier(weights[:, None] * slopes)
-                weighted = _weighted(columns, share, weights)
-                return moved.T @ moved, (weights * left) @ moved, weighted.T @ moved
-
-            left = (block.radiance - predicted).T
-            sums = _by_channel(of_channel, share, block.weights.T, left, slopes)
-            return Part((*sums, _squares(block, predicted)), predicted)
-
-        def curvature(factor, own, across):
-            part = jax.scipy.linalg.solve_triangular(factor, across, lower=True)
-            return own - part.T @ part
-
-        share = specular_share(guess)
-        (inner, slope, across, misfit), predicted = summed(add, blocks)
-        curvatures = _by_channel(curvature, normal, inner, across)
-        rows = predicted[: len(measured.radiance)]
-        solved = Solved(light, rows, _penalised(misfit, measured, light), normal)
-        return System(solved, jnp.sum(curvatures, axis=0), jnp.sum(slope, axis=0), across)
-
-
-def scatter(
-    response: Response,
-    guess: Guess,
-    measured: Measured,
-    drawn: Drawn,
-    system: System,
-) -> Scatter:
-    """Sum up how the noise of the samples moves the equations of ``reduced_system``.
-
-    The squared weights of ``measured`` contain the shares: a sample that stands for c pixels counts
-    c times, but is measured once.  So its score has c times the variance that its weight stands
-    for.  What is expected of the light counts as it is.
-    """
-    groups = -(-(int(drawn.group.max()) + 1) // _GROUPS) * _GROUPS
-    return _scatter(response, guess, measured, lobe_slopes(response, guess), drawn, system, groups)
-
-
-@stored(partial(jax.jit, static_argnames="groups"), effort="least")
-def _scatter(
-    response: Response,
-    guess: Guess,
-    measured: Measured,
-    lobe: Lobe,
-    drawn: Drawn,
-    system: System,
-    groups: int,
-) -> Scatter:
-    solved = system.solved
-    with jax.default_matmul_precision("highest"):
-        blocks = in_blocks(response, lobe, measured, SAMPLES_AT_ONCE)
-        alone = measured._replace(
-            radiance=jnp.asarray(measured.radiance) - solved.predicted,
-            weights=jnp.sqrt(jnp.asarray(drawn.shares))[:, None],
-        )
-        others = in_blocks(response, jnp.asarray(drawn.group), alone, SAMPLES_AT_ONCE)
-        answers = _by_channel(
-            lambda factor, across: jax.scipy.linalg.cho_solve((factor, True), across),
-            solved.normal,
-            system.across,
-        )
-
-        def add(block: Block, other: Block) -> Part:
-            own = response.of_rows(block.rows)
-            columns = _evaluated(own, block.lobe.passed, guess)
-            slopes = prediction_slopes(own, block.lobe, guess, columns, solved.light)
-            in_group = jax.nn.one_hot(other.lobe, groups, axis=0, dtype=slopes.dtype)
-
-            def of_channel(share, weights, roots, left, slopes, answer):
-                weighted = _weighted(columns, share, weights)
-                moved = weights[:, None] * slopes - weighted @ answer
-                # A sample that stands for c pixels has c times the variance, not c^2 times.
-                spread, own = roots[:, None] * weighted, roots[:, None] * moved
-                score = in_group * (weights * left)[None, :]
-                sums = own.T @ own, spread.T @ spread, spread.T @ own
-                return (*sums, score @ moved, score @ weighted)
-
-            rows = (block.weights.T, other.weights.T, other.radiance.T)
-            weights, roots, left = rows[0], jnp.broadcast_to(rows[1], rows[0].shape), rows[2]
-            return Part(_by_channel(of_channel, share, weights, roots, left, slopes, answers))
-
-        share = specular_share(guess)
-        (own, light, both, by_group, rights), _ = summed(add, blocks, others)
-        expected = jnp.asarray(measured.penalty).T
-        held = expected[:, :, None] * answers
-        own = jnp.sum(own, axis=0) + jnp.einsum("cpu,cpv->uv", answers, held)
-        light = light + jax.vmap(jnp.diag)(expected)
-        return Scatter(own, light, both - held, jnp.sum(by_group, axis=0), rights)
-
-
-def mixed(
-    response: Response, guess: Guess, passed: Float[Array, "sample term"] | None = None
-) -> Float[Array, "channel sample part"]:
-    """Weigh the lobes: what one unit of each part of the light sends to the camera.
-
-    ``passed`` is what the lobe passes on, where it is known.
-    """
-    columns = _evaluated(response, response.passed(guess) if passed is None else passed, guess)
-    share = specular_share(guess)[:, None, None]
-    return jax.lax.optimization_barrier(
-        (1 - share) * columns.diffuse[None] + share * columns.specular[None]
+    lobes, share = lobes_of(blocks, guess) if lobes is None else lobes, specular_share(guess)
+    gram, right = added(
+        [_seen(block, columns, share) for block, _, columns in _each(blocks, guess, lobes)]
     )
+    light, normal = _light_of(gram, right, blocks.penalty)
+    parts = []
+    for block, lobe, columns in _each(blocks, guess, lobes):
+        slopes = prediction_slopes(block.response, lobe, guess, columns, light)
+        parts.append(_stepped(block, columns, slopes, share, light))
+    curvature, slope, across, misfit = added([sums for sums, _ in parts])
+    predicted = blocks.joined([rows for _, rows in parts])
+    penalised = np.sum(np.asarray(blocks.penalty) * np.asarray(light) ** 2)
+    solved = Solved(light, predicted, (misfit + penalised) / 2, normal)
+    return System(solved, _reduced(curvature, normal, across), slope, across)
 
 
-def _solved(
-    response: Response, guess: Guess, measured: Measured, blocks: Block
+def lobes_of(blocks: Blocks, guess: Guess) -> list[Lobe]:
+    """Evaluate what the lobe passes on to every block, with its derivatives."""
+    return [lobe_slopes(block.response, guess) for block in blocks.blocks]
+
+
+def _each(blocks: Blocks, guess: Guess, lobes: list[Lobe]) -> Iterator[tuple[Block, Lobe, Columns]]:
+    """Evaluate the columns of one block after the other."""
+    for block, lobe in zip(blocks.blocks, lobes, strict=True):
+        yield block, lobe, columns_at(block.response, guess, lobe.passed)
+
+
+@stored(jax.jit, effort="less")
+def _seen(block: Block, columns: Columns, share: Float[Array, "channel"]) -> _Seen:
+    """Sum up one block's part of every channel's normal equations."""
+
+    def of_channel(share, weights, radiance):
+        weighted = _weighted(columns, share, weights)
+        return weighted.T @ weighted, (weights * radiance) @ weighted
+
+    with jax.default_matmul_precision("highest"):
+        return _Seen(*_by_channel(of_channel, share, block.weights.T, block.radiance.T))
+
+
+@stored(jax.jit, effort="least")
+def _light_of(
+    gram: Float[AnyArray, "channel part part"],
+    right: Float[AnyArray, "channel part"],
+    penalty: Float[AnyArray, "part channel"],
 ) -> tuple[Float[Array, "part channel"], Float[Array, "channel part part"]]:
     """Solve every channel's normal equations by Cholesky factorization; return the factors, too."""
-
-    def add(block: Block) -> Part:
-        columns = _evaluated(response.of_rows(block.rows), block.lobe, guess)
-
-        def of_channel(share, weights, radiance):
-            weighted = _weighted(columns, share, weights)
-            return weighted.T @ weighted, (weights * radiance) @ weighted
-
-        return Part(_by_channel(of_channel, share, block.weights.T, block.radiance.T))
 
     def solve(normal, seen, penalty):
         normal = normal + jnp.diag(penalty)
@@ -237,20 +150,122 @@ def _solved(
         factor = jnp.linalg.cholesky(normal)
         return jax.scipy.linalg.cho_solve((factor, True), seen), factor
 
-    share = specular_share(guess)
-    (gram, right), _ = summed(add, blocks)
-    light, factors = _by_channel(solve, gram, right, jnp.asarray(measured.penalty).T)
+    light, factors = _by_channel(solve, gram, right, jnp.asarray(penalty).T)
     return light.T, factors
 
 
-def _by_channel(function: Callable, *of_channels: Array):
+@stored(jax.jit, effort="less")
+def _stepped(
+    block: Block,
+    columns: Columns,
+    slopes: Float[Array, "channel sample unknown"],
+    share: Float[Array, "channel"],
+    light: Float[AnyArray, "part channel"],
+) -> tuple[_Stepped, Float[Array, "sample channel"]]:
+    """Sum up one block's part of the equations of everything else, and predict its samples."""
+
+    def of_channel(share, weights, left, slopes):
+        moved = jax.lax.optimization_barrier(weights[:, None] * slopes)
+        weighted = _weighted(columns, share, weights)
+        return moved.T @ moved, left @ moved, weighted.T @ moved
+
+    with jax.default_matmul_precision("highest"):
+        predicted = _predicted(columns, share, light)
+        left = (block.weights * (block.radiance - predicted)).T
+        curvature, slope, across = _by_channel(of_channel, share, block.weights.T, left, slopes)
+        return _Stepped(curvature, jnp.sum(slope, axis=0), across, jnp.sum(left**2)), predicted
+
+
+@stored(jax.jit, effort="least")
+def _reduced(
+    curvature: Float[AnyArray, "channel unknown unknown"],
+    normal: Float[AnyArray, "channel part part"],
+    across: Float[AnyArray, "channel part unknown"],
+) -> Float[Array, "unknown unknown"]:
+    """Take the light's answer off the curvature."""
+
+    def of_channel(own, factor, across):
+        part = jax.scipy.linalg.solve_triangular(factor, across, lower=True)
+        return own - part.T @ part
+
+    return jnp.sum(_by_channel(of_channel, curvature, normal, across), axis=0)
+
+
+def scatter(blocks: Blocks, guess: Guess, drawn: Drawn, system: System) -> Scatter:
+    """Sum up how the noise of the samples moves the equations of ``reduced_system``.
+
+    The squared weights of the blocks contain the shares: a sample that stands for c pixels counts
+    c times, but is measured once.  So its score has c times the variance that its weight stands
+    for.  What is expected of the light counts as it is.
+    """
+    groups = -(-(int(drawn.group.max()) + 1) // _GROUPS) * _GROUPS
+    answers = _answers(system.solved.normal, system.across)
+    light, share, parts = system.solved.light, specular_share(guess), []
+    for block, lobe, columns in _each(blocks, guess, lobes_of(blocks, guess)):
+        own = Drawn(np.asarray(drawn.shares)[block.rows], np.asarray(drawn.group)[block.rows])
+        slopes = prediction_slopes(block.response, lobe, guess, columns, light)
+        parts.append(_scattered(block, columns, slopes, share, own, light, answers, groups))
+    of_own, of_light, both, slopes, rights = added(parts)
+    expected, answers = np.asarray(blocks.penalty).T, np.asarray(answers)
+    held = expected[:, :, None] * answers
+    of_own = of_own + np.einsum("cpu,cpv->uv", answers, held)
+    of_light = of_light + expected[:, :, None] * np.eye(expected.shape[1])
+    return Scatter(of_own, of_light, both - held, slopes, rights)
+
+
+@stored(jax.jit, effort="least")
+def _answers(
+    normal: Float[AnyArray, "channel part part"], across: Float[AnyArray, "channel part unknown"]
+) -> Float[Array, "channel part unknown"]:
+    """Evaluate how the light answers to everything else."""
+    return _by_channel(
+        lambda factor, across: jax.scipy.linalg.cho_solve((factor, True), across), normal, across
+    )
+
+
+@stored(partial(jax.jit, static_argnames="groups"), effort="least")
+def _scattered(
+    block: Block,
+    columns: Columns,
+    slopes: Float[Array, "channel sample unknown"],
+    share: Float[Array, "channel"],
+    drawn: Drawn,
+    light: Float[AnyArray, "part channel"],
+    answers: Float[Array, "channel part unknown"],
+    groups: int,
+) -> Scatter:
+    """Sum up one block's part of it."""
+
+    def of_channel(share, weights, left, slopes, answer):
+        weighted = _weighted(columns, share, weights)
+        moved = weights[:, None] * slopes - weighted @ answer
+        # A sample that stands for c pixels has c times the variance, not c^2 times.
+        spread, own = roots[:, None] * weighted, roots[:, None] * moved
+        score = in_group * (weights * left)[None, :]
+        sums = own.T @ own, spread.T @ spread, spread.T @ own
+        return (*sums, score @ moved, score @ weighted)
+
+    with jax.default_matmul_precision("highest"):
+        left = (block.radiance - _predicted(columns, share, light)).T
+        in_group = jax.nn.one_hot(drawn.group, groups, axis=0, dtype=slopes.dtype)
+        roots = jnp.sqrt(jnp.asarray(drawn.shares))
+        own, light, both, by_group, rights = _by_channel(
+            of_channel, share, block.weights.T, left, slopes, answers
+        )
+        return Scatter(jnp.sum(own, axis=0), light, both, jnp.sum(by_group, axis=0), rights)
+
+
+def mixed(
+    columns: Columns, share: Float[AnyArray, "channel"]
+) -> Float[Array, "channel sample part"]:
+    """Weigh the lobes: what one unit of each part of the light sends to the camera."""
+    share = jnp.asarray(share)[:, None, None]
+    return (1 - share) * columns.diffuse[None] + share * columns.specular[None]
+
+
+def _by_channel(function: Callable, *of_channels: AnyArray):
     """Apply a function to one channel after the other: a batch of products is slower."""
     return jax.lax.map(lambda of_channel: function(*of_channel), of_channels)
-
-
-def _evaluated(response: Response, passed: Float[Array, "sample term"], guess: Guess) -> Columns:
-    """Evaluate both lobes' responses once: the compiler is kept from doing so in every product."""
-    return jax.lax.optimization_barrier(response.columns_of(passed, guess))
 
 
 def _weighted(
@@ -262,17 +277,7 @@ def _weighted(
 
 
 def _predicted(
-    columns: Columns, guess: Guess, light: Float[Array, "part channel"]
+    columns: Columns, share: Float[Array, "channel"], light: Float[AnyArray, "part channel"]
 ) -> Float[Array, "sample channel"]:
-    share = specular_share(guess)[None, :]
+    share = share[None, :]
     return (1 - share) * (columns.diffuse @ light) + share * (columns.specular @ light)
-
-
-def _squares(block: Block, predicted: Float[Array, "sample channel"]) -> Float[Array, ""]:
-    return jnp.sum((block.weights * (block.radiance - predicted)) ** 2)
-
-
-def _penalised(
-    misfit: Float[Array, ""], measured: Measured, light: Float[Array, "part channel"]
-) -> Float[Array, ""]:
-    return (misfit + jnp.sum(jnp.asarray(measured.penalty) * light**2)) / 2

@@ -19,15 +19,14 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from jaxrender.inverse.factorization.blocks import Measured
-from jaxrender.inverse.factorization.projection import Solved, mixed, reduced_system
+from jaxrender.inverse.factorization.blocks import Measured, in_blocks
+from jaxrender.inverse.factorization.projection import Solved, lobes_of, mixed, reduced_system
 from jaxrender.inverse.factorization.response import (
     Columns,
     Guess,
     Response,
     specular_share,
 )
-from jaxrender.inverse.factorization.slopes import lobe_slopes
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
@@ -66,9 +65,11 @@ def pursue(
     ``seen`` says which of them each sample sees; all, where it is left out.
     """
     # Programs that the fit needs, too: they are compiled already.
-    lobe = lobe_slopes(response, guess)
-    solved = reduced_system(response, guess, measured, lobe).solved
-    return _pursue(response, guess, measured, lobe.passed, solved, towards, count, seen)
+    blocks = in_blocks(response, measured)
+    lobes = lobes_of(blocks, guess)
+    solved = reduced_system(blocks, guess, lobes).solved
+    passed = blocks.joined([lobe.passed for lobe in lobes])
+    return _pursue(response, guess, measured, passed, solved, towards, count, seen)
 
 
 @stored(partial(jax.jit, static_argnames="count"), effort="less")
@@ -76,7 +77,7 @@ def _pursue(
     response: Response,
     guess: Guess,
     measured: Measured,
-    passed: Float[Array, "sample term"],
+    passed: Float[AnyArray, "sample term"],
     solved: Solved,
     towards: Float[AnyArray, "candidate 3"],
     count: int,
@@ -85,7 +86,8 @@ def _pursue(
     with jax.default_matmul_precision("highest"):
         sources = Guess(guess.specular_logit, guess.sigma, guess.mu, jnp.asarray(towards))
         candidates = _pair(_narrow(response), _narrow(sources), seen)
-        columns = mixed(response, guess, passed)
+        share = specular_share(guess)
+        columns = mixed(response.columns_of(jnp.asarray(passed), guess), share)
         channels = _prepare(columns, solved, guess, measured, candidates)
         size = jnp.sum(channels.sources**2, axis=1)
 

@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 
 from jaxrender.inverse.blas import one_blas_thread
+from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.correction import change, corrected
 from jaxrender.inverse.factorization.joint import Joint
 from jaxrender.inverse.factorization.projection import reduced_system
@@ -112,7 +113,8 @@ def relit(task: Task, state: State) -> State:
 
 def at_standstill(task: Task, state: State) -> State:
     """Solve for the light alone, of a guess and a response as they are."""
-    system = reduced_system(response_of(task, state), state.guess, measured(task, state))
+    blocks = in_blocks(response_of(task, state), measured(task, state))
+    system = reduced_system(blocks, state.guess)
     return state._replace(joint=Joint(state.guess, system.solved, 0, False))
 
 

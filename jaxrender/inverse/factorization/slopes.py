@@ -55,14 +55,33 @@ def _value_and_slopes(function: Callable, *at: Float[Array, ""]) -> tuple[Array,
     return along(*steps)
 
 
+@stored(jax.jit, effort="less")
+def columns_at(response: Response, guess: Guess, passed: Float[AnyArray, "sample term"]) -> Columns:
+    """Evaluate both lobes' responses, of what the lobe passes on: a program by itself, too."""
+    with jax.default_matmul_precision("highest"):
+        return response.columns_of(jnp.asarray(passed), guess)
+
+
+@stored(jax.jit, effort="less")
 def prediction_slopes(
+    response: Response,
+    lobe: Lobe,
+    guess: Guess,
+    columns: Columns,
+    light: Float[AnyArray, "part channel"],
+) -> Float[Array, "channel sample unknown"]:
+    """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
+    with jax.default_matmul_precision("highest"):
+        return _prediction_slopes(response, lobe, guess, columns, jnp.asarray(light))
+
+
+def _prediction_slopes(
     response: Response,
     lobe: Lobe,
     guess: Guess,
     columns: Columns,
     light: Float[Array, "part channel"],
 ) -> Float[Array, "channel sample unknown"]:
-    """Differentiate every channel's prediction by every nonlinear unknown, at fixed light."""
     share = specular_share(guess)[:, None, None]
     slow, energies = jnp.split(light, [response.slow_count])
     sources = _source_slopes(response, guess)
@@ -80,8 +99,7 @@ def prediction_slopes(
         for diffuse, specular in zip(*sources.aside)
     )
     # Joined only when all are there: an element at a time, evaluated as it is joined, is slow.
-    parts = jax.lax.optimization_barrier([by_logit, both, *aside])
-    return jax.lax.optimization_barrier(jnp.concatenate(parts, axis=2))
+    return jnp.concatenate(jax.lax.optimization_barrier([by_logit, both, *aside]), axis=2)
 
 
 def _source_slopes(response: Response, guess: Guess) -> _SourceSlopes:

@@ -8,8 +8,6 @@ integrated out: they are noise that the samples share (``diagnosis.derivatives``
 from functools import partial
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Parametric
@@ -18,15 +16,15 @@ from jaxrender.inverse.diagnosis import Suspect
 from jaxrender.inverse.diagnosis.derivatives import Derivatives
 from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization.account import parameter_slopes
+from jaxrender.inverse.factorization.blocks import SAMPLES_AT_ONCE
 from jaxrender.inverse.factorization.gauges import amplitudes_of
 from jaxrender.inverse.factorization.projection import mixed
-from jaxrender.inverse.factorization.response import Guess, Response, specular_share
-from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
+from jaxrender.inverse.factorization.response import specular_share
+from jaxrender.inverse.factorization.slopes import columns_at, lobe_slopes, prediction_slopes
 from jaxrender.inverse.factorization.state import State, Task, free_unknowns, measured, response_of
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import DirectionalSources
-from jaxrender.programs import stored
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import Int
 
 # A fit that finds the light assumes none of these.
 _UNKNOWN = ("gain", "environment", "lamps")
@@ -88,11 +86,18 @@ def derivatives_of(
 ) -> Derivatives:
     """Differentiate the prediction of some samples by the material and by the light."""
     assert state.joint is not None
-    data, response = measured(task, state), response_of(task, state).take(index)
+    data, guess = measured(task, state), state.guess
     solved, free = state.joint.solved, free_unknowns(task, state)
+    # As many as a block has: its programs are compiled already.
+    length = max(len(index), min(SAMPLES_AT_ONCE, task.observations.count))
+    rows = np.pad(index, (0, length - len(index)), mode="edge")
+    response = response_of(task, state).take(rows)
+    lobe = lobe_slopes(response, guess)
+    both = columns_at(response, guess, lobe.passed)
+    moved = prediction_slopes(response, lobe, guess, both, solved.light)
     columns, slopes = (
-        np.moveaxis(np.asarray(part, float), 0, 1)
-        for part in _differentiated(response, state.guess, solved.light)
+        np.moveaxis(np.asarray(part, float), 0, 1)[: len(index)]
+        for part in (mixed(both, specular_share(guess)), moved)
     )
     weights = np.asarray(data.weights, float)[index]
     # Of the slow light all but the mean has a prior.
@@ -115,15 +120,3 @@ def derivatives_of(
         tuple(np.moveaxis(weighted[:, :, slow] * deviation.T, 1, 0)),
         np.concatenate([by_material[:, free], parts, in_prior], axis=1),
     )
-
-
-@stored(jax.jit, effort="least")
-def _differentiated(
-    response: Response, guess: Guess, light: Float[Array, "part channel"]
-) -> tuple[Float[Array, "channel sample part"], Float[Array, "channel sample unknown"]]:
-    """Differentiate the prediction by the light, and by all that is not linear."""
-    with jax.default_matmul_precision("highest"):
-        lobe = lobe_slopes(response, guess)
-        columns = response.columns_of(lobe.passed, guess)
-        slopes = prediction_slopes(response, lobe, guess, columns, jnp.asarray(light))
-        return mixed(response, guess, lobe.passed), slopes

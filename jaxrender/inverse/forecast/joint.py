@@ -14,11 +14,11 @@ from scipy.special import expit, logit
 
 from jaxrender.brdf import Parametric
 from jaxrender.harmonics import degrees
-from jaxrender.inverse.factorization.blocks import Measured
+from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.gauges import amplitudes_of, own_numbers
 from jaxrender.inverse.factorization.integral_response import response_of_convex
 from jaxrender.inverse.factorization.projection import mixed, reduced_system
-from jaxrender.inverse.factorization.response import Guess, Response
+from jaxrender.inverse.factorization.response import Guess, Response, specular_share
 from jaxrender.inverse.forecast.situation import Situation, Supposed, kind_of, thinned, weights_of
 from jaxrender.inverse.forecast.spectrum import light_coefficients
 from jaxrender.inverse.intervals import Uncertain, intervals, relative_error, within_reach
@@ -116,7 +116,7 @@ def forecast_joint(
     few, each = thinned(situation, _SAMPLES)
     answer = supposed_answer(few, brdf, band_limit)
     guess = answer.guess
-    system = reduced_system(answer.response, guess, answer.measured(supposed, each))
+    system = reduced_system(in_blocks(answer.response, answer.measured(supposed, each)), guess)
     channels, metal = len(kd), brdf.mu is None
     sources = len(guess.directions)
     free = np.ones(channels + 2 + 2 * sources, bool)
@@ -191,7 +191,9 @@ def _radiance(
     response: Response, guess: Guess, light: Float[Array, "part channel"]
 ) -> Float[Array, "sample channel"]:
     with jax.default_matmul_precision("highest"):
-        return jnp.einsum("csp,pc->sc", mixed(response, guess), light)
+        return jnp.einsum(
+            "csp,pc->sc", mixed(response.columns(guess), specular_share(guess)), light
+        )
 
 
 def _parameters(guess: Guess, errors: Float[np.ndarray, "unknown"], brdf: Parametric) -> Uncertain:
