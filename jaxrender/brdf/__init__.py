@@ -14,8 +14,8 @@
     powers of cosines
 ``torrance_sparrow`` ``cook_torrance`` ``he_torrance``
     rough surfaces by geometric and by physical optics
-``two_ggx``
-    a sharp highlight in a haze
+``two_ggx`` ``free_facets``
+    a sharp highlight in a haze; facets of any slopes and any Fresnel curve
 ``layered`` ``metallic_roughness`` ``principled`` ``openpbr``
     the materials of renderers: a base under an interface, a coat and a fuzz
 ``burley`` ``sheen`` ``layer_albedo``
@@ -50,6 +50,7 @@ from jaxrender.brdf.distributions import (
     Gaussian,
     TrowbridgeReitz,
 )
+from jaxrender.brdf.free_facets import FreeDistribution, FreeFacets
 from jaxrender.brdf.fresnel import (
     FRESNEL_ANGLES,
     conductor_fresnel,
@@ -191,6 +192,8 @@ __all__ = [
     "TorranceSparrow",
     "TreeSampler",
     "TrowbridgeReitz",
+    "FreeDistribution",
+    "FreeFacets",
     "TwoGGX",
     "Ward",
     "WaveletBRDF",

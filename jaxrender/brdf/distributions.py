@@ -76,7 +76,7 @@ class Gaussian(Distribution):
 
         def add(total: Array, node: tuple[Array, Array]) -> tuple[Array, None]:
             angle, weight = node
-            facing = _ring_facing(cosines * jnp.cos(angle), sines * jnp.sin(angle))
+            facing = ring_facing(cosines * jnp.cos(angle), sines * jnp.sin(angle))
             return total + weight * jnp.sin(angle) * facing, None
 
         seen, _ = jax.lax.scan(add, jnp.zeros_like(cosines), (angles, weights))
@@ -172,7 +172,7 @@ def _squared_slope(
     return ((ax * direction.x) ** 2 + (ay * direction.y) ** 2) / direction.z**2
 
 
-def _ring_facing(a: Float[Array, "*batch"], b: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+def ring_facing(a: Float[Array, "*batch"], b: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     """Evaluate int_0^2pi max(a + b cos p, 0) dp for a, b >= 0."""
     turned_away = a < b
     cosine = jnp.where(turned_away, -a / jnp.where(turned_away, b, 1), 0)

@@ -40,7 +40,8 @@ class Searched(NamedTuple):
 
     It is searched in log(value - origin), between ``lowest`` and ``highest`` and from ``start``
     unless the user says otherwise.  The bounds of a ``closed`` one are values like all others, as
-    the ends of a share are.
+    the ends of a share are.  ``expected`` are the mean and standard deviation that a fit holds it
+    to, unless the photographs or the user say otherwise.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Searched(NamedTuple):
     start: float
     origin: float = 0.0
     closed: bool = False
+    expected: tuple[float, float] | None = None
 
 
 class ShapeParameter(NamedTuple):
@@ -212,6 +214,15 @@ class Parametric(BRDF):
 
     def _total(self, places: Sequence[int]) -> Float[AnyArray, "channel"]:
         return jnp.sum(self.amplitudes[np.array(places, int)], axis=0)
+
+    @checked
+    def curves(self, angles: Float[AnyArray, "angle"]) -> Mapping[str, Float[AnyArray, "angle"]]:
+        """Evaluate what all numbers describe together, over angles (radians): of most, nothing.
+
+        The names are ``distribution``, D by the facets' tilt, and ``fresnel``, F / F(0).  Of a
+        model that has them a fit judges the curves, and no number by itself.
+        """
+        return {}
 
     @checked
     def with_roughness(self: Same, sigma: Scalar, mu: Scalar | None = None) -> Same:

@@ -252,6 +252,45 @@ _ALL: tuple[Model, ...] = (
     ),
     *LAYERED,
     Model(
+        "free",
+        "any facets: their slopes and their Fresnel curve are found",
+        "free_facets.FreeFacets",
+        (
+            _KD,
+            _KS,
+            Number("sigma", "σ", "roughness: the width of the facets' distribution", TO_1, 0.15),
+            Number(
+                "tail",
+                "γ",
+                "how D falls off, as tan^(-2 γ) of the angle: 2 is GGX, many is Beckmann",
+                Interval("(1.5, inf)"),
+                2.2,
+            ),
+            *(
+                Number(
+                    f"wave_{k}",
+                    f"c_{k}",
+                    f"wave {k} of log D over the share of the facets that is flatter",
+                    Interval("(-inf, inf)"),
+                    0.0,
+                )
+                for k in (2, 3, 4)
+            ),
+            Number("rise_45", "F_45", "F at 45 degrees over F at 0", Interval("(0, inf)"), 1.26),
+            *(
+                Number(
+                    f"rise_{high}",
+                    f"F_{high}",
+                    f"F at {high} degrees over F at {low}: beyond 45 it only rises",
+                    Interval("[1, inf)"),
+                    typical,
+                )
+                for low, high, typical in ((45, 60, 1.77), (60, 75, 2.84), (75, 90, 3.95))
+            ),
+        ),
+        about_mirror=False,
+    ),
+    Model(
         "bank",
         "a real surface: as many lobes of set shapes as it needs",
         "bank.Bank",

@@ -9,8 +9,15 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
+from jaxrender.inverse.curves import curves_of, widest_at_the_peak
 from jaxrender.inverse.diagnosis import Diagnosis, reaching
-from jaxrender.inverse.intervals import Uncertain, off_prior, rests_on_prior, within_reach
+from jaxrender.inverse.intervals import (
+    IDENTIFIABLE_WITHIN,
+    Uncertain,
+    off_prior,
+    rests_on_prior,
+    within_reach,
+)
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
@@ -126,6 +133,10 @@ def judge(
         bound |= dict.fromkeys(sums, False)
         account = account._replace(parameters=account.parameters.summed(variant.sums))
     identifiable, reasons = {}, [*account.reasons, *account.notes]
+    curves = curves_of(variant, account.parameters)
+    # Numbers that describe a curve together mean little one by one.
+    of_curve = {one.name for one in variant.searched} if curves else set()
+    wide = widest_at_the_peak(curves)
     # A prior is held against what the photographs say, be the model right or wrong.
     exact = account.parameters.if_exact or account.parameters
     for name in free:
@@ -138,6 +149,9 @@ def judge(
         if name in variant.closed and not _is_stated(name, known[name], variant):
             bound[name] = False
         silent = rests_on_prior(exact, name, known[name].prior)
+        if name in of_curve and not _is_stated(name, known[name], variant):
+            identifiable[name] = not silent and wide <= IDENTIFIABLE_WITHIN
+            continue
         off = 0.0 if silent else off_prior(exact, name, known[name].prior)
         identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF
         if bound[name]:
@@ -151,6 +165,11 @@ def judge(
             )
         elif not reached:
             reasons.append(_why(name, account, variant))
+    if wide > IDENTIFIABLE_WITHIN:
+        reasons.append(
+            "the distribution of facets is not identifiable: above half its peak its 90 % band "
+            f"reaches {100 * np.expm1(wide):.0f} % to either side"
+        )
     if not bool(stop.fit.solution.converged):
         return Outcome.NOT_CONVERGED, identifiable, tuple(reasons)
     # A bound that somebody stated may be what is wrong.
@@ -158,9 +177,11 @@ def judge(
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
     if account.reasons:
         return Outcome.MISFIT, identifiable, tuple(reasons)
-    if any(bound[name] for name in free):
+    judged = [name for name in free if name not in of_curve]
+    if any(bound[name] for name in judged):
         return Outcome.AT_BOUND, identifiable, tuple(reasons)
-    outcome = Outcome.CONVERGED if all(identifiable.values()) else Outcome.NOT_IDENTIFIABLE
+    told = all(identifiable[name] for name in judged) and wide <= IDENTIFIABLE_WITHIN
+    outcome = Outcome.CONVERGED if told else Outcome.NOT_IDENTIFIABLE
     return outcome, identifiable, tuple(reasons)
 
 

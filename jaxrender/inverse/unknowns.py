@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Parametric, Searched
-from jaxrender.inverse.stated import Stated, Unknown
+from jaxrender.inverse.stated import Prior, Stated, Unknown
 from jaxrender.shapes import Array, Bool, Float, checked
 
 # Within this fraction of the logarithmic range a parameter counts as being at its bound.
@@ -129,8 +129,10 @@ class Unknowns(eqx.Module):
         """Spread ``count`` starting points over the bounds, the user's own first."""
         first = {one.name: u.first(one.start) for one, u in zip(self.searched, self.numbers)}
         points = np.tile(self.pack(first), (max(count, 1), 1))
-        spread = (0.5 + np.outer(np.arange(len(points)), _lattice(len(self.free_numbers)))) % 1
-        points[1:, : spread.shape[1]] = _search_variable(0.15 + 0.7 * spread[1:])
+        parts = {one.name for one in self.searched if one.expected}
+        varied = [at for at, name in enumerate(self.free_numbers) if name not in parts]
+        spread = (0.5 + np.outer(np.arange(len(points)), _lattice(len(varied)))) % 1
+        points[1:, varied] = _search_variable(0.15 + 0.7 * spread[1:])
         return points
 
     @checked
@@ -209,9 +211,14 @@ def unknowns_of(
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")
 
+    expected = {one.name: Prior(*one.expected) for one in lobe.searched if one.expected}
+
     def sought(name: str, lowest: float, highest: float) -> Unknown:
         try:
-            return stated.get(name, Stated()).unknown(lowest, highest)
+            own = stated.get(name, Stated())
+            if own.fixed is None and own.prior is None:
+                own = own._replace(prior=expected.get(name))
+            return own.unknown(lowest, highest)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 

@@ -12,6 +12,7 @@ from jaxrender.brdf import (
     BlinnPhong,
     CookTorrance,
     CosineLobe,
+    FreeFacets,
     HeTorrance,
     HeTorranceLobe,
     KajiyaKay,
@@ -78,6 +79,12 @@ PROMISED = {
     "ward": (Ward(KD, KS, 0.2), True, False, True),
     "ward bounded": (Ward(KD, KS, 0.15, 0.4, "bounded"), True, True, False),
     "anisotropic-ward": (AnisotropicWard(KD, KS, 0.15, 0.4), True, False, False),
+    "free": (
+        FreeFacets(KD, KS, 0.3, 2.6, -0.4, 0.2, 0.1, 0.9, 1.0, 1.05, 1.1),
+        True,
+        True,
+        True,
+    ),
     "anisotropic-ggx": (AnisotropicGGX(KD, KS, 0.2, 0.5, None, 0.6), True, True, False),
     "lafortune-lobes": (
         Lafortune(

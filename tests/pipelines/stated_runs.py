@@ -33,7 +33,7 @@ RUNS = {
         for model in (
             *("lafortune", "he-torrance", "anisotropic-ward", "poulin-fournier", "two-ggx"),
             "anisotropic-ggx",
-            *("metallic-roughness", "principled", "openpbr"),
+            *("metallic-roughness", "principled", "openpbr", "free"),
         )
     },
     "brdf of a glTF metal": f"task: brdf\nbrdf: {{model: metallic-roughness, metallic: 1}}\n{_LIT}",
@@ -62,6 +62,10 @@ _SHAPES = {"brdf of lambertian": "mesh: ball.ply"}
 
 # Of renderers' materials alone: their indices, and all others.
 _INDICES = ("ior", "specular_ior", "coat_ior")
+# The numbers of free facets.
+WAVES = tuple(f"wave_{k}" for k in (2, 3, 4))
+RISES = tuple(f"rise_{degrees}" for degrees in (45, 60, 75, 90))
+
 LAYERS = tuple(
     dict.fromkeys(
         number.name
@@ -134,10 +138,26 @@ OTHER = {
     **{f"brdf.{name}.{key}": value for name in LAYERS for key, value in _of_layer(name).items()},
     "brdf.multiple_scattering": "facets",
     "brdf.table": ("true", "false"),
-    "brdf.spread.fixed": "3",
-    "brdf.spread.bounds": "[2, 9]",
-    "brdf.spread.start": "3",
-    "brdf.spread.prior": "[3, 1]",
+    **{
+        f"brdf.{name}.{key}": value
+        for name in ("spread", "tail", *RISES)
+        for key, value in {
+            "fixed": "3",
+            "bounds": "[2, 9]",
+            "start": "3",
+            "prior": "[3, 1]",
+        }.items()
+    },
+    **{
+        f"brdf.{name}.{key}": value
+        for name in WAVES
+        for key, value in {
+            "fixed": "0.2",
+            "bounds": "[-0.4, 0.4]",
+            "start": "0.2",
+            "prior": "[0.2, 0.1]",
+        }.items()
+    },
     "brdf.exponent.fixed": "20",
     "brdf.exponent.bounds": "[5, 50]",
     "brdf.exponent.start": "20",

@@ -4,6 +4,7 @@ from jaxrender.brdf import Glossy
 from jaxrender.pipelines.report import account, parameters
 from jaxrender.pipelines.report.comparison import comparison
 from jaxrender.pipelines.report.contents import MaterialContents, Page, is_diffuse, is_lambertian
+from jaxrender.pipelines.report.curves import curves
 from jaxrender.pipelines.report.forecast import forecast
 from jaxrender.pipelines.report.light import direction_discs, environment_map, surroundings
 from jaxrender.pipelines.report.material import spheres
@@ -16,6 +17,7 @@ def material_page(contents: MaterialContents) -> Page:
     """Lay out the page."""
     sections = {
         "lobes": parameters.lobes(contents),
+        "curves": curves(contents),
         "variants": parameters.variants(contents),
         "evidence": parameters.evidence(contents),
         "comparison": comparison(contents),

@@ -47,6 +47,7 @@ ROWS = [
             (brdf.Gaussian, {"roughness": scalar(0.3)}),
             (brdf.Beckmann, {"roughness": scalar(0.3), "roughness_y": scalar(0.5)}),
             (brdf.TrowbridgeReitz, {"roughness": scalar(0.3), "roughness_y": scalar(0.5)}),
+            (brdf.FreeDistribution, {"sigma": scalar(0.3)}),
         )
     ),
     Row(

@@ -215,6 +215,23 @@ ROWS = [
         },
         width("roughness", 0.01, 1.0) | INDICES,
     ),
+    model(
+        "",
+        brdf.FreeFacets,
+        {
+            **CHANNELS,
+            "sigma": scalar(0.2),
+            "tail": scalar(2.3, 1.5),
+            "wave_2": scalar(-0.2, -6.0),
+            "wave_3": scalar(0.1, -6.0),
+            "wave_4": scalar(0.05, -6.0),
+            "rise_45": scalar(1.2),
+            "rise_60": scalar(1.7, 1.0),
+            "rise_75": scalar(2.8, 1.0),
+            "rise_90": scalar(3.9, 1.0),
+        },
+        width("sigma", 0.01, 1.0),
+    ),
     model("", brdf.KajiyaKay, {**CHANNELS, "exponent": scalar(20.0)}),
     model(
         "",

@@ -35,6 +35,11 @@ from jaxrender.pipelines.config import (
     resolved_yaml,
 )
 
+# The numbers of free facets.
+FREE_FACETS = (
+    *("tail", "wave_2", "wave_3", "wave_4"),
+    *("rise_45", "rise_60", "rise_75", "rise_90"),
+)
 # The numbers of renderers' materials.
 LAYERS = (
     *("base_color", "interface", "metallic", "ior", "sheen", "clearcoat", "specular"),
@@ -92,7 +97,7 @@ def test_defaults():
         "height": 1.0,
         "ks_broad": "free",
         "spread": "free",
-        **dict.fromkeys(LAYERS, "free"),
+        **dict.fromkeys((*LAYERS, *FREE_FACETS), "free"),
         "mu": "free",
         "ks_per_channel": False,
         "fresnel": "exit",

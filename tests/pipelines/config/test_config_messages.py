@@ -139,7 +139,7 @@ VALUES = {
         "found 'plastic', accepted: 'microfacet', 'ggx', 'beckmann', 'torrance-sparrow', "
         "'cook-torrance', 'ward', 'phong', 'blinn-phong', 'lafortune', 'he-torrance', "
         "'anisotropic-ward', 'anisotropic-ggx', 'kajiya-kay', 'poulin-fournier', 'oren-nayar', "
-        "'lambertian', 'two-ggx', 'metallic-roughness', 'principled', 'openpbr' or 'bank'"
+        "'lambertian', 'two-ggx', 'metallic-roughness', 'principled', 'openpbr', 'free' or 'bank'"
     ),
     ("brdf.kd", "fre"): (
         "found 'fre', accepted: 'free', a number, three numbers, {fixed}, or {bounds, start, prior}"

@@ -8,10 +8,11 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse import BRDFFit, KnownLight
 from jaxrender.inverse.brdf_table import Correction
 from jaxrender.inverse.comparison import Comparison
+from jaxrender.inverse.curves import DEGREES, Curve, curves_of
 from jaxrender.inverse.forecast import MaterialForecast
 from jaxrender.inverse.misfit import Left
 from jaxrender.inverse.nuisances import NUISANCES
-from jaxrender.inverse.own_words import OwnWords
+from jaxrender.inverse.own_words import OwnWords, plain
 from jaxrender.inverse.passes import DEFAULTS, FitSettings, Stop, values_of
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.transfer_field import TransferField
@@ -97,6 +98,9 @@ def _own(finding: Finding) -> dict[str, Any]:
     if finding.model != "lambertian" and fit.evidence is not None:
         sentence = fit.evidence.sentence()
         own["evidence"] = {**fit.evidence._asdict(), "sentence": sentence}
+    curves = curves_of(fit.brdf, fit.parameters)
+    if curves:
+        own["curves"] = {curve.name: _curve(curve) for curve in curves}
     if finding.comparison is not None:
         own["comparison"] = ranking_of(finding.comparison, not finding.ks_per_channel)
     if finding.correction is not None:
@@ -125,6 +129,15 @@ def _own(finding: Finding) -> dict[str, Any]:
     if unknowns.free_scale:
         own["scale"] = float(fit.parameters.value.scale)
     return own
+
+
+def _curve(curve: Curve) -> dict[str, Any]:
+    return {
+        "degrees": plain(DEGREES),
+        "values": plain(curve.values),
+        "interval90": plain(np.stack([curve.lower, curve.upper], axis=1)),
+        "nearest": {"model": curve.nearest, "values": plain(curve.nearest_values)},
+    }
 
 
 def environment_files(light: KnownLight) -> dict[str, Environment]:
