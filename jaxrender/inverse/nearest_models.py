@@ -98,7 +98,7 @@ def _fitted(
 ) -> Candidate:
     channels = values.shape[1]
     variant = lobe_named(name, channels)
-    unknowns = unknowns_of(variant, ks_per_channel=True)
+    unknowns = unknowns_of(variant, ks_per_channel=True, expected=False)
     model = _Pairs(variant, incoming, outgoing, channels)
     data = Data(values, np.ones_like(values), np.zeros(len(values), int))
     problem = Problem.of(unknowns, channels)

@@ -189,12 +189,14 @@ def unknowns_of(
     ks_per_channel: bool = False,
     free_gains: int = 0,
     free_scale: bool = False,
+    expected: bool = True,
 ) -> Unknowns:
     """Put what is stated of a model's own numbers, by their names, in the words of a search.
 
     What is not stated is free, unless the model has settled it.  ``diffuse`` leaves all but the
     base black.  With ``ks_per_channel`` every amplitude has a value for each channel, not only
-    those that the model colours.
+    those that the model colours.  ``expected`` says whether what the model expects of its numbers
+    counts where no prior is stated; data without a noise do not know how much.
 
     Raises ``ValueError`` that begins with the name of a number whose start is outside its bounds,
     for a name that there is none of, and for a model whose numbers contradict its class.
@@ -211,13 +213,13 @@ def unknowns_of(
         if name not in own:
             raise ValueError(f"{name}: the model has {', '.join(own)}")
 
-    expected = {one.name: Prior(*one.expected) for one in lobe.searched if one.expected}
+    usual = {one.name: Prior(*one.expected) for one in lobe.searched if one.expected and expected}
 
     def sought(name: str, lowest: float, highest: float) -> Unknown:
         try:
             own = stated.get(name, Stated())
             if own.fixed is None and own.prior is None:
-                own = own._replace(prior=expected.get(name))
+                own = own._replace(prior=usual.get(name))
             return own.unknown(lowest, highest)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None

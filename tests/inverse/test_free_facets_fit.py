@@ -11,6 +11,7 @@ from jaxrender.brdf.fresnel import normalised_fresnel
 from jaxrender.geometry import Components
 from jaxrender.inverse import fit_brdf
 from jaxrender.inverse.curves import DEGREES, curves_of
+from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.stated import Prior, Stated
 from jaxrender.inverse.unknowns import unknowns_of
@@ -52,6 +53,10 @@ def test_the_curves_hold_the_truth(kind, density):
     assert nearest.startswith(kind)
     assert float(nearest.split()[-1]) == pytest.approx(SIGMA, rel=0.02)
     assert float(curves["fresnel"].nearest.split()[-1]) == pytest.approx(MU, rel=0.03)
+    # What was to be foreseen is judged alike: by the curve.
+    foreseen = forecast_of_fit(fit, known_light()).identifiable
+    assert all(foreseen.values())
+    assert foreseen == fit.identifiable
 
 
 def test_a_material_of_named_numbers_has_no_such_curves():
@@ -69,6 +74,7 @@ def test_parts_of_a_curve_start_where_they_are_expected_and_are_held_there():
     assert differ == {"sigma", "tail"}
     expected = {one.name: one.expected for one in variant.searched if one.expected}
     assert set(unknowns.with_prior) == set(expected)
+    assert unknowns_of(variant, expected=False).with_prior == ()
     own = Prior(0.1, 0.01)
     assert unknowns_of(variant, {"wave_2": Stated(prior=own)})["wave_2"].prior == own
     assert unknowns_of(variant, {"wave_2": Stated(fixed=0.1)})["wave_2"].prior is None

@@ -13,6 +13,7 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
+from jaxrender.inverse.curves import curves_of, widest_at_the_peak
 from jaxrender.inverse.elimination import Fit, Problem
 from jaxrender.inverse.forecast.causes import causes_of
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
@@ -26,7 +27,12 @@ from jaxrender.inverse.forecast.situation import (
     unknowns_at,
 )
 from jaxrender.inverse.forecast.spectrum import highest_identifiable_degree
-from jaxrender.inverse.intervals import Uncertain, relative_error, within_reach
+from jaxrender.inverse.intervals import (
+    IDENTIFIABLE_WITHIN,
+    Uncertain,
+    relative_error,
+    within_reach,
+)
 from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
@@ -110,6 +116,11 @@ def _forecast(
     )
     free = [*problem.unknowns.free_amplitudes, *problem.unknowns.free_numbers]
     identifiable = {name: within_reach(parameters, name) for name in free}
+    curves = curves_of(foreseen.supposed.brdf, parameters)
+    if curves:
+        # Numbers that describe a curve together mean little one by one.
+        told = widest_at_the_peak(curves) <= IDENTIFIABLE_WITHIN
+        identifiable |= dict.fromkeys(problem.unknowns.free_numbers, told)
     lost = [name for name in free if not identifiable[name]]
     sentences = causes_of(foreseen, problem, lost) if explain else ()
     if explain:
