@@ -50,6 +50,8 @@ _FIRST_RISE = (1.2, 0.4)
 # Glass's index, its rises, and its log F where that of the curve is known.
 _INDEX, _GLASS = 1.5, (1.2559978, 1.7752164, 2.8374245, 3.9516232)
 _KNOTS = np.concatenate([[0.0], np.cumsum(np.log(_GLASS))])
+# Where GGX falls to 1/e of its peak, and where another distribution may (x = tan t_h / sigma).
+_FALLEN, _TRIED = np.sqrt(np.sqrt(np.e) - 1), np.geomspace(0.01, 100, 400)
 # Gauss-Legendre nodes in s = (1 - u)^(1/4): what lies at the horizon is smooth in it.
 _GAUSS = np.polynomial.legendre.leggauss(40)
 _ROOTS, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
@@ -66,6 +68,15 @@ class FreeDistribution(Distribution):
     sigma: Scalar = eqx.field(converter=as_scalar)
     tail: Scalar = eqx.field(converter=as_scalar, default=2.0)
     waves: tuple[Scalar, ...] = ()
+
+    @property
+    def width(self) -> Float[Array, ""]:
+        """The width of the GGX whose density falls to 1/e of its peak where this one first does."""
+        sigma = jnp.asarray(self.sigma, float)
+        squared = jnp.asarray(_TRIED**2, sigma.dtype)
+        peak = self._curve(*jnp.asarray([0.0, 1.0], sigma.dtype))
+        falls = self._curve(squared / (1 + squared), 1 / (1 + squared)) / peak / (1 + squared) ** 2
+        return sigma * jnp.asarray(_TRIED, sigma.dtype)[jnp.argmax(falls < np.exp(-1))] / _FALLEN
 
     def density(self, half: Components) -> Float[Array, "*batch"]:
         """Evaluate D(h) in 1/sr."""
@@ -168,6 +179,11 @@ class FreeFacets(WithoutIndex):
         """How many facets face where."""
         waves = (self.wave_2, self.wave_3, self.wave_4)
         return FreeDistribution(self.sigma, self.tail, waves)
+
+    @property
+    def width(self) -> Float[Array, ""]:
+        """That of the facets' distribution, of which ``sigma`` is but a part."""
+        return self.distribution.width
 
     @property
     def reciprocal(self) -> bool:

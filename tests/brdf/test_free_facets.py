@@ -29,6 +29,14 @@ def test_without_waves_it_is_ggx(sigma):
     assert_allclose(*facing, rtol=3e-5)
 
 
+def test_its_width_is_where_it_falls_to_a_part_of_its_peak():
+    """A steep tail makes it narrow: Beckmann's of .15 falls to 1 / e where tan t is .15."""
+    assert float(FreeDistribution(0.2).width) == pytest.approx(0.2, rel=0.03)
+    beckmann = FreeDistribution(0.15 * np.sqrt(50), 50.0)
+    assert float(beckmann.width) == pytest.approx(0.15 / np.sqrt(np.sqrt(np.e) - 1), rel=0.03)
+    assert float(FreeFacets(GREY, GREY, 1.0, 50.0).width) < 0.2
+
+
 @pytest.mark.parametrize("facets", [ODD, LONG_TAIL])
 def test_the_facets_cover_the_surface_and_hide_one_another_by_the_integral(facets):
     """Both by a quadrature of many nodes over the tilt, and over the azimuth."""
