@@ -96,7 +96,9 @@ def _nearest(
     for words, (low, high), curve in _NAMED[name]:
 
         def off(number: float, curve: Callable = curve) -> float:
-            left = weights * (np.log(np.maximum(curve(np.exp(number)), 1e-300)) - log)
+            # In single precision a steep tail is 0: here it is but very small.
+            values = np.maximum(np.asarray(curve(np.exp(number)), float), 1e-300)
+            left = weights * (np.log(values) - log)
             return float(np.sum(left**2))
 
         found = minimize_scalar(off, bounds=(np.log(low), np.log(high)), method="bounded")
