@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from painted_ball import SOURCE, SOURCES, photographed, task_of, with_sources
 
+from jaxrender.inverse.factorization import blocks
 from jaxrender.inverse.factorization.account import _inverse, _moves
 from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.correction import corrected
@@ -56,6 +57,21 @@ def test_derivatives_of_the_prediction(photographs):
         np.testing.assert_allclose(
             tangents[..., unknown], slope, atol=2e-6 * np.abs(slope).max(), err_msg=str(unknown)
         )
+
+
+def test_rows_are_worked_off_in_blocks_of_one_length(monkeypatch):
+    """Each row is found at its place, and every block has as many."""
+    monkeypatch.setattr(blocks, "SAMPLES_AT_ONCE", 3)
+    seen = []
+
+    def doubled(values, more):
+        seen.append(len(values))
+        return 2 * values + more["one"]
+
+    rows = np.arange(7.0)
+    found = blocks.by_rows(doubled, rows, {"one": np.ones(7)})
+    np.testing.assert_array_equal(found, 2 * rows + 1)
+    assert seen == [3, 3, 3]
 
 
 def test_the_system_by_blocks_is_that_of_whole_matrices(photographs):
