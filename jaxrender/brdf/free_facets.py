@@ -58,8 +58,7 @@ _ROOTS, _WEIGHTS = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
 # Smith's Lambda is a series of Chebyshev polynomials in v / (1 + v), v = sigma tan t.
 _TERMS = 16
 _PLACES = (1 - np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)) / 2
-_SERIES = np.polynomial.chebyshev.chebvander(2 * _PLACES - 1, _TERMS - 1)
-_SERIES = np.linalg.inv(_SERIES)
+_SERIES = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * _PLACES - 1, _TERMS - 1))
 
 
 class FreeDistribution(Distribution):
@@ -95,9 +94,10 @@ class FreeDistribution(Distribution):
         v = sigma * jnp.sqrt(jnp.maximum(squared, float(jnp.finfo(sigma.dtype).eps)))
         x = 2 * v / (1 + v) - 1
         after = before = jnp.zeros_like(x)
-        for coefficient in self._series(sigma)[:0:-1]:
-            after, before = coefficient + 2 * x * after - before, after
-        ratio = self._series(sigma)[0] + x * after - before
+        mean, *terms = self._series(sigma)
+        for term in reversed(terms):
+            after, before = term + 2 * x * after - before, after
+        ratio = mean + x * after - before
         return jnp.maximum(ratio * _ggx_facing(v) - 1, 0)
 
     def _curve(

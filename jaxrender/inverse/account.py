@@ -9,7 +9,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.clusters import Clusters
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
-from jaxrender.inverse.curves import curves_of, widest_at_the_peak
+from jaxrender.inverse.curves import curves_of, reach_at_the_peak
 from jaxrender.inverse.diagnosis import Diagnosis, reaching
 from jaxrender.inverse.intervals import (
     IDENTIFIABLE_WITHIN,
@@ -136,7 +136,7 @@ def judge(
     curves = curves_of(variant, account.parameters)
     # Numbers that describe a curve together mean little one by one.
     of_curve = {one.name for one in variant.searched} if curves else set()
-    wide = widest_at_the_peak(curves)
+    wide = reach_at_the_peak(curves)
     # A prior is held against what the photographs say, be the model right or wrong.
     exact = account.parameters.if_exact or account.parameters
     for name in free:

@@ -41,7 +41,7 @@ class Curve(NamedTuple):
     nearest_values: Float[np.ndarray, "angle"]
 
 
-def widest_at_the_peak(curves: tuple[Curve, ...]) -> float:
+def reach_at_the_peak(curves: tuple[Curve, ...]) -> float:
     """By how much, of itself, the distribution may be off where it is above half its peak.
 
     It is the half width of the band in its logarithm; 0 where there is no such curve.

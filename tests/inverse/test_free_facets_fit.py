@@ -3,15 +3,23 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import ball_samples, known_light, photograph, with_noise
+from inverse_problems import SAMPLES, ball_samples, known_light, photograph, with_noise
 
-from jaxrender.brdf import Microfacet, lobe_named
+from jaxrender.brdf import FreeFacets, Microfacet, lobe_named
 from jaxrender.brdf.distributions import Beckmann, TrowbridgeReitz
 from jaxrender.brdf.fresnel import normalised_fresnel
 from jaxrender.geometry import Components
+from jaxrender.imaging import NoiseModel
+from jaxrender.inverse import curves as curves_module
 from jaxrender.inverse import fit_brdf
 from jaxrender.inverse.curves import DEGREES, curves_of
-from jaxrender.inverse.forecast import forecast_of_fit
+from jaxrender.inverse.forecast import (
+    Situation,
+    Supposed,
+    forecast_material,
+    forecast_of_fit,
+    foresee,
+)
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.stated import Prior, Stated
 from jaxrender.inverse.unknowns import unknowns_of
@@ -57,6 +65,29 @@ def test_the_curves_hold_the_truth(kind, density):
     foreseen = forecast_of_fit(fit, known_light()).identifiable
     assert all(foreseen.values())
     assert foreseen == fit.identifiable
+
+
+def test_a_forecast_judges_the_curve_and_not_its_numbers():
+    """The tail of a distribution that is nearly Beckmann's is told by nothing; the curve is."""
+    facets = FreeFacets(KD, KS, SIGMA * np.sqrt(20), 20.0)
+    situation = Situation(*ball_samples(), known_light())
+    foreseen = foresee(situation, Supposed(facets, NoiseModel(0.01, 0.002)), SAMPLES)
+    forecast = forecast_material(foreseen, explain=False)
+    assert forecast.relative_error("tail") > 0.25
+    assert forecast.identifiable["tail"]
+
+
+def test_the_nearest_curve_is_found_where_single_precision_has_nothing(monkeypatch):
+    """A steep tail is 0 there, whose logarithm must not decide."""
+    words, bounds, density = curves_module._NAMED["distribution"][1]
+    single = (words, bounds, lambda sigma: np.asarray(density(sigma), np.float32))
+    monkeypatch.setitem(curves_module._NAMED, "distribution", (single,))
+    assert np.any(single[2](0.12) == 0)
+    log = np.log(np.maximum(density(0.12), 1e-30))
+    error = np.where(density(0.12) > 1e-6, 0.02, np.inf)
+    with np.errstate(all="raise", under="ignore"):
+        nearest, _ = curves_module._nearest("distribution", log, error)
+    assert nearest == "beckmann, sigma 0.12"
 
 
 def test_a_material_of_named_numbers_has_no_such_curves():

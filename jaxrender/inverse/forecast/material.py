@@ -13,7 +13,7 @@ import numpy as np
 from jaxrender.brdf import Glossy
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.conditioning import WidthEvidence, width_evidence
-from jaxrender.inverse.curves import curves_of, widest_at_the_peak
+from jaxrender.inverse.curves import curves_of, reach_at_the_peak
 from jaxrender.inverse.elimination import Fit, Problem
 from jaxrender.inverse.forecast.causes import causes_of
 from jaxrender.inverse.forecast.information import frame_grams, reading_of
@@ -119,7 +119,7 @@ def _forecast(
     curves = curves_of(foreseen.supposed.brdf, parameters)
     if curves:
         # Numbers that describe a curve together mean little one by one.
-        told = widest_at_the_peak(curves) <= IDENTIFIABLE_WITHIN
+        told = reach_at_the_peak(curves) <= IDENTIFIABLE_WITHIN
         identifiable |= dict.fromkeys(problem.unknowns.free_numbers, told)
     lost = [name for name in free if not identifiable[name]]
     sentences = causes_of(foreseen, problem, lost) if explain else ()
