@@ -110,8 +110,8 @@ def _nearest(
 
 
 def _density(kind: type[TrowbridgeReitz] | type[Beckmann]) -> Callable:
-    angles = jnp.asarray(np.deg2rad(DEGREES))
-    tilted = Components(jnp.sin(angles), jnp.zeros_like(angles), jnp.cos(angles))
+    angles = np.deg2rad(DEGREES)
+    tilted = Components(np.sin(angles), np.zeros_like(angles), np.cos(angles))
     return lambda sigma: np.asarray(kind(sigma).density(tilted))
 
 

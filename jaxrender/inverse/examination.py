@@ -124,9 +124,10 @@ def _misfit(task: MaterialTask, state: State, told: Told, freed: tuple[str, ...]
         physical = task.unknowns.unpack(stop.fit.solution.point)
         near = LinearisedModel.about(task.integral(some, nodes), physical.numbers, ())
         data = stop.data._replace(frame=frame)
-        predicted = task.problem.columns(near, data, physical).times(stop.fit.linear.amplitudes)
+        columns = task.problem.columns(near, data, physical).map(np.asarray)
+        predicted = columns.times(np.asarray(stop.fit.linear.amplitudes))
         threes = np.arange(rows.size)
-        neighbours = Left(some.take(threes), np.asarray(predicted)[threes])
+        neighbours = Left(some.take(threes), predicted[threes])
     given = task.settings.noise
     if task.settings.refine:
         return measure_misfit(fitted, neighbours, given)

@@ -70,7 +70,9 @@ class Columns(eqx.Module):
         """Change every column alike."""
         return Columns(*map(change, self.parts), shaped=self.shaped)
 
-    def times(self, amplitudes: Float[Array, "lobe channel"]) -> Float[Array, "sample channel"]:
+    def times(
+        self, amplitudes: Float[AnyArray, "lobe channel"]
+    ) -> Float[AnyArray, "sample channel"]:
         """Add up what the lobes reflect at given amplitudes."""
         # One after the other: the order of the sum is the order of the lobes.
         total = amplitudes[0][None, :] * self.parts[0]
@@ -260,8 +262,8 @@ class LinearisedModel(eqx.Module):
 
         By what does not vary they are zero.
         """
-        none = tuple(jnp.zeros_like(self.at.parts[at]) for at in self.at.shaped)
-        slopes = (self.slopes.get(name, none) for name in names)
+        shaped = [self.at.parts[at] for at in self.at.shaped]
+        slopes = (self.slopes.get(name) or map(jnp.zeros_like, shaped) for name in names)
         return (*self.at, *(slope for each in slopes for slope in each))
 
 

@@ -58,7 +58,7 @@ def uncertain_parameters(
     drawn = Drawn(data, shares, half)
     factor = np.asarray(variance_factor)
     value, covariance, apart, influence, variance = _propagate(
-        problem, model, drawn, *end, held, noise_given, factor
+        problem, model, drawn, *end, held, np.asarray(noise_given), factor
     )
     value = jax.tree.map(lambda leaf: np.asarray(leaf, float), value)
     most = scipy.stats.chi2.ppf(_HALVES_AGREE, max(int(np.sum(~held)), 1))
@@ -122,7 +122,7 @@ def _propagate(
     point: Float[Array, "unknown"],
     eliminated: Float[Array, "linear"],
     held: Bool[AnyArray, "all"],
-    noise_given: bool,
+    noise_given: Bool[AnyArray, ""],
     factor: Float[AnyArray, ""],
 ) -> Propagated:
     data, shares, half = drawn
@@ -137,8 +137,8 @@ def _propagate(
         left = residual(vector)
         freedom = left.size - jnp.sum((~held).astype(left.dtype))
         variance = jnp.sum(left**2) / freedom
-        variance = factor * (jnp.maximum(variance, 1) if noise_given else variance)
-        prior = jnp.diag(_prior(problem, vector))
+        variance = factor * jnp.where(noise_given, jnp.maximum(variance, 1), variance)
+        prior = jnp.diag(prior_information(problem, vector))
         channels = left.size // shares.shape[0]
         own, in_half = (jnp.repeat(jnp.asarray(part), channels) for part in (shares, half))
 
@@ -164,8 +164,8 @@ def _propagate(
         )
 
 
-def _prior(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
-    """Say what is known of the search variables and amplitudes beforehand.
+def prior_information(problem: Problem, vector: Float[Array, "all"]) -> Float[Array, "all"]:
+    """Say what is known of search variables and eliminated unknowns beforehand: 1 / variance.
 
     That is what their own priors say, and what the bounds of the numbers say.  The bounds matter
     only where the data say nothing: the error of such a parameter stays that of its range, and does

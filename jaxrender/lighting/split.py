@@ -51,8 +51,8 @@ class LightSplit(eqx.Module):
     @property
     def slow_energy(self) -> float:
         """The fraction of the light's energy that is left in the slow part."""
-        slow = float(np.sum(self.slow.nodes().irradiance))
-        total = slow + float(np.sum(self.sources.irradiance))
+        slow = float(np.sum(np.asarray(self.slow.nodes().irradiance)))
+        total = slow + float(np.sum(np.asarray(self.sources.irradiance)))
         return slow / total if total > 0 else 1.0
 
 

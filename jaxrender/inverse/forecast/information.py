@@ -22,6 +22,7 @@ import numpy as np
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast.situation import Foreseen, unknowns_at
 from jaxrender.inverse.parameters import to_parameters
+from jaxrender.inverse.uncertainty import prior_information
 from jaxrender.programs import stored
 from jaxrender.shapes import Array, Float
 
@@ -103,7 +104,7 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     point, eliminated = unknowns_at(problem, brdf)
     vector = jnp.asarray(np.concatenate([point, eliminated]))
 
-    first, slopes, value, spread = (np.array(part) for part in _slopes(problem, vector))
+    first, slopes, value, spread, prior = (np.array(part) for part in _slopes(problem, vector))
     at_bound = (eliminated <= np.asarray(problem.lower)) | (eliminated >= np.asarray(problem.upper))
     held = np.concatenate([known.at_bound(jnp.asarray(point)), at_bound])
     channels, lobes = len(slopes), len(known.amplitudes)
@@ -112,9 +113,6 @@ def reading_of(problem: Problem, foreseen: Foreseen) -> Reading:
     value -= [known.origins.get(name, 0.0) for name in names]
     asked = np.any((spread != 0) & ~held[None], axis=1) & (value != 0)
     first[:, lobes:] = 0
-    of_range = known.range_information(jnp.asarray(point))
-    prior = np.concatenate([np.asarray(of_range), np.zeros(len(eliminated))])
-    prior += _of_priors(problem, vector)
     stands_for = np.array([*known.names, *_linear_names(problem)])
     steps = [
         value[names.index(name)] / spread[names.index(name), at]
@@ -142,16 +140,9 @@ def _linear_names(problem: Problem) -> list[str]:
     return [known.amplitude_names[at[0]] if len(at) == 1 else "scale" for at in single]
 
 
-def _of_priors(problem: Problem, vector: Float[Array, "unknown"]) -> Float[np.ndarray, "unknown"]:
-    """Say what the numbers' own priors tell about each unknown."""
-    if problem.priors is None:
-        return np.zeros(len(vector))
-    return np.asarray(problem.priors.information(problem.unknowns, vector))
-
-
 @stored(effort="least")
 def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
-    """Evaluate amplitudes and parameters at a point, each with its derivatives."""
+    """Evaluate amplitudes and parameters at a point, each with its derivatives, and the prior."""
     known = problem.unknowns
     searched = len(known.names)
 
@@ -172,6 +163,7 @@ def _slopes(problem: Problem, vector: Float[Array, "unknown"]) -> tuple:
         jax.jacfwd(amplitudes)(vector),
         parameters(vector),
         jax.jacfwd(parameters)(vector),
+        prior_information(problem, vector),
     )
 
 

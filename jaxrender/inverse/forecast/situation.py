@@ -223,7 +223,7 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
 
 
 def _mixed(brdf: Parametric, columns: Columns) -> Float[np.ndarray, "sample channel"]:
-    amplitudes = np.asarray(brdf.amplitudes, float)
+    amplitudes = [np.asarray(getattr(brdf, name), float) for name in brdf.amplitude_names]
     return np.sum([a[None] * np.asarray(part) for a, part in zip(amplitudes, columns)], axis=0)
 
 
