@@ -23,7 +23,12 @@ from jaxrender.inverse.models import DualModel, LinearisedModel
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.passes import FitSettings, Stop, in_deviations
 from jaxrender.inverse.prepared_light import PreparedLight
-from jaxrender.inverse.reasons import MOVED, not_identifiable, out_of_reach_by_misfit
+from jaxrender.inverse.reasons import (
+    MOVED,
+    made_up_for,
+    not_identifiable,
+    out_of_reach_by_misfit,
+)
 from jaxrender.inverse.shadowing import shadows_of
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.uncertainty import uncertain_parameters
@@ -164,7 +169,7 @@ def judge(
                 "one of the two is wrong"
             )
         elif not reached:
-            reasons.append(_why(name, account, variant))
+            reasons.append(_why(name, account, variant, free))
     if wide > IDENTIFIABLE_WITHIN:
         reasons.append(
             "the distribution of facets is not identifiable: above half its peak its 90 % band "
@@ -193,9 +198,11 @@ def _is_stated(name: str, unknown: Unknown, variant: Parametric) -> bool:
     return unknown.lower > low or unknown.upper < high
 
 
-def _why(name: str, account: Account, variant: Parametric) -> str:
-    """Say why a parameter is not identifiable."""
+def _why(name: str, account: Account, variant: Parametric, free: list[str]) -> str:
+    """Say why a parameter is not identifiable; ``free`` are all that may make up for it."""
     sentence = not_identifiable(name, account.parameters)
+    other = made_up_for(name, free, account.parameters)
+    sentence = f"{sentence}; {other}" if other else sentence
     if account.diagnosis and out_of_reach_by_misfit(name, account.parameters):
         return f"{sentence}; {MOVED}"
     if name in variant.amplitude_names or name in variant.sums:
