@@ -124,8 +124,8 @@ def _misfit(task: MaterialTask, state: State, told: Told, freed: tuple[str, ...]
         physical = task.unknowns.unpack(stop.fit.solution.point)
         near = LinearisedModel.about(task.integral(some, nodes), physical.numbers, ())
         data = stop.data._replace(frame=frame)
-        columns = task.problem.columns(near, data, physical).map(np.asarray)
-        predicted = columns.times(np.asarray(stop.fit.linear.amplitudes))
+        columns = task.problem.columns(near, data, physical)
+        predicted = columns.times_on_host(np.asarray(stop.fit.linear.amplitudes))
         threes = np.arange(rows.size)
         neighbours = Left(some.take(threes), predicted[threes])
     given = task.settings.noise

@@ -22,7 +22,7 @@ from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
 TYPICAL_MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
@@ -142,7 +142,7 @@ def foreseen_of(
     shares: Float[np.ndarray, "sample"] | None = None,
 ) -> Foreseen:
     """Weigh what a model predicts by the noise to be expected, and by the samples' shares."""
-    radiance = _mixed(supposed.brdf, near.at)
+    radiance = near.at.times_on_host(_amplitudes(supposed.brdf))
     weights = weights_of(supposed.noise, radiance)
     if shares is not None:
         weights = weights * np.sqrt(shares)[:, None]
@@ -219,12 +219,11 @@ def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "
     nodes = exact_nodes(light, frame, float(brdf.width), _COARSE)
     model = ExactModel(kind_of(brdf), samples, nodes)
     columns = _columns(model, numbers_of(brdf))
-    return _mixed(brdf, columns)
+    return columns.times_on_host(_amplitudes(brdf))
 
 
-def _mixed(brdf: Parametric, columns: Columns) -> Float[np.ndarray, "sample channel"]:
-    amplitudes = [np.asarray(getattr(brdf, name), float) for name in brdf.amplitude_names]
-    return np.sum([a[None] * np.asarray(part) for a, part in zip(amplitudes, columns)], axis=0)
+def _amplitudes(brdf: Parametric) -> list[Float[AnyArray, "channel"]]:
+    return [getattr(brdf, name) for name in brdf.amplitude_names]
 
 
 @eqx.filter_jit
