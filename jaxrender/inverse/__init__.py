@@ -36,7 +36,7 @@
     the whole recovery of a BRDF under known light (T 6.4.2); what it works on; how it begins, in
     the frequency view and without; which lobes of a bank the photographs ask for
 ``comparison`` ``interreflection``
-    several models judged by held-out samples; the bounces of a diffuse concave object (T 6.6)
+    several models judged by held-out samples; light that a concave object sends itself (T 6.6)
 ``lighting``
     the light from a known material: its coefficients, or a map of directions (T 6.4.3)
 ``factorization``

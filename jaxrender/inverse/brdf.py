@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Bank, Glossy, Parametric
+from jaxrender.brdf import Bank, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.account import account_for, error_bars, judge
@@ -45,6 +45,7 @@ from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.leverage import draw, leverage
 from jaxrender.inverse.material_task import MaterialTask, Stage
 from jaxrender.inverse.misfit import Misfit
+from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.nuisances import Told
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
@@ -125,8 +126,8 @@ def fit_brdf(
     have places.  ``pool`` are all pixels that the observations were drawn from: neighbours among
     them tell the noise, and on a convex shape the refinement draws from it.
 
-    Raises ``ValueError`` for fewer samples than unknowns, where light is to bounce off a base that
-    is not Lambertian, and for nuisances that there are none of or no room for.
+    Raises ``ValueError`` for fewer samples than unknowns, for a bank whose light is
+    to bounce, and for nuisances that there are none of or no room for.
     """
     check_free(settings.free)
     problem = Problem.of(unknowns, observations.radiance.shape[1])
@@ -136,10 +137,10 @@ def fit_brdf(
         quick, prepared = fit_by_frequency(task)
         choice = Choice(quick.observations, np.asarray(quick.fit.predicted))
     else:
-        if settings.interreflection and not _has_lambertian_base(variant):
+        if settings.interreflection and isinstance(variant, Bank):
             raise ValueError(
-                "interreflection is that of a Lambertian base, which this model has not: leave "
-                "solve.interreflection out, or choose a glossy model"
+                "a bank is not refined, and learns nothing of bounced light: leave "
+                "solve.interreflection out, or choose another model"
             )
         with stage("solve"):
             if isinstance(variant, Bank):
@@ -184,10 +185,6 @@ def fit_brdf(
         examined.diagnosis,
         calibration,
     )
-
-
-def _has_lambertian_base(variant: Parametric) -> bool:
-    return isinstance(variant, Glossy) and variant.has_frequency_view
 
 
 class Choice(NamedTuple):
@@ -240,13 +237,13 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
     if shape is None or not settings.interreflection:
         return _Refined(stop)
 
-    def refit(before: Stop, bounced: Float[np.ndarray, "sample channel"]) -> Stop:
+    def refit(before: Stop, bounced: ExactModel) -> Stop:
         at = np.asarray(before.fit.predicted)
         brighter = WithBounced(model, bounced)
         return descend(before.problem, brighter, some, before.onward(at), settings)
 
     with stage("interreflection"):
-        return _Refined(*fit_with_bounces(stop, shape, light, refit))
+        return _Refined(*fit_with_bounces(stop, task.material, shape, light, refit))
 
 
 def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:

@@ -1,78 +1,102 @@
-"""Interreflections of a diffuse concave object, found along with its albedo (T 6.6).
+"""Interreflections of a concave object, found along with its material (T 6.6).
 
-T 6.6 proposes to iterate, as Yu et al. do.  With the albedo found so far, compute the light that
-bounces between parts of the object; give it to the model as more irradiance, and fit again.  The
-secant of two rounds gives the albedo for which the supposed and the found one agree.
+T 6.6 proposes to iterate, as Yu et al. do.  With the material found so far, compute the light that
+bounces between parts of the object; give it to the model as more light, and fit again.  The secant
+of two rounds gives the albedo for which the supposed and the found one agree.
 
-The bounced light enters the diffuse part only.  Its specular reflection is left out, and so are
-bounces off the specular part.  Error bars take the bounced light as known.
+Light that has bounced once is sent on by every lobe as it is, gloss included, and light that has
+bounced more often as by a matt surface (``reflection.indirect``).  Every lobe reflects both.  Error
+bars take the bounced light as known.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Lambertian, Parametric
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
-from jaxrender.inverse.models import Columns, Model, Numbers, Rows
+from jaxrender.inverse.models import Columns, ExactModel, Model, Numbers, Rows, columns_under
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.shadowing import hidden_fraction, places_of
 from jaxrender.lighting import LightNodes
-from jaxrender.reflection import integral_columns, interpolated, visible_nodes
+from jaxrender.programs import stored
+from jaxrender.reflection import FrameNodes, integral_columns, interpolated, visible_nodes
+from jaxrender.reflection.indirect import Gathered, Outside, Rays, Sender
 from jaxrender.reflection.interreflection import Interreflection
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Array, Float
 
-# The diffuse part shows no finer detail of the environment than this (radians).
+# The light from outside is condensed to cells of so many radians, where it bounces.
 _CELL = 0.1
 # A rough estimate takes wider cells, and fewer rays a vertex.
 _WIDE_CELL, _FEW_RAYS = 0.25, 64
-# Rounds until kd moves by less than this part of the largest.
+# Rays of each sample, spread as a cosine and about the mirror direction; of each pixel as many.
+_MATT_RAYS, _GLOSSY_RAYS, _PIXEL_RAYS = 512, 128, 16
+# Rounds until no amplitude moves by more than this part of the largest.
 _SETTLED, _MOST_ROUNDS = 1e-4, 12
-# Vertices that meet the light at once.
+# Vertices that meet the light at once, and pixels whose rays are traced at once.
 _PLACES_AT_ONCE = 4096
 
 
 class WithBounced(eqx.Module):
-    """A model with more diffuse light than its own: that which comes from the object itself."""
+    """A model under more light than its own: that which comes from the object itself."""
 
     model: Model
-    bounced: Float[AnyArray, "sample channel"]
+    bounced: ExactModel
 
     def columns(self, numbers: Numbers) -> Columns:
-        """Add the bounced irradiance to the diffuse column."""
-        diffuse, specular = self.model.columns(numbers)
-        return Columns(diffuse + jnp.asarray(self.bounced), specular)
+        """Add up the columns of both lights."""
+        own, more = self.model.columns(numbers), self.bounced.columns(numbers)
+        return Columns(*(a + b for a, b in zip(own, more, strict=True)), shaped=own.shaped)
 
     def take(self, index: Rows) -> "WithBounced":
         """Keep the samples of the given indices."""
-        return WithBounced(self.model.take(index), self.bounced[index])
+        return WithBounced(self.model.take(index), self.bounced.take(index))
 
 
 class Bounced(NamedTuple):
-    """The light that bounces: at the mesh's vertices for each photograph (one where all share it).
+    """The light that bounces: what the mesh sends in each photograph (one where all share it).
 
-    ``part`` is what it adds to the direct irradiance of the samples, on average; ``rounds`` says
-    how many fits it took, ``settled`` whether that was enough.
+    ``part`` is what it adds to the samples' radiance, on average; ``rounds`` says how many fits it
+    took, ``settled`` whether that was enough.
     """
 
-    at_vertices: Float[np.ndarray, "frame vertex channel"]
+    senders: tuple[Sender, ...]
     part: float
     rounds: int
     settled: bool
     kd_without: Float[np.ndarray, "channel"]
 
-    def irradiance(
-        self, mesh: Mesh, view: SurfaceView, frame: int
+    def radiance(
+        self, brdf: Parametric, view: SurfaceView, frame: int
     ) -> Float[np.ndarray, "pixel channel"]:
         """Find what bounced light adds at the pixels of photograph ``frame`` that hit the mesh."""
-        field = self.at_vertices[frame if len(self.at_vertices) > 1 else 0]
-        places = view.face[view.hit], view.barycentric[view.hit]
-        return interpolated(field, mesh.faces, *places)
+        sender = self.senders[frame if len(self.senders) > 1 else 0]
+        at = view.face[view.hit], view.barycentric[view.hit]
+        bounced = interpolated(sender.bounced, sender.mesh.faces, *at)
+        found = sender._replace(brdf=brdf).base * bounced
+        if not sender.glossy:
+            return found
+        lobes, count = [*brdf.shaped()], len(found)
+        amplitudes = np.asarray(brdf.amplitudes)[lobes]
+        for first in range(0, count, _PLACES_AT_ONCE):
+            # As many each time, for one program.
+            rows = np.resize(np.arange(first, min(first + _PLACES_AT_ONCE, count)), _PLACES_AT_ONCE)
+            places = SurfacePlaces(
+                *(part[view.hit][rows] for part in (view.points, view.geometric_normals))
+            )
+            samples = SurfaceSamples(
+                *(part[view.hit][rows] for part in (view.normals, view.outgoing))
+            )
+            rays = Rays.of(samples, float(brdf.width), _PIXEL_RAYS, _PIXEL_RAYS)
+            gathered = Gathered.along(sender.mesh, places, rays)
+            nodes = gathered.nodes((sender,), np.zeros(len(rows), int))
+            columns = np.asarray(_columns(brdf, samples, nodes))[:, lobes]
+            found[rows] += np.einsum("slc,lc->sc", columns, amplitudes)
+        return found
 
 
 class PossibleBounces(NamedTuple):
@@ -101,12 +125,12 @@ def possible_bounces(
 
 
 class _Round(NamedTuple):
-    """One round: the kd that bounced, and the kd that was found with those bounces."""
+    """One round: the amplitudes that bounced, and those that were found with those bounces."""
 
-    supposed: Float[np.ndarray, "channel"]
-    found: Float[np.ndarray, "channel"]
+    supposed: Float[np.ndarray, "lobe channel"]
+    found: Float[np.ndarray, "lobe channel"]
 
-    def next(self, before: "_Round | None") -> Float[np.ndarray, "channel"]:
+    def next(self, before: "_Round | None") -> Float[np.ndarray, "lobe channel"]:
         """Suppose what was found or, after two rounds, where the secant has both agree.
 
         More bounces make the albedo found darker, and fewer make it brighter.  So plain rounds
@@ -119,44 +143,62 @@ class _Round(NamedTuple):
         slope = np.where(run != 0, rise / np.where(run != 0, run, 1), 0)
         return self.supposed + (self.found - self.supposed) / (1 - np.clip(slope, -5, 0.5))
 
+    @property
+    def moved(self) -> float:
+        """How far the amplitudes are from those supposed, as a part of the largest."""
+        return float(np.max(np.abs(self.found - self.supposed)) / np.max(np.abs(self.found)))
+
 
 def fit_with_bounces(
     stop: Stop,
+    material: Callable[[Stop], Parametric],
     shape: Shape,
     light: KnownLight,
-    refit: Callable[[Stop, Float[np.ndarray, "sample channel"]], Stop],
+    refit: Callable[[Stop, ExactModel], Stop],
 ) -> tuple[Stop, Bounced]:
-    """Fit and bounce in turn until the albedo settles.
+    """Fit and bounce in turn until the amplitudes settle.
 
-    ``refit`` continues a fit with the bounced irradiance of its samples.  Raises ``ValueError`` for
-    a concave shape that is no mesh, whose vertices are to hold the light.
+    ``material`` says what a fit has found, and ``refit`` continues one under the bounced light of
+    its samples as well.  Raises ``ValueError`` for a concave shape that is no mesh, whose vertices
+    are to hold the light.
     """
     if not isinstance(shape, Mesh):
         raise ValueError("interreflections are computed on a mesh's vertices: give a mesh")
     exchange = Interreflection.of(shape)
-    observed = stop.observations
-    frames = np.zeros(observed.count, int)
-    if light.varies:
-        frames = np.asarray(observed.frame)
-    direct = [direct_irradiance(shape, light.of_frame(k)) for k in range(light.frames)]
-    to_samples = exchange.gathering(places_of(observed), np.asarray(observed.samples.normals))
-    without = supposed = _kd(stop)
+    observed, variant = stop.observations, material(stop)
+    frames = np.asarray(observed.frame) if light.varies else np.zeros(observed.count, int)
+    lit = [outside(shape, light.of_frame(k)) for k in range(light.frames)]
+    glossy = _GLOSSY_RAYS if Sender.of(exchange, variant, lit[0]).glossy else 0
+    rays = Rays.of(observed.samples, float(variant.width), _MATT_RAYS, glossy)
+    gathered = Gathered.along(shape, places_of(observed), rays)
+    without = supposed = _amplitudes(stop)
     before: _Round | None = None
-    rounds, settled = 0, False
+    rounds, settled, senders = 0, False, ()
     while not settled and rounds < _MOST_ROUNDS:
         rounds += 1
-        albedo = np.clip(np.pi * supposed, 0, 1)
-        total = np.stack([exchange.total(one, albedo) for one in direct])
-        gathered = np.stack([to_samples @ one for one in total])
-        bounced = albedo * gathered[frames, np.arange(observed.count)]
-        stop = refit(stop, bounced)
-        now = _Round(supposed, _kd(stop))
-        settled = bool(np.max(np.abs(now.found - supposed)) <= _SETTLED * np.max(now.found))
+        sent = material(stop).with_amplitudes(*supposed)
+        senders = tuple(Sender.of(exchange, sent, one) for one in lit)
+        nodes = gathered.nodes(senders, frames)
+        stop = refit(stop, ExactModel(variant, observed.samples, (nodes,)))
+        now = _Round(supposed, _amplitudes(stop))
+        settled = now.moved <= _SETTLED
         before, supposed = now, now.next(before)
-    direct_part = np.sum(np.asarray(_diffuse_of(stop)) - bounced)
-    part = float(np.sum(bounced) / max(float(direct_part), 1e-300))
-    found = Bounced(total - np.stack(direct), part, rounds, settled, without)
-    return stop, found
+    added = np.asarray(_columns(material(stop), observed.samples, nodes))
+    more = float(np.sum(added * _amplitudes(stop)[None]))
+    part = more / max(float(np.sum(np.asarray(stop.fit.predicted))) - more, 1e-300)
+    return stop, Bounced(senders, part, rounds, settled, without[0])
+
+
+@stored(effort="less")
+def _columns(
+    brdf: Parametric, samples: SurfaceSamples, nodes: FrameNodes
+) -> Float[Array, "sample lobe channel"]:
+    return columns_under(brdf, samples, nodes)
+
+
+def outside(mesh: Mesh, light: KnownLight) -> Outside:
+    """Trace what reaches each vertex from outside."""
+    return Outside.on(mesh, _nodes(light, _CELL), direct_irradiance(mesh, light))
 
 
 def added_by_bounces(
@@ -187,10 +229,7 @@ def direct_irradiance(
     """
     white = Lambertian(np.ones(light.directional.irradiance.shape[1]))
     everywhere = SurfacePlaces.of_vertices(mesh)
-    # Of one photograph, so that all of it is in the first part.
-    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
-    assert isinstance(nodes, LightNodes)
-    found = []
+    nodes, found = _nodes(light, cell), []
     for first in range(0, len(mesh.vertices), _PLACES_AT_ONCE):
         part = slice(first, first + _PLACES_AT_ONCE)
         places = SurfacePlaces(*(np.asarray(a)[part] for a in everywhere))
@@ -201,11 +240,13 @@ def direct_irradiance(
     return np.concatenate(found)
 
 
-def _kd(stop: Stop) -> Float[np.ndarray, "channel"]:
-    """The diffuse value that the photographs show; an unknown scale of the light is in it."""
-    return np.asarray(stop.fit.linear.amplitudes[0], float)
+def _nodes(light: KnownLight, cell: float) -> LightNodes:
+    """List the point masses of the light of one photograph, so that they are one part."""
+    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
+    assert isinstance(nodes, LightNodes)
+    return nodes
 
 
-def _diffuse_of(stop: Stop) -> Float[AnyArray, "sample channel"]:
-    physical = stop.problem.unknowns.unpack(jnp.asarray(stop.fit.solution.point))
-    return stop.model.columns(physical.numbers).diffuse
+def _amplitudes(stop: Stop) -> Float[np.ndarray, "lobe channel"]:
+    """The amplitudes that the photographs show; an unknown scale of the light is in them."""
+    return np.asarray(stop.fit.linear.amplitudes, float)

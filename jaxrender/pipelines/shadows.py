@@ -45,7 +45,7 @@ def sentence_on(bounced: dict[str, Any]) -> str:
     if "part" in bounced:
         end = "" if bounced["settled"] else ", which did not settle"
         return (
-            "the shape is not convex: its shadows on itself are modelled, and diffuse "
+            "the shape is not convex: its shadows on itself are modelled, and "
             f"interreflections, which add {100 * bounced['part']:.1f} % to the light "
             f"({bounced['rounds']} rounds of the fit{end})"
         )
@@ -55,7 +55,7 @@ def sentence_on(bounced: dict[str, Any]) -> str:
     return (
         f"{sentence}; they may add {100 * bounced['estimate']:.1f} % to the light "
         f"(mean albedo {bounced['albedo']:.2f} x hidden fraction {bounced['hidden_fraction']:.2f}; "
-        "solve.interreflection models those of a diffuse object)"
+        "solve.interreflection models them)"
     )
 
 

@@ -16,6 +16,8 @@
 ``dual``
     the model of T 6.9: diffuse and slow light in frequency, fast light in angle (T 6.12 with
     shadows)
+``interreflection`` ``indirect``
+    light that parts of a concave object send to one another, matt or glossy (T 6.6)
 ``transfer``
     transfer vectors (T 6.10): diffuse light on shapes that shadow themselves
 ``tabulated``

@@ -11,7 +11,7 @@ faces, so the integral is one sparse matrix G, a mean over cosine-distributed ra
 
 is solved by following the bounces, each of which is weaker by albedo times what is hidden.  In the
 inside of a sphere, of which a part f of the whole sphere is there, G is f times the mean, so that
-mean E = mean E_0 / (1 - albedo f).  Host side; the specular lobe takes no part.
+mean E = mean E_0 / (1 - albedo f).  Host side; how gloss sends light on says ``indirect``.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ import numpy as np
 from scipy import sparse
 
 from jaxrender.geometry import Mesh, SurfacePlaces, world_from_local
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.shapes import AnyArray, Float, Int
 
 # Rays start this far above the surface, as part of the diagonal.
 _ABOVE = 1e-4
@@ -30,6 +30,21 @@ _RAYS_AT_ONCE = 2**20
 # no end, and stops here.
 _SETTLED, _MOST_BOUNCES = 1e-6, 500
 _GOLDEN = np.pi * (3 - np.sqrt(5))
+
+
+class Met(NamedTuple):
+    """Rays of places that meet the front of the object: whose, which of its rays, and where."""
+
+    place: Int[np.ndarray, "met"]
+    ray: Int[np.ndarray, "met"]
+    face: Int[np.ndarray, "met"]
+    barycentric: Float[np.ndarray, "met 3"]
+
+    def mean(self, places: int, rays: int, mesh: Mesh) -> sparse.csr_matrix:
+        """Make the matrix from a field at the vertices to its mean over each place's rays."""
+        rows = np.repeat(self.place, 3)
+        columns, values = mesh.faces[self.face].ravel(), self.barycentric.ravel() / rays
+        return sparse.csr_matrix((values, (rows, columns)), (places, len(mesh.vertices)))
 
 
 class Interreflection(NamedTuple):
@@ -93,31 +108,26 @@ def gathering(
     for first in range(0, len(normals), step):
         part = slice(first, first + step)
         some = SurfacePlaces(*(np.asarray(field, float)[part] for field in places))
-        towards = _cosine_rays(np.asarray(normals, float)[part], turns[part], rays)
-        parts.append(_met_along(mesh, some, towards))
+        towards = cosine_rays(np.asarray(normals, float)[part], turns[part], rays)
+        parts.append(met_along(mesh, some, towards).mean(len(towards), rays, mesh))
     return sparse.csr_matrix(sparse.vstack(parts))
 
 
-def _met_along(
+def met_along(
     mesh: Mesh, places: SurfacePlaces, directions: Float[np.ndarray, "place ray 3"]
-) -> sparse.csr_matrix:
-    """Trace the rays of some places."""
+) -> Met:
+    """Trace the rays of some places; they come place by place."""
     geometric = places.geometric_normals
     origins = places.points + _ABOVE * mesh.diagonal() * geometric
-    count, rays = directions.shape[:2]
     above = np.einsum("pri,pi->pr", directions, geometric) > 0
     place, ray = np.nonzero(above)
     hits = mesh.first_hits(origins[place], directions[place, ray])
     facing = np.einsum("ri,ri->r", hits.geometric_normals, directions[place, ray]) < 0
     met = hits.hit & facing
-    corners = mesh.faces[hits.face[met]]
-    rows = np.repeat(place[met], 3)
-    values = hits.barycentric[met].ravel() / rays
-    shape = (count, len(mesh.vertices))
-    return sparse.csr_matrix((values, (rows, corners.ravel())), shape)
+    return Met(place[met], ray[met], hits.face[met], hits.barycentric[met])
 
 
-def _cosine_rays(
+def cosine_rays(
     normals: Float[np.ndarray, "place 3"], turns: Float[np.ndarray, "place"], rays: int
 ) -> Float[np.ndarray, "place ray 3"]:
     """Spread directions evenly over the unit disc and lift them to the hemisphere."""

@@ -148,13 +148,6 @@ def test_the_response_is_the_integral(brdf):
     assert response.thinned(3).columns(guess).specular.shape == (len(samples.normals[::3]), 11)
 
 
-def test_what_needs_the_frequency_view_is_refused():
-    noisy = photograph(BRUSHED, *ball_samples())
-    settings = FitSettings(interreflection=True)
-    with pytest.raises(ValueError, match="interreflection is that of a Lambertian base"):
-        fit_brdf(noisy, known_light(), unknowns_of(BRUSHED), BRUSHED, settings)
-
-
 def test_degrees_of_the_light_are_foreseen_as_by_frequency():
     samples, frame = ball_samples()
     situation, noise = (

@@ -196,10 +196,7 @@ _OF_SETTINGS = (
     Case(
         lambda config: f"model {_by_integral(config)[0]}",
         lambda config: bool(_by_integral(config)),
-        {
-            "solve.interreflection": "is not a lobe over a Lambertian base",
-            "solve.model": "has no lobe about the reflected direction",
-        },
+        {"solve.model": "has no lobe about the reflected direction"},
         {"solve.model": ("dual",)},
         instead="choose another model",
     ),
@@ -213,6 +210,12 @@ _OF_SETTINGS = (
         "a material that the integral alone fits",
         lambda config: len(_by_integral(config)) == len(config.brdf.models),
         {"lighting.split": "uses the whole light"},
+        instead="choose another model",
+    ),
+    Case(
+        "model bank",
+        lambda config: "bank" in config.brdf.models,
+        {"solve.interreflection": "is fitted once, before there is light that bounces"},
         instead="choose another model",
     ),
     Case(

@@ -88,7 +88,7 @@ class SolveConfig(Section):
     held_out: OpenFraction = 0.2
     """Part of the samples that brdf.compare keeps out of the fits, to compare the models."""
     interreflection: Switch = False
-    """Whether the fit models light that bounces inside a concave diffuse object (T 6.6)."""
+    """Whether the fit models light that bounces between parts of a concave object (T 6.6)."""
 
     @model_validator(mode="after")
     def _names_what_it_frees(self) -> SolveConfig:

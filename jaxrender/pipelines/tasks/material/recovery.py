@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxrender.brdf import BRDF, Bank, Glossy, Parametric
-from jaxrender.geometry import Mesh
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
 from jaxrender.inverse.brdf_table import check_correctable, correct_by_table
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
@@ -145,11 +144,9 @@ class MaterialRecovery(Recovery):
         images = [np.sum(of_view, axis=0) for of_view in zip(*map(rendered, parts), strict=True)]
         bounced = finding.fit.bounced
         if bounced is not None:
-            assert isinstance(finding.shape, Mesh)
             images = [np.array(image) for image in images]
             for k, view in enumerate(views):
-                more = bounced.irradiance(finding.shape, view, k)
-                images[k][view.hit] += np.asarray(material.kd) * more
+                images[k][view.hit] += bounced.radiance(material, view, k)
         gain = gains if len(gains) > 1 else np.ones(len(images))
         images = [scale * gain[k] * image for k, image in enumerate(images)]
         if calibration is None:
