@@ -230,7 +230,7 @@ def test_a_bad_config_is_said_and_ends_with_2(calls, capsys):
 )
 def test_a_missing_file_ends_with_2(calls, capsys, arguments):
     assert cli.main(arguments) == 2
-    assert capsys.readouterr() == ("", f"{arguments[1]}: no such file\n")
+    assert capsys.readouterr() == ("", f"{arguments[1]}: no such file; mend the path\n")
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def run_process(*arguments, **environment):
 def test_a_process_shows_no_traceback(tmp_path):
     found = run_process("-m", "jaxrender", "fit", str(tmp_path / "nope.yaml"))
     assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr == f"{tmp_path / 'nope.yaml'}: no such file\n"
+    assert found.stderr == f"{tmp_path / 'nope.yaml'}: no such file; mend the path\n"
 
 
 def test_a_reader_that_has_read_enough_is_no_trouble():

@@ -207,8 +207,10 @@ def _checked_pose(world_from_camera: Float[AnyArray, "4 4"]) -> Float[np.ndarray
             f"world_from_camera's last row is {pose[3]}, not 0 0 0 1: is the matrix transposed?"
         )
     rotation = pose[:3, :3]
-    deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if deviation > POSE_TOLERANCE:
+    # What overflows is no rotation.
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if not deviation <= POSE_TOLERANCE:
         raise ValueError(
             f"world_from_camera's 3 x 3 part deviates from a rotation by {deviation:.2g} (at most "
             f"{POSE_TOLERANCE:g}): take scale and shear out of the pose"

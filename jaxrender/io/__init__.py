@@ -10,8 +10,8 @@
     panoramas of any named convention as an ``Environment``
 ``lights``
     directional sources for each photograph
-``meshes``
-    triangle meshes
+``meshes`` ``mesh_headers``
+    triangle meshes, and what their files claim
 ``measured`` ``alta``
     measured reflectance at scattered directions: Cornell's text, ALTA's text
 ``merl`` ``utia`` ``rgl``
@@ -20,7 +20,7 @@
     our own: tables over two directions, with standard errors; coefficient trees
 ``photometric``
     luminaires: IES files
-``netcdf`` ``atomic`` ``jsonfiles`` ``numbered_words``
+``netcdf`` ``text_heaps`` ``atomic`` ``jsonfiles`` ``numbered_words``
     what formats share: files of named arrays, files that appear whole or not at all, texts
 ``alta_parametrisations``
     the coordinates that ALTA's files may be in

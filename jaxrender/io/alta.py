@@ -16,7 +16,7 @@ from jaxrender.brdf import BRDF
 from jaxrender.errors import InputError
 from jaxrender.io.alta_parametrisations import COORDINATES, PARAMETRISATIONS, meaningless
 from jaxrender.io.atomic import replacing
-from jaxrender.io.jsonfiles import read_text
+from jaxrender.io.jsonfiles import is_count, read_text
 from jaxrender.shapes import Float
 
 _LOOKED_AT = 4096
@@ -153,7 +153,7 @@ def _listed(path: Path, header: dict[str, list[str]], key: str, choices: tuple[s
 
 def _dimensions(path: Path, header: dict[str, list[str]]) -> tuple[int, int]:
     words = header.get("DIM", [])
-    if len(words) != 2 or not all(word.isdecimal() and int(word) > 0 for word in words):
+    if len(words) != 2 or not all(map(is_count, words)):
         said = " ".join(words) or "nothing"
         raise InputError(f"{path}: #DIM says {said}; wanted two counts, coordinates and values")
     return int(words[0]), int(words[1])

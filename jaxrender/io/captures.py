@@ -22,6 +22,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole
 from jaxrender.io.images import MEND, Image, image_size, read_image
 from jaxrender.io.jsonfiles import number, read_json
+from jaxrender.limits import PIXELS
 
 # What file_path may leave out, in the order of preference: linear formats first.
 IMAGE_SUFFIXES = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".tga", ".tiff", ".tif")
@@ -243,6 +244,7 @@ def _size(place: str, keys: dict[str, Any], image_path: Path) -> tuple[int, int]
         width, height = number(place, keys, "w"), number(place, keys, "h")
         if width != int(width) or height != int(height):
             raise InputError(f"{place}: `w` x `h` is {width} x {height}; wanted whole numbers")
+        PIXELS.check(f"{place}: `w` x `h`", int(width) * int(height))
         return int(width), int(height)
     if not image_path.is_file():
         raise InputError(f"{place}: no `w` and `h`, and no picture to take them from")

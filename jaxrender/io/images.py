@@ -8,6 +8,8 @@ OpenImageIO lets several kinds of damage pass in silence (broken pixels, partial
 orientations, clipped values on writing); every one of them is an ``InputError`` here.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,12 +22,11 @@ from jaxtyping import Bool, Float
 
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
+from jaxrender.limits import PIXELS, check_packing
 from jaxrender.shapes import AnyArray
 
-# Refused before any memory is asked for: a damaged header can claim any size.
-LARGEST_IMAGE_MB = 4096
-
 INVALID_RULES = ("refuse", "mask")
+_ANEW = "save the picture anew"
 _MEND_OR_MASK = "mend the picture, or leave such pixels out with `invalid: mask`"
 # For pictures that are needed whole.
 MEND = "mend the picture"
@@ -71,21 +72,24 @@ def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR
     """
     if invalid not in INVALID_RULES:
         raise ValueError(f"invalid={invalid!r}: choose one of {', '.join(INVALID_RULES)}")
-    file, spec = _open(Path(path))
-    values = _values(Path(path), file, spec)
-    colours, alpha = _split_channels(Path(path), spec, values)
+    with _damage(Path(path)):
+        file, spec = _open(Path(path))
+        values = _values(Path(path), file, spec)
+        colours, alpha = _split_channels(Path(path), spec, values)
+        metadata = _metadata(spec)
     broken, complaint = _invalid_pixels(Path(path), colours, alpha)
     if complaint and invalid == "refuse":
         raise InputError(f"{complaint}: {remedy}")
     colours[broken] = 0
     if alpha is not None:
         alpha[broken] = 0
-    return Image(np.repeat(colours, 3 // colours.shape[-1], -1), alpha, _metadata(spec), broken)
+    return Image(np.repeat(colours, 3 // colours.shape[-1], -1), alpha, metadata, broken)
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
     """Read width and height in pixels from a picture's header."""
-    _, spec = _open(Path(path))
+    with _damage(Path(path)):
+        _, spec = _open(Path(path))
     return spec.width, spec.height
 
 
@@ -101,6 +105,19 @@ def write_image(path: str | Path, pixels: Float[AnyArray, "row column channel"])
         _write(path, aside, values)
 
 
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Say that a picture is damaged where the library's own words or names are no text."""
+    try:
+        yield
+    except (UnicodeDecodeError, MemoryError, RuntimeError, OverflowError) as error:
+        said = str(error)
+        if isinstance(error, UnicodeDecodeError):
+            # What the library tried to say, damaged bytes and all.
+            said = error.object.decode("utf-8", "replace")
+        raise InputError(f"{path}: a damaged image ({_one_line(said)}); {_ANEW}") from None
+
+
 def _open(path: Path) -> "tuple[oiio.ImageInput, oiio.ImageSpec]":
     """Open a picture and refuse the headers that the rest of this module cannot honour."""
     if not path.is_file():
@@ -110,20 +127,18 @@ def _open(path: Path) -> "tuple[oiio.ImageInput, oiio.ImageSpec]":
     wish.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), wish)
     if file is None:
-        raise InputError(f"{path}: not a readable image ({_one_line(oiio.geterror())})")
+        raise InputError(f"{path}: not a readable image ({_one_line(oiio.geterror())}); {_ANEW}")
     spec = file.spec()
     _check_header(path, spec)
     return file, spec
 
 
 def _check_header(path: Path, spec: "oiio.ImageSpec") -> None:
-    size = f"{spec.width} x {spec.height}"
-    megabytes = spec.width * spec.height * spec.nchannels * 4 / 2**20
-    if megabytes > LARGEST_IMAGE_MB:
-        raise InputError(
-            f"{path}: the header claims {size} pixels of {spec.nchannels} channels, "
-            f"{megabytes:.5g} MB; the limit is {LARGEST_IMAGE_MB} MB"
-        )
+    pixels = spec.width * spec.height
+    said = f"{path}: the header claims {spec.width} x {spec.height} and {spec.nchannels} channels"
+    PIXELS.check(said, pixels * -(-spec.nchannels // 4), _ANEW)
+    numbers = pixels * spec.nchannels
+    check_packing(said, numbers, numbers * spec.format.size(), path.stat().st_size)
     if spec.deep or spec.depth > 1:
         raise InputError(f"{path}: a deep or volume image; save it as a flat one")
     orientation = spec.get_int_attribute("Orientation", 1)
@@ -149,7 +164,8 @@ def _values(path: Path, file: "oiio.ImageInput", spec: "oiio.ImageSpec") -> np.n
     trouble = file.geterror() if file.has_error else ""
     if values is None or trouble:
         raise InputError(
-            f"{path}: the pixels cannot be read, is the file cut short? ({_one_line(trouble)})"
+            f"{path}: the pixels cannot be read, is the file cut short? ({_one_line(trouble)}); "
+            f"{_ANEW}"
         )
     values = values.reshape(spec.height, spec.width, spec.nchannels)
     return values / np.iinfo(values.dtype).max if integer else values.astype(np.float64)

@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.io.jsonfiles import read_json, read_text
+from jaxrender.io.jsonfiles import is_count, read_json, read_text
 from jaxrender.lighting.directional import DirectionalSources
+
+# Squares of directions up to this length are numbers, also in single precision.
+_LONGEST = 1e18
 
 
 def read_per_frame_lights(
@@ -85,6 +88,7 @@ def _source(place: str, source: Any) -> tuple[np.ndarray, np.ndarray]:
     irradiance = _vector(place, "irradiance", value if isinstance(value, list) else [value] * 3)
     if not direction.any():
         raise InputError(f"{place}: the direction is zero")
+    _check_length(place, direction)
     if (irradiance < 0).any():
         raise InputError(f"{place}: the irradiance {irradiance.tolist()} is negative")
     return direction, irradiance
@@ -123,7 +127,7 @@ def _rows(path: Path, noun: str) -> list[tuple[int, list[str]]]:
         raise InputError(f"{path}:1: the file is empty; wanted one {noun} a line")
     first, words = lines[0]
     # One number before rows of three is how many there are.
-    counted = len(words) == 1 and len(lines) > 1 and len(lines[1][1]) == 3 and words[0].isdigit()
+    counted = len(words) == 1 and len(lines) > 1 and len(lines[1][1]) == 3 and is_count(words[0])
     if not counted:
         return lines
     if int(words[0]) != len(lines) - 1:
@@ -140,7 +144,18 @@ def _direction(place: str, words: list[str]) -> np.ndarray:
             f"{place}: wanted a direction as three finite numbers, not all zero; "
             f"found {' '.join(words)!r}"
         )
+    _check_length(place, direction)
     return direction
+
+
+def _check_length(place: str, direction: np.ndarray) -> None:
+    """Refuse what has no length in floating point, where squares are 0 or infinite."""
+    largest = np.abs(direction).max()
+    if not 1 / _LONGEST <= largest <= _LONGEST:
+        raise InputError(
+            f"{place}: the direction {direction.tolist()} is too long or too short; give a unit "
+            "vector"
+        )
 
 
 def _irradiance(place: str, words: list[str]) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.io.jsonfiles import read_text
+from jaxrender.io.jsonfiles import is_count, read_text
 from jaxrender.shapes import Float
 
 _HALF_PI = math.pi / 2
@@ -87,7 +87,7 @@ def _lines(path: Path) -> list[_Line]:
 def _header(path: Path, lines: list[_Line]) -> tuple[Float[np.ndarray, "wavelength"], list[_Line]]:
     """Take the wavelengths off the top, which may be split over lines anywhere."""
     first = lines[0]
-    if not first.words[0].isdecimal() or int(first.words[0]) < 1:
+    if not is_count(first.words[0]):
         raise InputError(
             f"{first.place}: found {first.words[0]!r}; the first number counts the wavelengths"
         )

@@ -9,17 +9,23 @@ every part has them.  Those of a .glb are read where the part has a material.
 """
 
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+from trimesh.resolvers import Resolver
 from trimesh.visual import TextureVisuals
 
 from jaxrender.errors import InputError
 from jaxrender.geometry.mesh import Mesh
+from jaxrender.io.mesh_headers import ANEW, check_header, check_repeats
 from jaxrender.shapes import Bool, Float, Int
+
+# Lengths beyond this have no squares in single precision, in which rays are traced.
+_LARGEST = 1e18
 
 MESH_SUFFIXES = (".obj", ".ply", ".glb", ".stl")
 
@@ -27,12 +33,18 @@ MESH_SUFFIXES = (".obj", ".ply", ".glb", ".stl")
 def read_mesh(path: str | Path, scale: float | int = 1.0) -> Mesh:
     """Read a mesh, its lengths multiplied by ``scale``.
 
-    Raises InputError when the file is missing or malformed, has no faces, or has vertices or
-    normals that are not finite.
+    Raises InputError when the file is missing, malformed or too large, has no faces, or has
+    vertices or normals that are not finite, or faces of vertices that it has not.
     """
     path = Path(path)
     if not (math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale is {scale}: it must be positive and finite")
+    # What overflows is found among the numbers, and named by its place.
+    with np.errstate(all="ignore"):
+        return _read(path, scale)
+
+
+def _read(path: Path, scale: float) -> Mesh:
     parts = _parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
@@ -40,6 +52,12 @@ def read_mesh(path: str | Path, scale: float | int = 1.0) -> Mesh:
     normals = [part.vertex_normals for part in parts if _has_normals(part)]
     coordinates = _texture_coordinates(path, parts)
     _check_finite(path, "vertex", vertices)
+    far = np.flatnonzero(np.abs(scale * vertices).max(axis=1) > _LARGEST)
+    if far.size:
+        raise InputError(
+            f"{path}: vertex {far[0]} (counted from 0) is {vertices[far[0]]}, times {scale:g}; "
+            f"wanted coordinates up to {_LARGEST:g}: mend the file, or give another scale"
+        )
     if len(normals) == len(parts):
         given = np.concatenate(normals)
         _check_finite(path, "vertex normal", given)
@@ -98,6 +116,7 @@ def _parts(path: Path) -> list[trimesh.Trimesh]:
         raise InputError(f"{path}: unknown mesh format; use {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; mend the path")
+    check_header(path)
     # Of a .ply with texture coordinates trimesh reorders the vertices but not their normals.
     parts = _loaded(path, fix_texture=False)
     if not parts:
@@ -109,13 +128,60 @@ def _loaded(path: Path, fix_texture: bool) -> list[trimesh.Trimesh]:
     glb = path.suffix.lower() == ".glb"
     options: dict[str, Any] = {"fix_texture": fix_texture} if path.suffix.lower() == ".ply" else {}
     try:
-        # Unprocessed: trimesh would drop broken vertices without a word.  Without its material a
-        # part of a .glb loses its texture coordinates.
-        scene = trimesh.load_scene(path, process=False, skip_materials=not glb, **options)
+        # trimesh warns of much before it fails, and of pictures that nobody asks for.
+        with warnings.catch_warnings(action="ignore"):
+            # Unprocessed: trimesh would drop broken vertices without a word.  Without its material
+            # a part of a .glb loses its texture coordinates.
+            scene = trimesh.load_scene(
+                path, process=False, skip_materials=not glb, resolver=_Nothing(), **options
+            )
+            for name, part in scene.geometry.items():
+                if isinstance(part, trimesh.Trimesh):
+                    _check_part(path, name, part)
+            nodes = sorted(scene.graph.nodes_geometry)
+            sizes = [len(scene.geometry[scene.graph[node][1]].vertices) for node in nodes]
+            check_repeats(path, sum(sizes))
+            parts = [_placed(scene, node) for node in nodes]
+            return [part for part in parts if part is not None and len(part.faces)]
+    except InputError:
+        raise
     except Exception as error:  # a malformed file can fail anywhere in its reader
-        raise InputError(f"{path}: not a readable mesh ({error})") from error
-    parts = [_placed(scene, node) for node in sorted(scene.graph.nodes_geometry)]
-    return [part for part in parts if part is not None and len(part.faces)]
+        raise InputError(f"{path}: not a readable mesh ({error}); {ANEW}") from None
+
+
+class _Nothing(Resolver):
+    """Finds no other file: a mesh must not name those of whoever reads it."""
+
+    def __init__(self):
+        """Nothing is looked up anywhere."""
+
+    def get(self, name: str) -> bytes:
+        raise ValueError(f"other files are not read: {name}")
+
+    def write(self, name: str, data: bytes) -> None:
+        raise ValueError(f"other files are not written: {name}")
+
+    def namespaced(self, namespace: str) -> "_Nothing":
+        return self
+
+    def keys(self) -> list[str]:
+        return []
+
+
+def _check_part(path: Path, name: str, part: trimesh.Trimesh) -> None:
+    """Refuse faces of vertices that are not there, and what is no triangle in space."""
+    place = f"{path}: part {name!r}"
+    for kind, rows in (("vertices", part.vertices), ("faces", part.faces)):
+        if rows.ndim != 2 or (rows.shape[1] != 3 and len(rows)):
+            raise InputError(f"{place}: {kind} of shape {rows.shape}; wanted three numbers each")
+    is_known = (part.faces >= 0) & (part.faces < len(part.vertices))
+    wrong = np.logical_not(is_known).any(axis=1)
+    if wrong.any():
+        face = int(np.argmax(wrong))
+        raise InputError(
+            f"{place}: face {face} (counted from 0) has the vertices {part.faces[face]}, and there "
+            f"are {len(part.vertices)}; {wrong.sum()} of {len(part.faces)} faces are such: {ANEW}"
+        )
 
 
 def _texture_coordinates(
@@ -134,7 +200,7 @@ def _texture_coordinates(
 
 def _has_coordinates(part: trimesh.Trimesh) -> bool:
     uv = _uv(part)
-    return uv is not None and len(uv) == len(part.vertices)
+    return uv is not None and uv.ndim == 2 and len(uv) == len(part.vertices) and uv.shape[1] >= 2
 
 
 def _uv(part: trimesh.Trimesh) -> np.ndarray | None:

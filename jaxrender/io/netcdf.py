@@ -20,8 +20,9 @@ import numpy as np
 from jaxrender import __version__
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
+from jaxrender.io.text_heaps import damaged_heap
+from jaxrender.limits import NUMBERS, check_packing
 
-MOST_NUMBERS = 2**31
 _HEAD = ("format", "format_version", "program")
 _HDF5, _CLASSIC = b"\x89HDF\r\n\x1a\n", b"CDF"
 # Below so many bytes the bookkeeping of a packed array takes more than packing saves.
@@ -134,8 +135,13 @@ def opened(path: str | Path, *formats: Format) -> "Iterator[Reader]":
         raise InputError(f"{path}: a NetCDF file of the classic format; convert it to NetCDF-4")
     if start != _HDF5:
         raise InputError(f"{path}: not a NetCDF-4 file; give one that {commands} wrote")
+    heap = damaged_heap(path)
+    if heap is not None:
+        raise InputError(
+            f"{path}: damaged or cut short (texts at byte {heap}); fetch the file again, or {again}"
+        )
     with _undamaged(path, again):
-        file = h5netcdf.File(path, "r", decode_vlen_strings=True)
+        file = _File(path, "r", decode_vlen_strings=True)
     with file:
         with _undamaged(path, again):
             found = {name: _plain(file.attrs[name]) for name in _HEAD if name in file.attrs}
@@ -152,6 +158,12 @@ def opened(path: str | Path, *formats: Format) -> "Iterator[Reader]":
                 f"version {format.version}: take the program that wrote it, or {format.again}"
             )
         yield Reader(path, format, file)
+
+
+class _File(h5netcdf.File):
+    """One whose opening may fail: closing it then asks for these, which are not yet set."""
+
+    _writable, _filename = False, ""
 
 
 class Reader:
@@ -189,12 +201,13 @@ class Reader:
         name: str,
         dimensions: tuple[str, ...] | None = None,
         types: Collection[type] = (),
-        most: int = MOST_NUMBERS,
+        most: int | None = None,
         finite: bool = False,
     ) -> np.ndarray:
         """Read an array, with its own dimensions and any type where nothing else is asked for.
 
-        Of more than ``most`` numbers nothing is read; ``finite`` refuses infinities and NaN.
+        Of more than ``most`` numbers nothing is read, nor of more than the file can hold or
+        ``limits`` allows; ``finite`` refuses infinities and NaN.
         """
         place = f"`{self._place}{name}`"
         with _undamaged(self.path, self.format.again):
@@ -202,7 +215,9 @@ class Reader:
         if variable is None:
             self.refuse(f"no array {place}")
         with _undamaged(self.path, self.format.again):
-            given, shape = tuple(variable.dimensions), variable.shape
+            given = tuple(variable.dimensions)
+            # The array's own size: what the library tells is that of its dimensions.
+            count = math.prod(variable._h5ds.shape)
             # Whatever the byte order of the machine that wrote it.
             dtype = np.dtype(variable.dtype).newbyteorder("=")
             is_truth = variable.attrs.get("dtype") == "bool"
@@ -210,9 +225,11 @@ class Reader:
             self.refuse(
                 f"{place} has the dimensions ({', '.join(given)}); wanted ({', '.join(dimensions)})"
             )
-        count = math.prod(shape)
-        if not 1 <= count <= most:
-            self.refuse(f"{place} has {count:,} numbers; wanted 1 to {most:,}")
+        if count < 1 or (most is not None and count > most):
+            wanted = "1 or more" if most is None else f"1 to {most:,}"
+            self.refuse(f"{place} has {count:,} numbers; wanted {wanted}")
+        NUMBERS.check(f"{self.path}: {place}", count, self.format.again)
+        self._refuse_foreign(place, variable, count)
         if types and dtype not in types:
             self.refuse(f"{place} is {dtype}; wanted {' or '.join(one.__name__ for one in types)}")
         with _undamaged(self.path, self.format.again):
@@ -223,6 +240,22 @@ class Reader:
             index = ", ".join(f"{n} {i}" for n, i in zip(given, wrong))
             self.refuse(f"{place} at {index} is {found[wrong]}; wanted finite numbers")
         return found.astype(bool) if is_truth else found
+
+    def _refuse_foreign(self, place: str, variable: h5netcdf.Variable, count: int) -> None:
+        """Refuse an array whose numbers lie in another file, or are more than the file can pack."""
+        with _undamaged(self.path, self.format.again):
+            dataset = variable._h5ds
+            away = bool(dataset.external or dataset.is_virtual)
+            away = away or not self.path.samefile(dataset.file.filename)
+            # Of an array that was never written the library tells the size that it would have.
+            packed = min(dataset.id.get_storage_size(), self.path.stat().st_size)
+            width = dataset.dtype.itemsize
+            chunk = math.prod(dataset.chunks or (1,))
+        if away:
+            self.refuse(f"{place} has its numbers in another file")
+        # A piece is unpacked as a whole.
+        largest = max(count, chunk)
+        check_packing(f"{self.path}: {place}", largest, largest * width, packed)
 
     def attribute(self, name: str, kind: type = str) -> Any:
         """Read an attribute that is a text, an int or a float."""

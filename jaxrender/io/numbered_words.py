@@ -6,10 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
+from jaxrender.limits import DOCUMENT_BYTES
 from jaxrender.shapes import Float
-
-# Files larger than this are none of luminaires: a degree's steps everywhere make half a megabyte.
-_LARGEST_FILE = 2**26
 
 
 class NumberedLine(NamedTuple):
@@ -78,8 +76,7 @@ def read_maker_lines(path: Path) -> list[NumberedLine]:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; mend the path")
-    if path.stat().st_size > _LARGEST_FILE:
-        raise InputError(f"{path}: {path.stat().st_size} bytes; no file of a luminaire is as large")
+    DOCUMENT_BYTES.check(str(path), path.stat().st_size, "give a file of one luminaire")
     content = path.read_bytes()
     if b"\0" in content:
         raise InputError(f"{path}: a binary file (byte {content.index(0)} is 0); wanted a text")

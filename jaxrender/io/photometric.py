@@ -116,19 +116,25 @@ def read_ies(path: str | Path) -> Photometry:
             f"{path}: {candela[row, column]:g} cd at vertical angle {vertical[column]:g}, "
             f"horizontal {horizontal[row]:g}; intensities are not negative"
         )
-    factor = multiplier * ballast * (lamp_factor if standard in _WITH_LAMP_FACTOR else 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        factor = multiplier * ballast * (lamp_factor if standard in _WITH_LAMP_FACTOR else 1)
+        intensity, stated = candela * factor, numbers_of_lamps * lumens
+    if not (np.isfinite(intensity).all() and np.isfinite(stated)):
+        raise InputError(
+            f"{start}: lamps, lumens, factors and candela multiply to no finite number; mend them"
+        )
     width, length, height = np.array(sizes) * (_FOOT if units == 1 else 1)
     return Photometry(
         standard=standard,
         labels=tuple(line for line in labels if not line.startswith("[")),
         keywords=_keywords(labels),
         tilt=tilt,
-        stated_lumens=float(numbers_of_lamps * lumens) if lumens >= 0 else None,
+        stated_lumens=float(stated) if lumens >= 0 else None,
         watts=float(watts),
         dimensions=np.array([length, width, height]),
         vertical=vertical,
         horizontal=horizontal,
-        candela=candela * factor,
+        candela=intensity,
     )
 
 

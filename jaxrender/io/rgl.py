@@ -31,6 +31,8 @@ _TYPES = tuple(
 )
 # No numpy array has more axes.
 _LARGEST_RANK = 32
+# Nor one of so many numbers, were it not empty.
+_LARGEST_SIZE = 2**59
 
 
 class RglMaterial(NamedTuple):
@@ -156,6 +158,8 @@ def _field(path: Path, file: BinaryIO, size: int) -> _Field:
             f"{path}: {size} bytes, but the field {name!r} of shape {shape} ends at {field.end}; "
             "the file is cut short"
         )
+    if math.prod(max(n, 1) for n in shape) >= _LARGEST_SIZE:
+        raise InputError(f"{path}: the field {name!r} has the shape {shape}; that is no array")
     return field
 
 

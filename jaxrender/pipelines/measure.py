@@ -19,6 +19,7 @@ import numpy as np
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
 from jaxrender.io.atomic import replacing
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 from jaxrender.pipelines.output import fingerprint_of
 from jaxrender.pipelines.patches import facets_of, patch_of
@@ -134,7 +135,7 @@ class _Kept(NamedTuple):
             raise InputError(f"{out}: no such folder {out.parent}; make it first")
         if folder.exists():
             try:
-                found = json.loads((folder / _RECIPE).read_text(encoding="utf-8"))["fingerprint"]
+                found = read_json(folder / _RECIPE)["fingerprint"]
             except (OSError, ValueError, KeyError, TypeError):
                 raise InputError(
                     f"{folder}: not what an interrupted measurement leaves; move it away"

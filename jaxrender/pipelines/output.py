@@ -20,6 +20,7 @@ from pathlib import Path
 
 from jaxrender import __version__
 from jaxrender.errors import InputError
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.pipelines.config import RecipeConfig, RunConfig, resolved_yaml
 
 MARKER = "run.json"
@@ -121,7 +122,7 @@ def result_folder(output: Path, fingerprint: str, force: bool = False) -> Iterat
 def _marked_fingerprint(folder: Path) -> str | None:
     """The fingerprint in the folder's marker; None if the folder is not ours."""
     try:
-        marker = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+        marker = read_json(folder / MARKER)
     except (OSError, ValueError):
         return None
     is_ours = isinstance(marker, dict) and marker.get("made_by") == _MAKER

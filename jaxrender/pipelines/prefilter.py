@@ -29,6 +29,7 @@ from jaxrender.harmonics import (
     window_named,
 )
 from jaxrender.io import read_environment, write_image
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.lighting import Environment
 from jaxrender.lighting.layouts import Cross, panorama_named
 from jaxrender.pipelines.lobe_orders import OrdersGoal
@@ -98,7 +99,7 @@ def prefilter(
         digest = fingerprint_of("prefilter", settings, [probe])
         if prepare(out, digest, force) is FolderState.FINISHED:
             progress.note(f"{out}: prefiltered before; reused (--force: anew)")
-            document = json.loads((out / "irradiance.json").read_text(encoding="utf-8"))
+            document = read_json(out / "irradiance.json")
             found = [_said(lobe, read_about(_shrm_path(out, lobe))) for lobe in lobes if asked]
             return Prefiltered(out, np.array(document["coefficients"]), tuple(found))
         with progress.stage("read"):

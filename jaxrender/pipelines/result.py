@@ -27,6 +27,7 @@ from jaxrender.inverse import Outcome
 from jaxrender.inverse.diagnosis import Diagnosis
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.photographs import Photograph
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.io.netcdf import Format
 from jaxrender.pipelines.config import RunConfig, load_run_config
 
@@ -138,11 +139,14 @@ def read_result(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{folder}: holds no finished result (no {RESULT}); run fit first")
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        found = read_json(path)
+    except InputError as error:
         raise InputError(
-            f"{path}: cannot be read ({error}); make the result anew with fit --force"
+            f"{error}; where that cannot be, make the result anew with fit --force"
         ) from None
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: no object of results; make the result anew with fit --force")
+    return found
 
 
 class FinishedRun(NamedTuple):

@@ -194,7 +194,7 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_capture(tmp_path / "transforms.json")
     (tmp_path / "transforms.json").write_bytes(b"{\xff\xfe}")
-    refused(tmp_path / "transforms.json", r"not a text file in UTF-8 \(byte 1\)")
+    refused(tmp_path / "transforms.json", r"not a text in UTF-8 \(byte 1 is")
 
 
 def test_photograph_and_mask_must_fit_the_camera(capture, tmp_path):

@@ -50,5 +50,5 @@ def test_what_is_no_text(tmp_path):
     with pytest.raises(InputError, match=r"a folder; give the path of the file inside it"):
         read_curve(tmp_path)
     (tmp_path / "curve.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"curve\.txt: not a text file in UTF-8 \(byte 0\)"):
+    with pytest.raises(InputError, match=r"curve\.txt:1: not a text in UTF-8 \(byte 0 is 0xff\)"):
         read_curve(tmp_path / "curve.txt")

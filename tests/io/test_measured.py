@@ -68,7 +68,7 @@ CORNELL = {
         np.array([90, 90, 180], "<i4").tobytes() + b"\0" * 80,
         "binary file.*read_merl",
     ),
-    "other bytes": (b"\xff\xfe", "not a text file"),
+    "other bytes": (b"\xff\xfe", "not a text in UTF-8"),
 }
 
 

@@ -78,7 +78,11 @@ CASES = {
         r"^solve\.refine_samples is 2; give more, or refine: off: 2 samples cannot determine",
     ),
     # A recipe in place of photographs.
-    "missing recipe": (nothing, ["capture={recipe: r.yaml}"], r"work/r\.yaml: no such file$"),
+    "missing recipe": (
+        nothing,
+        ["capture={recipe: r.yaml}"],
+        r"work/r\.yaml: no such file; mend the path$",
+    ),
     "broken recipe": (
         written("r.yaml", "geometry: {sphere: {}}\nbrdf: {kd: .1, ks: .1, sigma: 0, mu: 1}\n"),
         ["capture={recipe: cap/r.yaml}"],

@@ -199,7 +199,8 @@ def test_a_wrong_base_is_said_once_and_with_its_own_place(write, tmp_path):
 
 
 def test_a_base_that_is_missing_or_no_config(write, tmp_path):
-    assert message(write("list: [{}]\n", "no.yaml")) == f"{tmp_path}/sweeps/no.yaml: no such file"
+    missing = f"{tmp_path}/sweeps/no.yaml: no such file; mend the path"
+    assert message(write("list: [{}]\n", "no.yaml")) == missing
     (tmp_path / "sweeps/list.yaml").write_text("- 1\n")
     assert "list.yaml:1:1: found a list, accepted: a mapping" in message(
         write("list: [{}]\n", "list.yaml")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from filelock import FileLock, Timeout
 
 from jaxrender import __version__
 from jaxrender.errors import InputError
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.pipelines.batch.index import INDEX_STEM
 from jaxrender.pipelines.batch.plan import Planned
 from jaxrender.pipelines.config.sweep import Sweep
@@ -52,7 +52,7 @@ def check_ours(folder: Path) -> None:
     if not folder.is_dir():
         raise InputError(f"{folder}: a file is in the way; choose another output")
     try:
-        marker = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+        marker = read_json(folder / MARKER)
     except (OSError, ValueError):
         marker = None
     is_ours = isinstance(marker, dict) and marker.get("made_by") == _MAKER

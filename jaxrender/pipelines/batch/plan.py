@@ -8,11 +8,11 @@ has failed, and is tried again.
 from __future__ import annotations
 
 import enum
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxrender.errors import InputError
+from jaxrender.io.jsonfiles import read_json
 from jaxrender.pipelines.batch.task import Failure, Job
 from jaxrender.pipelines.captures import capture_of
 from jaxrender.pipelines.config import CaptureConfig, FurtherCaptureConfig, RunConfig, load_recipe
@@ -127,7 +127,7 @@ class _Data:
 
 def _read_error(folder: Path) -> dict[str, Any]:
     try:
-        found = json.loads((folder / _ERROR).read_text(encoding="utf-8"))
+        found = read_json(folder / _ERROR)
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 from ruamel.yaml.reader import ReaderError
 
 from jaxrender.errors import InputError
+from jaxrender.limits import CONFIG_VALUES, DEPTH, Limit
 
 Location = tuple[str | int, ...]
 
@@ -24,6 +26,7 @@ _PREFIX = "tag:yaml.org,2002:"
 _NUMBERS_AND_WORDS = {_PREFIX + kind for kind in ("int", "float", "bool", "null", "str")}
 # YAML would turn a bare 2024-01-01 into a date; a config has no dates, but folders named so.
 _KEPT_AS_WRITTEN = {_PREFIX + "timestamp"}
+_WRITE_OUT = "write the values out without `*`"
 _COLLECTIONS = {_PREFIX + "map", _PREFIX + "seq"}
 
 
@@ -99,12 +102,42 @@ def raise_if_any(problems: Iterable[Problem]) -> None:
         raise InputError("\n".join(lines))
 
 
+class _Shallow(Composer):
+    """Composes no more nodes, and no deeper, than ``limits`` allows.
+
+    The composer calls itself for each level.
+    """
+
+    _depth = _nodes = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._depth += 1
+        self._nodes += 1
+        self._check(self._depth, DEPTH)
+        # Each value may have a key.
+        self._check(self._nodes // 2, CONFIG_VALUES)
+        try:
+            return super().compose_node(parent, index)
+        finally:
+            self._depth -= 1
+
+    def _check(self, found: int, limit: Limit) -> None:
+        if found > limit.most:
+            mark = self.parser.peek_event().start_mark
+            message = (
+                f"more than {limit.most:,} {limit.unit}; take some out, or set {limit.variable} to "
+                "allow more"
+            )
+            raise NotYaml(mark.line + 1, mark.column + 1, message)
+
+
 def compose(text: str) -> Node | None:
     """Parse text into YAML nodes; None if it holds nothing.
 
-    Raises NotYaml where the text is no YAML.
+    Raises NotYaml where the text is no YAML, or is nested too deeply.
     """
     yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = _Shallow
     try:
         return yaml.compose(text)
     except ReaderError as error:
@@ -141,6 +174,7 @@ class Reader:
         self._document = document
         self._place_of = place_of
         self._open: list[int] = []
+        self._values = 0
         self._constructor = YAML(typ="safe", pure=True).constructor
 
     def read(self, node: Node | None, location: Location = ()) -> Any:
@@ -149,6 +183,9 @@ class Reader:
             self._document.values[location] = self._place_of(1, 1)
             return None
         self._document.values[location] = self._place(node)
+        self._values += 1
+        # Aliases within what aliases name would multiply a short text.
+        CONFIG_VALUES.check(f"{self._place(node).text}: aliases counted", self._values, _WRITE_OUT)
         if id(node) in self._open:
             return self._refuse(
                 node, "an alias inside the value that it names; write the value out"

@@ -21,6 +21,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from jaxrender.errors import InputError
+from jaxrender.limits import CONFIG_BYTES
 from jaxrender.pipelines.config.document import (
     Document,
     Location,
@@ -117,9 +118,10 @@ def read_document(path: Path, root: type[BaseModel]) -> Document:
 
 def _text(path: Path) -> str:
     try:
+        CONFIG_BYTES.check(str(path), path.stat().st_size, "give a smaller file")
         data = path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        raise InputError(f"{path}: no such file; mend the path") from None
     except IsADirectoryError:
         raise InputError(f"{path}: a folder; give the config file inside it") from None
     except OSError as error:

@@ -62,7 +62,7 @@ def test_yaml_that_a_config_does_not_use(text):
 
 
 def test_files_that_cannot_be_read(folder):
-    with pytest.raises(InputError, match=r"^nope\.yaml: no such file$"):
+    with pytest.raises(InputError, match=r"^nope\.yaml: no such file; mend the path$"):
         load_run_config("nope.yaml")
     with pytest.raises(InputError, match="a folder; give the config file inside it"):
         load_run_config(folder)
