@@ -112,7 +112,17 @@ class _Source(NamedTuple):
         """Find the file that a frame names, adding a suffix where it has none."""
         if not isinstance(value, str) or not value:
             raise InputError(f"{place}: `{key}` is {value!r}; wanted the path of a picture")
-        wanted = self.folder / value
+        try:
+            return self._found(place, key, self.folder / value, suffixes)
+        except InputError:
+            raise
+        except (OSError, ValueError):
+            # A zero byte, half a surrogate pair, or more letters than a name may have.
+            raise InputError(
+                f"{place}: `{key}` is {value!r}; no file can be named so: mend the path"
+            ) from None
+
+    def _found(self, place: str, key: str, wanted: Path, suffixes: tuple[str, ...]) -> Path:
         # Before anything is looked at: even whether a file exists is told only below the folder.
         self._check_inside(place, key, wanted)
         candidates = [wanted]

@@ -159,7 +159,13 @@ def _tilt(path: Path, line: NumberedLine, numbers: NumberedWords) -> Tilt | None
     if said == "INCLUDE":
         return _tilt_from(numbers)
     wanted = path.parent / said
-    if not said or not wanted.resolve().is_relative_to(path.parent.resolve()):
+    try:
+        is_beside = bool(said) and wanted.resolve().is_relative_to(path.parent.resolve())
+        wanted.is_file()
+    except (OSError, ValueError):
+        # A zero byte, or more letters than a name may have.
+        is_beside = False
+    if not is_beside:
         raise InputError(
             f"{path}:{line.number}: TILT={said} leads outside {path.parent}; put that file beside "
             "this one, or write TILT=NONE"

@@ -298,6 +298,22 @@ def test_a_tensor_without_numbers_has_a_shape_that_arrays_can_have(tmp_path):
         read_tensors(tmp_path / "m.bsdf")
 
 
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 5000, "x" * 253])
+def test_names_that_no_file_can_have(tmp_path, name):
+    frame = {"file_path": name, "transform_matrix": np.eye(4).tolist()}
+    text = json.dumps({"w": 4, "h": 4, "fl_x": 4, "frames": [frame]})
+    (tmp_path / "transforms.json").write_text(text)
+    with pytest.raises(InputError, match=r"transforms\.json: frame 0 .*mend the path"):
+        read_capture(tmp_path / "transforms.json")
+    if "x" not in name:
+        config = (
+            f"task: brdf\ncapture: {{transforms: {json.dumps(name)}, geometry: {{sphere: {{}}}}}}\n"
+        )
+        (tmp_path / "c.yaml").write_text(config + "lighting: {environment: {path: p.exr}}\n")
+        with pytest.raises(InputError, match=r"c\.yaml:2:\d+: .* names no file; mend the path"):
+            load_run_config(tmp_path / "c.yaml")
+
+
 def test_what_a_file_says_cannot_steer_a_terminal(tmp_path):
     (tmp_path / "c.csv").write_text("0,0\n1,\x1b[2J\u202e" + "x" * 10_000)
     assert judged(read_curve, tmp_path / "c.csv") == REFUSED

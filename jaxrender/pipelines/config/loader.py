@@ -154,7 +154,7 @@ def with_absolute_paths(config: Root, document: Document, folders: Mapping[int, 
             if isinstance(value, Path):
                 folder = folders.get(document.value_place(inner).order[0], Path.cwd())
                 base = Path.cwd() if inner in _FROM_WORKING_DIRECTORY else folder
-                updates[name] = (base / value.expanduser()).resolve()
+                updates[name] = _resolved(base, value, document.value_place(inner))
             elif isinstance(value, BaseModel):
                 updates[name] = absolute(value, inner)
             elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
@@ -166,6 +166,15 @@ def with_absolute_paths(config: Root, document: Document, folders: Mapping[int, 
         return section.model_copy(update=changed)
 
     return absolute(config, ())  # pyright: ignore[reportReturnType]
+
+
+def _resolved(base: Path, path: Path, place: Place) -> Path:
+    try:
+        return (base / path.expanduser()).resolve()
+    except (OSError, ValueError, RuntimeError):
+        # A zero byte, half a surrogate pair, a user who is not there.
+        message = f"{str(path)!r} names no file; mend the path"
+        raise InputError(str(Problem(place, message))) from None
 
 
 def _laid_out(value: Any) -> Any:
