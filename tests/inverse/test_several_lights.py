@@ -135,6 +135,7 @@ def test_two_captures_tell_what_both_tell():
         assert np.all(expected < foreseen(SEEN, alone))
 
 
+@pytest.mark.slow
 def test_each_environment_turns_by_itself():
     turns = np.radians([[0.0, 0.0, 2.0], [-1.5, 0.5, 0.0]])
     images = [

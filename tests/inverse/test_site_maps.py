@@ -230,6 +230,7 @@ def test_one_lobe_for_all_would_be_a_misfit(found):
     assert fitted(world, maps=()).texture.relative_rms > 3 * NOISE.relative
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_named(world):
     """Causes are tested on the model with the sigmas and normals that were found."""
     clean = fitted(world, noise=NOISY, diagnose=True)

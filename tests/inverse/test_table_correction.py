@@ -166,6 +166,7 @@ def test_another_lobe_is_found(fitted, corrected):
     np.testing.assert_allclose(found.radiance, same, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_of_a_right_model_the_factor_is_one():
     truth = material()
     photographs = with_noise(photograph(truth, *ball_samples(1500)), NOISE)
