@@ -15,7 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import numpy as np
 
-from jaxrender.brdf import Lambertian, Parametric
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse.known_light import KnownLight, exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, Model, Numbers, Rows, columns_under
@@ -24,8 +24,8 @@ from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.shadowing import hidden_fraction, places_of
 from jaxrender.lighting import LightNodes
 from jaxrender.programs import stored
-from jaxrender.reflection import FrameNodes, integral_columns, interpolated, visible_nodes
-from jaxrender.reflection.indirect import Gathered, Outside, Rays, Sender
+from jaxrender.reflection import FrameNodes, interpolated
+from jaxrender.reflection.indirect import Exchange, Gathered, Outside, Rays, Sender, is_glossy
 from jaxrender.reflection.interreflection import Interreflection
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -37,7 +37,7 @@ _WIDE_CELL, _FEW_RAYS = 0.25, 64
 _MATT_RAYS, _GLOSSY_RAYS, _PIXEL_RAYS = 512, 128, 16
 # Rounds until no amplitude moves by more than this part of the largest.
 _SETTLED, _MOST_ROUNDS = 1e-4, 12
-# Vertices that meet the light at once, and pixels whose rays are traced at once.
+# Pixels whose rays are traced at once.
 _PLACES_AT_ONCE = 4096
 
 
@@ -78,7 +78,7 @@ class Bounced(NamedTuple):
         at = view.face[view.hit], view.barycentric[view.hit]
         bounced = interpolated(sender.bounced, sender.mesh.faces, *at)
         found = sender._replace(brdf=brdf).base * bounced
-        if not sender.glossy:
+        if not is_glossy(sender.brdf):
             return found
         lobes, count = [*brdf.shaped()], len(found)
         amplitudes = np.asarray(brdf.amplitudes)[lobes]
@@ -164,12 +164,13 @@ def fit_with_bounces(
     """
     if not isinstance(shape, Mesh):
         raise ValueError("interreflections are computed on a mesh's vertices: give a mesh")
-    exchange = Interreflection.of(shape)
     observed, variant = stop.observations, material(stop)
+    glossy = is_glossy(variant)
+    exchange = Exchange.of(shape, glossy)
     frames = np.asarray(observed.frame) if light.varies else np.zeros(observed.count, int)
-    lit = [outside(shape, light.of_frame(k)) for k in range(light.frames)]
-    glossy = _GLOSSY_RAYS if Sender.of(exchange, variant, lit[0]).glossy else 0
-    rays = Rays.of(observed.samples, float(variant.width), _MATT_RAYS, glossy)
+    lit = [outside(shape, light.of_frame(k), glossy) for k in range(light.frames)]
+    mirrored = _GLOSSY_RAYS if glossy else 0
+    rays = Rays.of(observed.samples, float(variant.width), _MATT_RAYS, mirrored)
     gathered = Gathered.along(shape, places_of(observed), rays)
     without = supposed = _amplitudes(stop)
     before: _Round | None = None
@@ -196,9 +197,15 @@ def _columns(
     return columns_under(brdf, samples, nodes)
 
 
-def outside(mesh: Mesh, light: KnownLight) -> Outside:
-    """Trace what reaches each vertex from outside."""
-    return Outside.on(mesh, _nodes(light, _CELL), direct_irradiance(mesh, light))
+def outside(mesh: Mesh, light: KnownLight, glossy: bool, cell: float = _CELL) -> Outside:
+    """Trace the light of one photograph to each vertex, its environment in cells of some radians.
+
+    ``glossy`` keeps which parts of it every vertex sees.
+    """
+    # Of one photograph, so that all of it is in one part.
+    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
+    assert isinstance(nodes, LightNodes)
+    return Outside.on(mesh, nodes, glossy)
 
 
 def added_by_bounces(
@@ -215,36 +222,9 @@ def added_by_bounces(
     added = np.zeros(np.asarray(observations.radiance).shape)
     for number in np.unique(frame) if light.varies else [0]:
         own = frame == number if light.varies else np.ones(len(frame), bool)
-        direct = direct_irradiance(mesh, light.of_frame(int(number)), _WIDE_CELL)
+        direct = outside(mesh, light.of_frame(int(number)), False, _WIDE_CELL).irradiance
         added[own] = (kd * albedo * (to_samples @ exchange.total(direct, albedo)))[own]
     return added
-
-
-def direct_irradiance(
-    mesh: Mesh, light: KnownLight, cell: float = _CELL
-) -> Float[np.ndarray, "vertex channel"]:
-    """Sum the light that reaches each vertex from outside, shadows traced.
-
-    The environment is condensed to cells of so many radians.
-    """
-    white = Lambertian(np.ones(light.directional.irradiance.shape[1]))
-    everywhere = SurfacePlaces.of_vertices(mesh)
-    nodes, found = _nodes(light, cell), []
-    for first in range(0, len(mesh.vertices), _PLACES_AT_ONCE):
-        part = slice(first, first + _PLACES_AT_ONCE)
-        places = SurfacePlaces(*(np.asarray(a)[part] for a in everywhere))
-        normals = mesh.normals[part]
-        samples = SurfaceSamples(normals, normals)
-        seen = visible_nodes(mesh, places, nodes)
-        found.append(np.asarray(integral_columns(white, samples, nodes, seen))[:, 0])
-    return np.concatenate(found)
-
-
-def _nodes(light: KnownLight, cell: float) -> LightNodes:
-    """List the point masses of the light of one photograph, so that they are one part."""
-    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
-    assert isinstance(nodes, LightNodes)
-    return nodes
 
 
 def _amplitudes(stop: Stop) -> Float[np.ndarray, "lobe channel"]:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import Lambertian, Parametric
 from jaxrender.geometry import Mesh, SurfacePlaces, SurfaceSamples, world_from_local
 from jaxrender.lighting import LightNodes
 from jaxrender.programs import stored
@@ -29,7 +29,7 @@ from jaxrender.reflection.interreflection import Interreflection, Met, cosine_ra
 from jaxrender.reflection.transfer import interpolated
 from jaxrender.shapes import Array, Bool, Float, Int, as_jax
 
-# Places whose lobes meet the light from outside at once: as many each time, for one program.
+# Places that meet the light from outside at once; as many each time, for one program.
 _AT_ONCE = 4096
 # Rays of every vertex by which gloss sends it light.
 _VERTEX_RAYS = 64
@@ -99,18 +99,52 @@ class Gathered(NamedTuple):
 
 
 class Outside(NamedTuple):
-    """A light on a mesh: its nodes, which of them every vertex sees, and the irradiance there."""
+    """A light on a mesh: its nodes, the irradiance of every vertex, and which nodes it sees.
+
+    The last is packed, 8 nodes a byte, and there where somebody asks for gloss.
+    """
 
     nodes: LightNodes
-    seen: Bool[np.ndarray, "vertex node"]
     irradiance: Float[np.ndarray, "vertex channel"]
+    seen: np.ndarray | None = None
 
     @classmethod
-    def on(
-        cls, mesh: Mesh, nodes: LightNodes, irradiance: Float[np.ndarray, "vertex channel"]
-    ) -> "Outside":
-        """Trace the shadows on the vertices."""
-        return cls(nodes, visible_nodes(mesh, SurfacePlaces.of_vertices(mesh), nodes), irradiance)
+    def on(cls, mesh: Mesh, nodes: LightNodes, glossy: bool) -> "Outside":
+        """Trace the shadows on the vertices, so many at once."""
+        white = Lambertian(np.ones(nodes.irradiance.shape[1]))
+        everywhere = SurfacePlaces.of_vertices(mesh)
+        irradiance, packed = [], []
+        for first in range(0, len(mesh.vertices), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            places = SurfacePlaces(*(np.asarray(a)[part] for a in everywhere))
+            samples = SurfaceSamples(mesh.normals[part], mesh.normals[part])
+            seen = visible_nodes(mesh, places, nodes)
+            irradiance.append(np.asarray(integral_columns(white, samples, nodes, seen))[:, 0])
+            if glossy:
+                packed.append(np.packbits(seen, axis=1))
+        return cls(nodes, np.concatenate(irradiance), np.concatenate(packed) if glossy else None)
+
+    def seen_by(self, vertices: Int[np.ndarray, "place"]) -> Bool[np.ndarray, "place node"]:
+        """Tell which nodes some vertices see."""
+        assert self.seen is not None
+        count = self.nodes.directions.shape[0]
+        return np.unpackbits(self.seen[vertices], axis=1, count=count).astype(bool)
+
+
+class Exchange(NamedTuple):
+    """What the vertices of a mesh see of each other: all of it, and along a few rays for gloss."""
+
+    diffuse: Interreflection
+    around: Gathered | None
+
+    @classmethod
+    def of(cls, mesh: Mesh, glossy: bool) -> "Exchange":
+        """Trace from every vertex."""
+        exchange = Interreflection.of(mesh)
+        if not glossy:
+            return cls(exchange, None)
+        rays = Rays.of(SurfaceSamples(mesh.normals, mesh.normals), 1.0, _VERTEX_RAYS, 0)
+        return cls(exchange, Gathered.along(mesh, SurfacePlaces.of_vertices(mesh), rays))
 
 
 class Sender(NamedTuple):
@@ -122,20 +156,18 @@ class Sender(NamedTuple):
     bounced: Float[np.ndarray, "vertex channel"]
 
     @classmethod
-    def of(cls, exchange: Interreflection, brdf: Parametric, outside: Outside) -> "Sender":
+    def of(cls, exchange: Exchange, brdf: Parametric, outside: Outside) -> "Sender":
         """Follow all bounces."""
-        mesh, direct = exchange.mesh, outside.irradiance
+        mesh, direct = exchange.diffuse.mesh, outside.irradiance
         sender = cls(mesh, brdf, outside, np.zeros_like(direct))
-        once = np.pi * sender.base * (exchange.among_vertices @ direct)
-        if sender.glossy:
-            samples = SurfaceSamples(mesh.normals, mesh.normals)
-            rays = Rays.of(samples, 1.0, _VERTEX_RAYS, 0)
-            met = met_along(mesh, SurfacePlaces.of_vertices(mesh), rays.directions)
-            sent = sender.by_gloss(met, rays.directions[met.place, met.ray])
+        once = np.pi * sender.base * (exchange.diffuse.among_vertices @ direct)
+        if exchange.around is not None and is_glossy(brdf):
+            rays, met = exchange.around
             arrived = np.zeros_like(direct)
+            sent = sender.by_gloss(met, rays.directions[met.place, met.ray])
             np.add.at(arrived, met.place, np.pi / _VERTEX_RAYS * sent)
             once = once + arrived
-        return sender._replace(bounced=exchange.total(once, sender.albedo))
+        return sender._replace(bounced=exchange.diffuse.total(once, sender.albedo))
 
     @property
     def base(self) -> Float[np.ndarray, "channel"]:
@@ -143,12 +175,6 @@ class Sender(NamedTuple):
         brdf = self.brdf
         parts = [np.asarray(getattr(brdf, name), float) for name in brdf.bases]
         return np.sum([np.zeros(self.outside.irradiance.shape[1]), *parts], axis=0)
-
-    @property
-    def glossy(self) -> bool:
-        """Whether there is more than bases."""
-        amplitudes = np.asarray(self.brdf.amplitudes)
-        return bool(np.any(amplitudes[list(self.brdf.shaped())]))
 
     @property
     def albedo(self) -> Float[np.ndarray, "channel"]:
@@ -163,7 +189,7 @@ class Sender(NamedTuple):
         """Evaluate what is sent against rays, from where they meet the object."""
         field = self.base * self.outside.irradiance + self.albedo / np.pi * self.bounced
         matt = interpolated(field, self.mesh.faces, met.face, met.barycentric)
-        return matt + self.by_gloss(met, directions) if self.glossy else matt
+        return matt + self.by_gloss(met, directions) if is_glossy(self.brdf) else matt
 
     def by_gloss(
         self, met: Met, directions: Float[np.ndarray, "met 3"]
@@ -180,10 +206,15 @@ class Sender(NamedTuple):
             rows = np.arange(first, min(first + _AT_ONCE, len(normals)))
             filled = np.resize(rows, _AT_ONCE)
             samples = SurfaceSamples(normals[filled], -directions[filled])
-            seen = as_jax(self.outside.seen[nearest[filled]])
+            seen = as_jax(self.outside.seen_by(nearest[filled]))
             columns = np.asarray(_columns(self.brdf, samples, self.outside.nodes, seen))
             sent[rows] = np.einsum("slc,lc->sc", columns[: len(rows), list(at)], amplitudes)
         return sent
+
+
+def is_glossy(brdf: Parametric) -> bool:
+    """Whether a material has more than Lambertian bases."""
+    return bool(np.any(np.asarray(brdf.amplitudes)[list(brdf.shaped())]))
 
 
 @stored(effort="less")

@@ -29,8 +29,7 @@ from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fi
 from jaxrender.inverse.interreflection import outside
 from jaxrender.inverse.models import columns_under
 from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection.indirect import Gathered, Rays, Sender
-from jaxrender.reflection.interreflection import Interreflection
+from jaxrender.reflection.indirect import Exchange, Gathered, Rays, Sender
 
 # Dark, so that what bounces three times is less than the noise.
 KD, KS, SIGMA, MU = 0.03, 0.12, 0.25, 1.5
@@ -104,7 +103,7 @@ def views_of(count, seed):
 def test_a_place_gets_what_the_wall_sends_and_its_lobes_reflect_it():
     mesh, (points, outgoing) = corner(), views_of(12, 0)
     normals = np.tile(UP, (len(points), 1))
-    sender = Sender.of(Interreflection.of(mesh), GLOSSY, outside(mesh, LIGHT))
+    sender = Sender.of(Exchange.of(mesh, True), GLOSSY, outside(mesh, LIGHT, True))
     # What bounces more often is not in the twin.
     once = sender._replace(bounced=np.zeros_like(sender.bounced))
     samples = SurfaceSamples(normals, outgoing)
@@ -119,7 +118,7 @@ def test_a_place_gets_what_the_wall_sends_and_its_lobes_reflect_it():
 
 def test_vertices_get_as_much():
     mesh = corner()
-    sender = Sender.of(Interreflection.of(mesh), GLOSSY, outside(mesh, LIGHT))
+    sender = Sender.of(Exchange.of(mesh, True), GLOSSY, outside(mesh, LIGHT, True))
     inside = (mesh.vertices[:, 2] == 0) & (np.abs(mesh.vertices[:, 0] - 0.5) < 0.3)
     expected = [columns_at(point, UP)[0] for point in mesh.vertices[inside]]
     # Three bounces are not in the twin, and 64 rays are few.
