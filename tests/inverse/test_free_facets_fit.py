@@ -29,10 +29,8 @@ KD, KS, SIGMA, MU = np.array([0.12, 0.17, 0.21]), np.full(3, 0.1), 0.15, 1.5
 TOLD = 2.0
 
 
-@pytest.mark.parametrize(
-    ("kind", "density"),
-    [("ggx", TrowbridgeReitz), pytest.param("beckmann", Beckmann, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "density"), [("ggx", TrowbridgeReitz), ("beckmann", Beckmann)])
 def test_the_curves_hold_the_truth(kind, density):
     truth = Microfacet(KD, KS, SIGMA, MU, "half", "smith", kind)
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)

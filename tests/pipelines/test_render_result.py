@@ -228,7 +228,7 @@ def test_what_is_missing_or_damaged_is_named(finished, tmp_path):
     with pytest.raises(InputError, match=r"holds no finished result \(no result\.json\); run fit"):
         read_finished(tmp_path)
     (tmp_path / "result.json").write_text("{")
-    with pytest.raises(InputError, match=r"result\.json: cannot be read \(Expecting"):
+    with pytest.raises(InputError, match=r"result\.json:1:2: Expecting.*fit --force"):
         read_finished(tmp_path)
 
 
