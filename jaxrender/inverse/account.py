@@ -155,7 +155,7 @@ def judge(
             bound[name] = False
         silent = rests_on_prior(exact, name, known[name].prior)
         if name in of_curve and not _is_stated(name, known[name], variant):
-            identifiable[name] = not silent and wide <= IDENTIFIABLE_WITHIN
+            identifiable[name] = wide <= IDENTIFIABLE_WITHIN
             continue
         off = 0.0 if silent else off_prior(exact, name, known[name].prior)
         identifiable[name] = reached and not bound[name] and not silent and off < _MOST_OFF

@@ -1,18 +1,19 @@
 """Light that parts of a concave object send to one another, by any material.
 
-A place x gets, from where its rays meet the object,
+From where a ray of place x meets the object, x gets
 
     L(y, w) = sum_l a_l int S_l(y; w_i, w) L_0(w_i) V(y, w_i) dw_i + albedo / pi E_b(y)
 
-of which the first part is what the light from outside leaves of every lobe, gloss included.  Light
-that has bounced before, E_b, is sent on as by a matt surface of the same albedo.  At vertices
+The first part is how every lobe of y, gloss included, reflects the light from outside.  In the
+second, E_b is the irradiance by light that has bounced before; a matt surface of the same albedo
+stands for y there.  At vertices
 
     E_b = E_1 + albedo G E_b
 
 with G of ``interreflection`` and E_1 what arrives after one bounce.  The directions and radiances
 are nodes of a light: each place has its own.  So every lobe of x reflects them as it does other
-light.  Half of the rays lie as a cosine, half as GGX facets would mirror them, and each counts by
-how densely both lie there (Veach's balance heuristic).
+light.  Some rays are spread as a cosine, others as GGX facets would mirror them.  Each counts by
+how densely both kinds lie there (Veach's balance heuristic).
 """
 
 from collections.abc import Sequence

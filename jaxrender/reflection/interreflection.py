@@ -11,7 +11,7 @@ faces, so the integral is one sparse matrix G, a mean over cosine-distributed ra
 
 is solved by following the bounces, each of which is weaker by albedo times what is hidden.  In the
 inside of a sphere, of which a part f of the whole sphere is there, G is f times the mean, so that
-mean E = mean E_0 / (1 - albedo f).  Host side; how gloss sends light on says ``indirect``.
+mean E = mean E_0 / (1 - albedo f).  Host side; ``indirect`` has the gloss.
 """
 
 from typing import NamedTuple

@@ -10,8 +10,8 @@ from jaxrender.brdf.distributions import Beckmann, TrowbridgeReitz
 from jaxrender.brdf.fresnel import normalised_fresnel
 from jaxrender.geometry import Components
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import FitSettings, fit_brdf
 from jaxrender.inverse import curves as curves_module
+from jaxrender.inverse import fit_brdf
 from jaxrender.inverse.curves import DEGREES, curves_of
 from jaxrender.inverse.forecast import (
     Situation,
@@ -35,8 +35,7 @@ def test_the_curves_hold_the_truth(kind, density):
     truth = Microfacet(KD, KS, SIGMA, MU, "half", "smith", kind)
     noisy = with_noise(photograph(truth, *ball_samples()), 0.01, 0.002)
     variant = lobe_named("free")
-    settings = FitSettings(starts=1)
-    fit = fit_brdf(noisy, known_light(), unknowns_of(variant), variant, settings)
+    fit = fit_brdf(noisy, known_light(), unknowns_of(variant), variant)
     assert fit.outcome is Outcome.CONVERGED
     assert fit.final.relative_rms < 0.0115
     np.testing.assert_allclose(fit.brdf.kd, KD, rtol=0.01)

@@ -4,6 +4,7 @@ The lamp shines along the floor, so that all light there comes from the wall.  T
 over patches of the wall, rho_wall(w_i, to x) E cos cos / r^2, where the program follows rays of x.
 
 - What a place gets and its lobes reflect is the twin's, and so is the irradiance at vertices.
+- What vertices see is kept bit by bit, and each photograph has the bounces of its own light.
 - A fit finds kd, ks, sigma and mu of both from the floor's photographs and the wall's; without
   bounces it does not, and says so.
 """
@@ -28,8 +29,9 @@ from jaxrender.geometry import (
 from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf
 from jaxrender.inverse.interreflection import outside
 from jaxrender.inverse.models import columns_under
-from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection.indirect import Exchange, Gathered, Rays, Sender
+from jaxrender.lighting import DirectionalSources, LightNodes
+from jaxrender.reflection import visible_nodes
+from jaxrender.reflection.indirect import Exchange, Gathered, Outside, Rays, Sender
 
 # Dark, so that what bounces three times is less than the noise.
 KD, KS, SIGMA, MU = 0.03, 0.12, 0.25, 1.5
@@ -124,6 +126,35 @@ def test_vertices_get_as_much():
     # Three bounces are not in the twin, and 64 rays are few.
     np.testing.assert_allclose(sender.bounced[inside, 0], expected, rtol=0.25)
     np.testing.assert_allclose(np.mean(sender.bounced[inside]), np.mean(expected), rtol=0.03)
+
+
+def test_what_vertices_see_is_kept_bit_by_bit():
+    """Eleven lamps do not fill two bytes; the floor hides those below it from the wall."""
+    mesh, angles = corner(), np.linspace(-1.4, 1.4, 11)
+    lamps = np.stack([np.cos(angles), np.zeros(11), np.sin(angles)], axis=-1)
+    nodes = DirectionalSources(lamps, np.ones((11, 1))).nodes()
+    seen = visible_nodes(mesh, SurfacePlaces.of_vertices(mesh), nodes)
+    assert 0.2 < seen.mean() < 0.8
+    kept = Outside.on(mesh, nodes, True)
+    some = np.array([330, 3, 200, 3])
+    np.testing.assert_array_equal(kept.seen_by(some), seen[some])
+    assert Outside.on(mesh, nodes, False).seen is None
+
+
+def test_every_photograph_has_the_light_that_bounced_of_its_own():
+    mesh, (points, outgoing) = corner(), views_of(6, 3)
+    normals = np.tile(UP, (6, 1))
+    exchange, lit = Exchange.of(mesh, True), outside(mesh, LIGHT, True)
+    brighter = lit._replace(
+        nodes=LightNodes(lit.nodes.directions, 3 * lit.nodes.irradiance),
+        irradiance=3 * lit.irradiance,
+    )
+    senders = [Sender.of(exchange, GLOSSY, one) for one in (lit, brighter)]
+    rays = Rays.of(SurfaceSamples(normals, outgoing), SIGMA, 64, 16)
+    gathered = Gathered.along(mesh, SurfacePlaces(points, normals), rays)
+    alone = gathered.nodes(senders[:1], np.zeros(6, int)).irradiance
+    both = gathered.nodes(senders, np.arange(6) % 2).irradiance
+    np.testing.assert_allclose(both, alone * (1 + 2 * (np.arange(6) % 2))[:, None, None])
 
 
 @pytest.fixture(scope="module")
