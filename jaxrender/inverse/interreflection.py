@@ -34,7 +34,7 @@ _CELL = 0.1
 # A rough estimate takes wider cells, and fewer rays a vertex.
 _WIDE_CELL, _FEW_RAYS = 0.25, 64
 # Rays of each sample, spread as a cosine and about the mirror direction; of each pixel as many.
-_MATT_RAYS, _GLOSSY_RAYS, _PIXEL_RAYS = 512, 128, 16
+_MATT_RAYS, _GLOSSY_RAYS, _PIXEL_RAYS = 512, 128, 64
 # Rounds until no amplitude moves by more than this part of the largest.
 _SETTLED, _MOST_ROUNDS = 1e-4, 12
 # Pixels whose rays are traced at once.

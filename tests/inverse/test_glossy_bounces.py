@@ -196,7 +196,7 @@ def test_a_glossy_material_is_found_by_light_that_bounced(photographs):
     seen = zip(view.points[view.hit][floor], view.outgoing[view.hit][floor])
     expected = np.array([[KD, KS] @ columns_at(*one) for one in seen])
     assert len(expected) > 20
-    np.testing.assert_allclose(found[floor], expected, rtol=0.35)
+    np.testing.assert_allclose(found[floor], expected, rtol=0.2)
     np.testing.assert_allclose(found[floor].mean(), expected.mean(), rtol=0.05)
 
 
