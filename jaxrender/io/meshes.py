@@ -44,7 +44,7 @@ def read_mesh(path: str | Path, scale: float | int = 1.0) -> Mesh:
         return _read(path, scale)
 
 
-def _read(path: Path, scale: float) -> Mesh:
+def _read(path: Path, scale: float | int) -> Mesh:
     parts = _parts(path)
     vertices = np.concatenate([part.vertices for part in parts])
     offsets = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
