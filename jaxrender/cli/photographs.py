@@ -1,4 +1,4 @@
-"""The commands about photographs: ``fit``, ``render`` and ``synth``."""
+"""The commands about photographs: ``fit``, ``render``, ``evaluate`` and ``synth``."""
 
 from __future__ import annotations
 
@@ -95,6 +95,67 @@ def render(
         result.resolve(), out=into, model=model, force=force, progress=progress, scene=scene
     )
     process.say(f"images: {out if folder is None else folder}")
+    return DONE
+
+
+@app.command
+def evaluate(
+    result: Path,
+    /,
+    *,
+    photographs: Path | None = None,
+    environment: Path | None = None,
+    light: Path | None = None,
+    convention: str = "z-up",
+    exposure: float = 1.0,
+    scale: Literal["channel", "none"] = "channel",
+    out: Path | None = None,
+    force: bool = False,
+) -> int:
+    """Compare photographs with what a result predicts for their cameras.
+
+    Prints PSNR-H, PSNR-L (dB) and SSIM as the benchmark Stanford-ORB defines them, and the rms
+    relative to the photograph.  Of a recovered light it prints how far three spheres lit by it are
+    from those in the true light.
+
+    Parameters
+    ----------
+    result
+        Result folder of a fit.
+    photographs
+        A transforms.json of other photographs; by default those of the fit.
+    environment
+        A panorama of the light of these photographs; by default the light of the result.
+    light
+        A panorama of the true light, where the fit recovered it.
+    convention
+        Layout of these panoramas: z-up, y-up, angular, cross or mirror-ball.
+    exposure
+        Factor from radiance to what a display shows, 1 being white, for PSNR-L and SSIM.
+    scale
+        channel: a free factor for each photograph and channel.  none: as predicted.
+    out
+        Folder to write the numbers, the predictions and pictures of the differences into.
+    force
+        Replace an earlier evaluation of another result.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines.evaluate import Measures, evaluate_result
+    from jaxrender.pipelines.progress import choose
+    from jaxrender.pipelines.render import Scene
+
+    other, cameras, true = (path and path.resolve() for path in (environment, photographs, light))
+    evaluation = evaluate_result(
+        result.resolve(),
+        Scene(other, convention, cameras),
+        Measures(exposure, scale == "channel", true),
+        None if out is None else out.resolve(),
+        force,
+        progress=choose(sys.stderr),
+    )
+    process.say(evaluation.summary)
+    if out is not None:
+        process.say(f"evaluation: {out}")
     return DONE
 
 

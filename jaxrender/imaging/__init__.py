@@ -3,7 +3,8 @@
 A ``Response`` (``response``) turns stored values into linear radiance, ``exposure`` brings
 photographs to one scale, ``masks`` selects the pixels that measured something and keeps account of
 the others, ``noise`` says how far a measurement may lie from the truth, ``silhouette`` finds the
-circle of a ball, and ``colour`` turns spectra into red, green and blue.  Host side, float64.
+circle of a ball, ``similarity`` compares a prediction with a photograph, and ``colour`` turns
+spectra into red, green and blue.  Host side, float64.
 """
 
 from jaxrender.imaging.colour import (
@@ -24,6 +25,7 @@ from jaxrender.imaging.masks import (
 from jaxrender.imaging.noise import NoiseModel, estimate_noise
 from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_named
 from jaxrender.imaging.silhouette import Circle, circle_of
+from jaxrender.imaging.similarity import Similarity, similarity
 
 __all__ = [
     "ILLUMINANTS",
@@ -47,4 +49,6 @@ __all__ = [
     "usable_pixels",
     "Circle",
     "circle_of",
+    "Similarity",
+    "similarity",
 ]

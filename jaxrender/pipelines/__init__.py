@@ -2,8 +2,9 @@
 
 ``config``
     the settings of a run, as data
-``run`` ``synth`` ``render``
-    a fit; synthetic photographs from a recipe; a finished result's views rendered again
+``run`` ``synth`` ``render`` ``evaluate``
+    a fit; synthetic photographs from a recipe; a finished result's views rendered again, or
+    compared with photographs
 ``tasks``
     what a run may recover: a module for each task
 ``output`` ``progress``

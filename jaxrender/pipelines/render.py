@@ -1,5 +1,6 @@
 """The views of a finished run, or new views, rendered under its light or another."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.photographs import camera_samples
 from jaxrender.inverse.prepared_light import prepare_light
-from jaxrender.io import Capture, read_capture, read_environment, write_image
+from jaxrender.io import Capture, Frame, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.captures import captures_of, joined, light_of_captures
 from jaxrender.pipelines.config import RunConfig
@@ -29,6 +30,7 @@ from jaxrender.pipelines.shadows import transfer_field
 from jaxrender.pipelines.subject import Subject
 from jaxrender.pipelines.tasks import task_named
 from jaxrender.reflection import DualForward, ForwardModel, ShadowedDual, ShadowedModel
+from jaxrender.shapes import Float
 
 MODELS = ("integral", "dual")
 
@@ -42,6 +44,15 @@ class Scene(NamedTuple):
 
 
 OWN_SCENE = Scene()
+
+
+class Rendering(NamedTuple):
+    """One view, rendered: radiance, and its standard deviation where that is known."""
+
+    frame: Frame
+    view: SurfaceView
+    radiance: Float[np.ndarray, "row column channel"]
+    deviation: Float[np.ndarray, "pixel channel"] | None
 
 
 def render_config(
@@ -72,14 +83,28 @@ def render_config(
         progress.note(f"{out}: rendered before; reused (--force: anew)")
         return out
     with progress.stage("render"), result_folder(out, digest, force) as folder:
-        _render_views(run, scene, model, folder, progress)
+        capture = capture_of_scene(run.config, scene)
+        for rendered in renderings(run, scene, capture, progress, model):
+            _write(rendered, folder)
     return out
 
 
-def _capture_of(config: RunConfig, cameras: Path | None) -> Capture:
-    """Read the cameras of the result, or other ones."""
-    if cameras is not None:
-        return read_capture(cameras, require_images=False)
+def _write(rendered: Rendering, folder: Path) -> None:
+    name, view = rendered.frame.name, rendered.view
+    image = np.zeros((*view.hit.shape, 4))
+    image[..., 3] = view.hit
+    image[..., :3] = rendered.radiance
+    if rendered.deviation is not None:
+        picture = np.zeros_like(rendered.radiance)
+        picture[view.hit] = rendered.deviation
+        write_image(folder / f"{name}_deviation.exr", picture)
+    write_image(folder / f"{name}.exr", image)
+
+
+def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
+    """Read the cameras of the scene: those of the result, or other ones."""
+    if scene.cameras is not None:
+        return read_capture(scene.cameras, require_images=False)
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
@@ -103,12 +128,19 @@ def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
     return light_of_captures(captures_of(config, require_images=False))
 
 
-def _render_views(
-    run: FinishedRun, scene: Scene, model: str, folder: Path, progress: Progress
-) -> None:
+def renderings(
+    run: FinishedRun,
+    scene: Scene,
+    capture: Capture,
+    progress: Progress,
+    model: str = "integral",
+) -> Iterator[Rendering]:
+    """Render every view of a finished result, in its own light or that of the scene.
+
+    Raises ``InputError`` for a light that the cameras or the model cannot use.
+    """
     config, light = run.config, _light_of(run, scene)
     assert config.capture.geometry is not None
-    capture = _capture_of(config, scene.cameras)
     shape = shape_of(config.capture.geometry)
     subject = task_named(run.config.task).subject(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
@@ -128,15 +160,14 @@ def _render_views(
         view = observe(frame.camera, shape)
         environment, sources = light.environment_of(number), light.sources_of(number)
         lit = environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
-        image = np.zeros((*view.hit.shape, 4))
-        image[..., 3] = view.hit
+        radiance, deviation = np.zeros((*view.hit.shape, 3)), None
         if lit and view.hit.any():
             if light.varies or shared is None:
                 own = KnownLight(environment, sources)
                 shared = _forward(own, subject, model, shape, view)
             gain = float(gains.get(frame.name, 1.0))
-            radiance = subject.image(view, shared)
-            image[..., :3] = scale * gain * radiance
+            image = subject.image(view, shared)
+            radiance = scale * gain * image
             deviation = subject.deviation(view, shared)
             if deviation is not None:
                 deviation = scale * gain * deviation
@@ -146,15 +177,11 @@ def _render_views(
                 deviation = image_deviation(
                     covariance.of_frame(which, subject.amplitudes, subject.numbers),
                     slopes,
-                    radiance[view.hit],
+                    image[view.hit],
                     gain,
                     scale,
                 )
-            if deviation is not None:
-                picture = np.zeros_like(radiance)
-                picture[view.hit] = deviation
-                write_image(folder / f"{frame.name}_deviation.exr", picture)
-        write_image(folder / f"{frame.name}.exr", image)
+        yield Rendering(frame, view, radiance, deviation)
         progress.advance((number + 1) / len(capture.frames))
 
 

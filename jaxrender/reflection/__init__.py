@@ -28,6 +28,8 @@
     paths, luminaires nearby, the virtual gonioreflectometer (L 3, 5, 8)
 ``render`` ``lit`` ``sensitivity``
     camera to image with either model; under any light, exactly; its derivatives by the material
+``three_spheres``
+    two lights compared by the pictures of a diffuse, a matte silver and a mirror sphere
 
 Every model returns *columns*: the radiance of each lobe of the BRDF at amplitude one, so that
 radiance = columns times amplitudes is linear in what a fit can eliminate.
@@ -130,6 +132,7 @@ from jaxrender.reflection.subspaces import (
     relit,
 )
 from jaxrender.reflection.tabulated import RoughnessTable, roughness_table
+from jaxrender.reflection.three_spheres import LightDifference, compare_lights, three_spheres
 from jaxrender.reflection.transfer import (
     Quadrature,
     TransferVectors,
@@ -230,6 +233,9 @@ __all__ = [
     "shadowed_irradiance",
     "sources_needed",
     "transfer_vectors",
+    "LightDifference",
+    "compare_lights",
+    "three_spheres",
     "visible_nodes",
     "render_widths",
 ]

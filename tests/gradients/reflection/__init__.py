@@ -23,6 +23,7 @@ EXCEPTIONS = {
             "FrameNodes",
             "DualGoal",
             "IrradianceError",
+            "LightDifference",
             "Quadrature",
             "RecoveredBasis",
             "Shadows",
@@ -50,6 +51,9 @@ EXCEPTIONS = {
     ),
     **dict.fromkeys(
         ("dual_light", "filled_up", "irradiance_error", "least_rows", "sources_needed"), _COUNT
+    ),
+    **dict.fromkeys(
+        ("compare_lights", "three_spheres"), "a measure of a finished light, on the host"
     ),
     "quadratic_constants": "five numbers",
     "polar_nodes_for": "counts nodes on the host",
