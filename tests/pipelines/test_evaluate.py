@@ -78,6 +78,11 @@ def test_a_wrong_material_is_told_and_a_gain_only_on_request(finished, changed, 
     found = read_result(changed)
     write_json(changed / "result.json", found | {"scale": 1.1})
     assert rms() == pytest.approx(NOISE, rel=0.3)
+    # The pictures are written with the factor that the numbers are of.
+    photograph = read_image(finished / "capture/images/0.exr").pixels
+    lit = photograph > 0.1 * photograph.max()
+    ratio = read_image(tmp_path / "evaluation/0.exr").pixels[lit] / photograph[lit]
+    assert np.median(ratio) == pytest.approx(1, abs=1e-3)
     assert rms("--scale", "none") == pytest.approx(0.1, rel=0.1)
     found["brdf"]["sigma"] *= 1.5
     write_json(changed / "result.json", found)
