@@ -94,7 +94,15 @@ def test_maps_are_written_and_shown(mapped):
         np.testing.assert_allclose(
             image[known][:, : shaped.shape[2]], shaped[known], rtol=1e-3, atol=1e-3
         )
+    for name in ("sigma_marked", "normal_marked"):
+        shown = pixels_of(folder / result["texture"]["files"][name])[..., 0] > 0.5
+        np.testing.assert_array_equal(shown, maps[name] > 0)
+        assert np.count_nonzero(shown & (maps["seen"] > 0)) == result["texture"][name]
+        # What nothing tells is not to be trusted.
+        assert shown[~np.isfinite(maps[name.replace("marked", "error")])].all()
+        assert not shown.all()
     page = (folder / "report.html").read_text()
+    assert "white: sigma is unreliable" in page
     assert "standard error of sigma" in page
     assert "normal: x, y and z from -1 to 1" in page
 

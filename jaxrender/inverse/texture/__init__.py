@@ -29,7 +29,7 @@
     ``harmonic_columns``)
 ``maps``
     site values as images
-``from_photographs`` ``estimate``
+``from_photographs`` ``estimate`` ``region_lobe``
     a texture from a scene and its photographs; what was found, printed and saved
 ``sites`` ``regions`` ``unknown_light``
     which texel or vertex each pixel shows; under known light each region by itself; light and
@@ -53,7 +53,7 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
     texture_under,
 )
-from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
+from jaxrender.inverse.texture.estimate import TextureEstimate
 from jaxrender.inverse.texture.fit import fit_texture, fit_texture_by_region
 from jaxrender.inverse.texture.forward import (
     Forward,
@@ -79,6 +79,7 @@ from jaxrender.inverse.texture.measurements import (
     whole_sites,
 )
 from jaxrender.inverse.texture.prediction import LitTexture
+from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_numbers import MAPS, NormalMap

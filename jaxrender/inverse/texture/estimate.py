@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +12,12 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.any_estimate import AnyEstimate
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.diagnosis import Diagnosis
-from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
+from jaxrender.inverse.intervals import NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
 from jaxrender.inverse.texture.maps import dilated, image_of_sites
+from jaxrender.inverse.texture.region_lobe import ORIGIN, RegionLobe, interval90
 from jaxrender.inverse.texture.site_numbers import NormalMap
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
@@ -26,49 +27,9 @@ from jaxrender.inverse.unknown_material import UnknownMaterial
 from jaxrender.io import write_image, write_mesh
 from jaxrender.shapes import Bool, Float
 
-# Where an interval is symmetric in the logarithm of value - origin.
-_ORIGIN = {"sigma": 0.0, "mu": 1.0}
-# An interval that reaches beyond this factor above its origin has no end there.
-_ENDLESS = 1e4
 _MAPS = ("kd", "ks", "kd_error", "ks_error")
 # Texels by which saved maps are continued beyond what was seen, so that seams do not show.
 _REACH = 2
-
-
-class RegionLobe(NamedTuple):
-    """One material's lobe, and how many of its sites were seen.
-
-    ``number`` and ``name`` are those of ``SurfaceSites.regions``.  Errors are None where they are
-    not known; mu is NaN where there is none.  ``exact_errors`` are those of sigma and mu if the
-    model were exact, where these know of misfit.
-    """
-
-    number: int
-    name: str
-    sites: int
-    sigma: float
-    mu: float
-    sigma_error: float | None
-    mu_error: float | None
-    outcome: Outcome
-    exact_errors: tuple[float, float] | None = None
-
-    def interval90(self, name: str) -> Float[np.ndarray, "2"] | None:
-        """Return the 90 % interval of ``sigma`` or ``mu``; None where the error is not known."""
-        value, error = getattr(self, name), getattr(self, f"{name}_error")
-        return None if error is None else _interval(name, value, error)
-
-    def if_exact(self) -> "RegionLobe":
-        """Take the model to be exact."""
-        if self.exact_errors is None:
-            return self
-        sigma, mu = self.exact_errors
-        return self._replace(sigma_error=sigma, mu_error=mu)
-
-    def tells(self, name: str) -> bool:
-        """Whether the interval of ``sigma`` or ``mu`` is narrow enough to speak of a value."""
-        size = getattr(self, name) - _ORIGIN[name]
-        return bool(NORMAL_90 * getattr(self, f"{name}_error") <= IDENTIFIABLE_WITHIN * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +109,8 @@ class TextureEstimate(AnyEstimate):
         """90 % intervals of the same; those of kd and ks end at zero."""
         values, found = self.values, {}
         for name, error in self.standard_error.items():
-            if name in _ORIGIN:
-                found[name] = _interval(name, values[name], error)
+            if name in ORIGIN:
+                found[name] = interval90(name, values[name], error)
                 continue
             low, high = (np.maximum(values[name] + s * NORMAL_90 * error, 0) for s in (-1, 1))
             found[name] = np.stack([low, high], axis=-1)
@@ -212,11 +173,28 @@ class TextureEstimate(AnyEstimate):
                 images[name] = image_of_sites(values, self.sites.image, known)
         return images
 
-    def marks(self) -> Float[np.ndarray, "row column channel"]:
-        """Lay out as an image where K_d and K_s are not to be trusted, and what was not seen."""
+    @property
+    def marked(self) -> dict[str, Bool[np.ndarray, "site"]]:
+        """Say where the numbers that sites have of their own are not to be trusted."""
+        found = {}
+        if self.variation is not None and "sigma" in self.maps:
+            found["sigma_marked"] = self.variation.marked
+        if self.normals is not None:
+            found["normal_marked"] = self.normals.marked
+        return found
+
+    def marks(self) -> dict[str, Float[np.ndarray, "row column _"]]:
+        """Lay out as images what is not to be trusted.
+
+        ``marks`` has K_d, K_s and what was not seen as its channels; numbers that sites have of
+        their own have images of their own.
+        """
         assert self.sites.image is not None
         marks = np.stack([self.texture.kd_marked, self.texture.ks_marked, ~self.seen], axis=-1)
-        return image_of_sites(marks.astype(float), self.sites.image)
+        every = {"marks": marks, **{name: one[:, None] for name, one in self.marked.items()}}
+        return {
+            name: image_of_sites(one.astype(float), self.sites.image) for name, one in every.items()
+        }
 
     @property
     def files(self) -> dict[str, str]:
@@ -225,14 +203,17 @@ class TextureEstimate(AnyEstimate):
             return {"vertices": "textures/vertices.ply"}
         names = _MAPS if self.variation is None else (*_MAPS, "sigma", "sigma_error")
         names = names if self.normals is None else (*names, "normal", "normal_error")
-        return {name: f"textures/{name}.exr" for name in names} | {"marks": "textures/marks.png"}
+        marks = ("marks", *self.marked)
+        pictures = {name: f"textures/{name}.png" for name in marks}
+        return {name: f"textures/{name}.exr" for name in names} | pictures
 
     def write_maps(self, folder: Path, reach: int = _REACH) -> None:
         """Write the maps into ``folder/textures``, or the mesh with a number for each vertex.
 
         Maps are continued ``reach`` texels beyond what was seen and are 0 from there on;
         ``marks.png`` is red where K_d is not to be trusted, green where K_s is not, blue where
-        nothing was seen.  Unseen vertices have NaN.
+        nothing was seen; ``sigma_marked.png`` and ``normal_marked.png`` are white where these are
+        not to be trusted.  Unseen vertices have NaN.
         """
         (folder / "textures").mkdir(exist_ok=True)
         if self.sites.image is None:
@@ -242,7 +223,8 @@ class TextureEstimate(AnyEstimate):
         for name, image in self.images().items():
             filled = dilated(image, reach, self.sites.wraps)
             write_image(folder / self.files[name], np.nan_to_num(filled))
-        write_image(folder / self.files["marks"], self.marks())
+        for name, image in self.marks().items():
+            write_image(folder / self.files[name], image)
 
     @property
     def _amplitudes(self) -> tuple[str, ...]:
@@ -291,7 +273,7 @@ class TextureEstimate(AnyEstimate):
         if self.normals is not None:
             columns |= dict(zip(("normal_x", "normal_y", "normal_z"), self.normals.normal.T))
             columns["normal_error"] = self.normals.error
-        return columns
+        return columns | self.marked
 
 
 def facets_of(material: UnknownMaterial) -> Microfacet:
@@ -314,18 +296,6 @@ def worst_outcome(outcomes: list[Outcome]) -> Outcome:
         Outcome.CONVERGED,
     )
     return next(outcome for outcome in order if outcome in outcomes)
-
-
-def _interval(
-    name: str, value: float | Float[np.ndarray, "..."], error: float | Float[np.ndarray, "..."]
-) -> Float[np.ndarray, "... 2"]:
-    """Return the 90 % interval, symmetric in the logarithm of sigma or of mu - 1."""
-    size = np.asarray(value) - _ORIGIN[name]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        log = NORMAL_90 * np.asarray(error) / size
-        factor = np.where(log < np.log(_ENDLESS), np.exp(np.minimum(log, np.log(_ENDLESS))), np.inf)
-        factor = np.where(size > 0, factor, 1.0)
-    return np.stack([_ORIGIN[name] + size / factor, _ORIGIN[name] + size * factor], axis=-1)
 
 
 def _alone(values: list[float]) -> Float[np.ndarray, "*region"]:

@@ -11,8 +11,9 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.inverse.texture.columns import texture_columns
-from jaxrender.inverse.texture.estimate import RegionLobe, TextureEstimate
+from jaxrender.inverse.texture.estimate import TextureEstimate
 from jaxrender.inverse.texture.known_light import finest_of, most_cells, site_cells
+from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.unknown_light import model_under
 from jaxrender.inverse.transfer_field import TransferField

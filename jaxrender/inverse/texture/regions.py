@@ -13,7 +13,6 @@ from jaxrender.inverse.stated import Stated
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.estimate import (
-    RegionLobe,
     TextureEstimate,
     facets_of,
     worst_outcome,
@@ -23,6 +22,7 @@ from jaxrender.inverse.texture.fit import fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf
 from jaxrender.inverse.texture.known_light import forward_under, recover_texture
 from jaxrender.inverse.texture.measurements import by_site
+from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_numbers import NormalMap
 from jaxrender.inverse.texture.sites import SurfaceSites

@@ -26,7 +26,6 @@ from jaxrender.inverse.texture.diffuse_light import (
     factor_diffuse,
 )
 from jaxrender.inverse.texture.estimate import (
-    RegionLobe,
     TextureEstimate,
     facets_of,
 )
@@ -38,6 +37,7 @@ from jaxrender.inverse.texture.glossy_light import (
 )
 from jaxrender.inverse.texture.judgement import judged, noise_left
 from jaxrender.inverse.texture.measurements import by_site
+from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.view_dependent import LightCoefficients

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import colormaps
 
 from jaxrender.harmonics import LatLongGrid, synthesise
-from jaxrender.imaging.display import exposed, exposure_for
+from jaxrender.imaging.display import as_rgb, exposed, exposure_for
 from jaxrender.pipelines.report.contents import FramePictures, Page, is_lambertian
 from jaxrender.pipelines.report.display import (
     Picture,
@@ -36,6 +36,8 @@ _CAPTIONS = {
     "normal": "normal: x, y and z from -1 to 1 as red, green and blue",
     "normal_error": "standard error of the normal, radians",
     "marks": "marks: red: K_d is unreliable; green: K_s is unreliable; blue or white: not seen",
+    "sigma_marked": "white: sigma is unreliable",
+    "normal_marked": "white: the normal is unreliable",
 }
 
 
@@ -115,8 +117,11 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
         uri, top = _graded(graded[name])
         scale = percent(top) if name == "kd_error" else shown(top, 3)
         found.append(Map(uri, f"{_CAPTIONS[name]}; dark 0, yellow {scale}"))
-    marks = np.rint(255 * maps["marks"]).astype(np.uint8)
-    return (*found, Map(data_uri(_enlarged(marks)), _CAPTIONS["marks"]))
+    for name in ("marks", "sigma_marked", "normal_marked"):
+        if name in maps:
+            marks = np.rint(255 * as_rgb(maps[name])).astype(np.uint8)
+            found.append(Map(data_uri(_enlarged(marks)), _CAPTIONS[name]))
+    return tuple(found)
 
 
 def _coloured(image: Picture) -> str:

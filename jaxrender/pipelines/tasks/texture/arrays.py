@@ -21,9 +21,11 @@ _SITE = {
     "region": ("1", "number of the region, -1 for none"),
     "sigma": ("radian", "width of the lobe"),
     "sigma_error": ("radian", "standard error of sigma"),
+    "sigma_marked": ("1", "whether sigma is not to be trusted"),
     "normal": ("1", "normal, a unit vector"),
     "normal_offset": ("1", "what to add to the shape's normal before it is made unit"),
     "normal_error": ("radian", "standard error of the normal's tilt along a tangent"),
+    "normal_marked": ("1", "whether the normal is not to be trusted"),
 }
 
 
@@ -40,6 +42,7 @@ def texture_groups(estimate: TextureEstimate) -> dict[str, Group]:
     if estimate.normals is not None:
         offset, normal, error = estimate.normals
         values |= {"normal": normal, "normal_offset": offset, "normal_error": error}
+    values |= estimate.marked
     variables = {}
     for name, found in values.items():
         inner = (

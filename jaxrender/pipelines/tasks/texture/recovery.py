@@ -97,7 +97,7 @@ class TextureRecovery(Recovery):
 
         maps = None
         if self.estimate.sites.image is not None:
-            maps = self.estimate.images() | {"marks": self.estimate.marks()}
+            maps = self.estimate.images() | self.estimate.marks()
         light = self.estimate.light
         coefficients = None if light is None else light.coefficients
         return texture_page(TextureContents(title, result, maps, coefficients, frames))

@@ -134,16 +134,14 @@ def _variation(estimate: TextureEstimate) -> dict[str, Any]:
         sigma, error = (part[np.isfinite(estimate.variation.sigma)] for part in estimate.variation)
         low, high = np.percentile(sigma, _MOST_OF)
         found |= {"sigma_range": [float(low), float(high)], "sigma_error": float(np.median(error))}
-    if "sigma" in estimate.maps and estimate.variation is not None:
-        found["sigma_marked"] = int(np.count_nonzero(estimate.variation.marked & seen))
     if estimate.normals is not None:
         tilt = np.arctan(np.linalg.norm(estimate.normals.offset, axis=1))[seen]
         found |= {
             "tilt_degrees": float(np.degrees(np.median(tilt))),
             "normal_error_degrees": float(np.degrees(np.median(estimate.normals.error[seen]))),
-            "normal_marked": int(np.count_nonzero(estimate.normals.marked & seen)),
         }
-    return found
+    counts = {name: int(np.count_nonzero(one & seen)) for name, one in estimate.marked.items()}
+    return found | counts
 
 
 def _region(lobe: RegionLobe) -> dict[str, Any]:
