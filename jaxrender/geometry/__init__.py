@@ -10,7 +10,8 @@ its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts 
 ``samples`` keeps what the forward model asks for.  ``visibility`` tells what the surface itself can
 see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape,
 ``height_fields`` a patch of micro-geometry, which ``periodic`` repeats without end.
-``footprints`` says how much of a texture a pixel covers.
+``footprints`` says how much of a texture a pixel covers.  ``lenses`` bend a camera's rays: they are
+made of ``distortions``, and by the names of other programs in ``lens_models``.
 """
 
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
@@ -27,6 +28,13 @@ from jaxrender.geometry.directions import (
     squared_angle,
     squared_angle_of_versine,
 )
+from jaxrender.geometry.distortions import (
+    Distortion,
+    Division,
+    FieldOfView,
+    RadialTangential,
+    Skew,
+)
 from jaxrender.geometry.embeddings import EMBEDDINGS, NUSSELT, POLAR, Embedding
 from jaxrender.geometry.footprints import pixel_steps, size_in_texels, texture_steps
 from jaxrender.geometry.frames import (
@@ -38,6 +46,13 @@ from jaxrender.geometry.frames import (
 )
 from jaxrender.geometry.height_fields import Patch, gaussian_surface, height_field, sawtooth, velvet
 from jaxrender.geometry.hits import Hits, Shape
+from jaxrender.geometry.lens_models import (
+    LENS_MODELS,
+    LensModel,
+    metashape_lens,
+    opencv_lens,
+)
+from jaxrender.geometry.lenses import FisheyeLens, Lens, PerspectiveLens
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.periodic import PeriodicSurface
 from jaxrender.geometry.samples import SurfaceSamples
@@ -54,20 +69,30 @@ from jaxrender.geometry.visibility import (
 
 __all__ = [
     "EMBEDDINGS",
+    "LENS_MODELS",
     "NUSSELT",
     "POLAR",
     "Camera",
     "Components",
     "Incoming",
+    "Distortion",
+    "Division",
     "Embedding",
+    "FieldOfView",
+    "FisheyeLens",
     "Hits",
+    "Lens",
+    "LensModel",
     "Mesh",
     "Orthographic",
     "Patch",
     "PeriodicSurface",
+    "PerspectiveLens",
     "Pinhole",
+    "RadialTangential",
     "Rays",
     "Shape",
+    "Skew",
     "Sphere",
     "SphericalAngles",
     "SurfacePlaces",
@@ -81,8 +106,10 @@ __all__ = [
     "half_vectors",
     "height_field",
     "look_at",
+    "metashape_lens",
     "normalise",
     "observe",
+    "opencv_lens",
     "pair_in_frame",
     "pixel_steps",
     "random_rotations",

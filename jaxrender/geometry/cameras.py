@@ -3,7 +3,7 @@
 A pose is ``world_from_camera`` in the NeRF and Blender convention: its rotation's columns are
 the camera's x (right), y (up) and z (backwards, the camera looks along -z), its last column the
 position.  Pixel (row, column) has its centre at x = column + 1/2, y = row + 1/2 in pixels, x to
-the right and y down from the image's top left corner.
+the right and y down from the image's top left corner.  A lens (``lenses``) has y down and z ahead.
 """
 
 import abc
@@ -14,14 +14,20 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from jaxrender.geometry.lenses import Lens, PerspectiveLens
 from jaxrender.shapes import AnyArray, checked
 
 # Poses in files are often written with six digits; a scale or a shear is far beyond this.
 POSE_TOLERANCE = 1e-4
+# From a pose's axes to those of a lens: y down, z ahead.
+_LENS_AXES = np.array([1.0, -1.0, -1.0])
 
 
 class Rays(NamedTuple):
-    """One ray a pixel: origins in world units, unit directions into the scene."""
+    """One ray a pixel: origins in world units, unit directions into the scene.
+
+    Directions are NaN where the lens shows nothing.
+    """
 
     origins: Float[np.ndarray, "row column 3"]
     directions: Float[np.ndarray, "row column 3"]
@@ -49,7 +55,10 @@ class Camera(eqx.Module):
 
 
 class Pinhole(Camera):
-    """A perspective camera: x = fl_x X / -Z + cx, y = -fl_y Y / -Z + cy, lengths in pixels."""
+    """A perspective camera: x = fl_x X / -Z + cx, y = -fl_y Y / -Z + cy, lengths in pixels.
+
+    A ``lens`` moves (X, -Y) / -Z, or takes their place in a fisheye.
+    """
 
     width: int
     height: int
@@ -58,6 +67,7 @@ class Pinhole(Camera):
     fl_y: float
     cx: float
     cy: float
+    lens: Lens | None
 
     def __init__(
         self,
@@ -69,6 +79,7 @@ class Pinhole(Camera):
         fl_y: float | None = None,
         cx: float | None = None,
         cy: float | None = None,
+        lens: Lens | None = None,
     ):
         """``fl_y`` defaults to ``fl_x``, the principal point to the image's centre."""
         self.width, self.height = _checked_size(width, height)
@@ -77,25 +88,41 @@ class Pinhole(Camera):
         self.fl_y = self.fl_x if fl_y is None else _positive("fl_y", fl_y)
         self.cx = _finite("cx", width / 2 if cx is None else cx)
         self.cy = _finite("cy", height / 2 if cy is None else cy)
+        self.lens = lens
 
     def rays(self) -> Rays:
         """All rays start at the camera's position."""
         x, y = _pixel_centres(self.width, self.height)
-        local = np.stack(
-            [(x - self.cx) / self.fl_x, (self.cy - y) / self.fl_y, -np.ones_like(x)], axis=-1
-        )
+        x, y = (x - self.cx) / self.fl_x, (y - self.cy) / self.fl_y
+        if self.lens is None:
+            local = np.stack([x, -y, -np.ones_like(x)], axis=-1)
+        else:
+            local = self.lens.undistort(np.stack([x, y], axis=-1)) * _LENS_AXES
         directions = local @ self.world_from_camera[:3, :3].T
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(np.broadcast_to(self.position, directions.shape), directions)
 
     @checked
     def project(self, points: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 2"]:
-        """Perspective division by the depth -Z."""
+        """Divide by the depth -Z, or do what the lens does; NaN for what it does not show."""
         local = _to_camera(self.world_from_camera, points)
+        if self.lens is not None:
+            places = self.lens.distort(local * _LENS_AXES)
+            return places * [self.fl_x, self.fl_y] + [self.cx, self.cy]
         depth = np.where(local[:, 2] < 0, -local[:, 2], np.nan)
         x = self.fl_x * local[:, 0] / depth + self.cx
         y = self.cy - self.fl_y * local[:, 1] / depth
         return np.stack([x, y], axis=-1)
+
+    @checked
+    def pixel_slopes(
+        self, directions: Float[np.ndarray, "*batch 3"]
+    ) -> Float[np.ndarray, "*batch 2 3"]:
+        """Differentiate the image position (x, y) by the direction, in the world's axes."""
+        lens = PerspectiveLens(()) if self.lens is None else self.lens
+        world_from_lens = self.world_from_camera[:3, :3] * _LENS_AXES
+        slopes = lens.jacobian(directions @ world_from_lens) @ world_from_lens.T
+        return slopes * np.array([self.fl_x, self.fl_y])[:, None]
 
 
 class Orthographic(Camera):

@@ -32,7 +32,9 @@ def pixel_steps(camera: Camera, view: SurfaceView) -> Float[np.ndarray, "row col
     """
     directions, normals = -view.outgoing, view.geometric_normals
     axes = np.array([1, -1])[:, None] * camera.world_from_camera[:3, :2].T
-    if isinstance(camera, Pinhole):
+    if isinstance(camera, Pinhole) and camera.lens is not None:
+        across = _through_lens(camera, view)
+    elif isinstance(camera, Pinhole):
         lengths = np.array([1 / camera.fl_x, 1 / camera.fl_y])[:, None]
         depth = (camera.position - view.points) @ camera.world_from_camera[:3, 2]
         across = depth[..., None, None] * (lengths * axes)
@@ -44,6 +46,17 @@ def pixel_steps(camera: Camera, view: SurfaceView) -> Float[np.ndarray, "row col
     slide = np.einsum("rcki,rci->rck", across, normals) / np.where(view.hit, slant, 1)[..., None]
     steps = across - slide[..., None] * directions[:, :, None, :]
     return np.where(view.hit[..., None, None], steps, 0)
+
+
+def _through_lens(camera: Pinhole, view: SurfaceView) -> Float[np.ndarray, "row column 2 3"]:
+    """Find the steps across the ray that move a point by a pixel to the right and down."""
+    across = np.zeros((*view.hit.shape, 2, 3))
+    directions = -view.outgoing[view.hit]
+    distance = np.linalg.norm(view.points[view.hit] - camera.position, axis=-1)
+    slopes = camera.pixel_slopes(directions)
+    # A step along the ray moves no pixel, and the smallest step has no such part.
+    across[view.hit] = distance[:, None, None] * np.swapaxes(np.linalg.pinv(slopes), -1, -2)
+    return across
 
 
 @checked

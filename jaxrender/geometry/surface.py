@@ -30,15 +30,18 @@ def observe(camera: Camera, shape: Shape) -> SurfaceView:
 
     A pixel that sees the back of a face (a hole in a scan), or whose interpolated normal faces away
     although the face does not (silhouettes of coarse meshes), counts as not hit: no reflection
-    model has a value there.
+    model has a value there.  Nor is a pixel hit to which the lens shows nothing.
     """
     rays = camera.rays()
     image = rays.directions.shape[:2]
     outgoing = -rays.directions.reshape(-1, 3)
+    shown = np.isfinite(outgoing).all(axis=1)
+    # No tracer is asked for what is no direction.
+    outgoing = np.where(shown[:, None], outgoing, [0.0, 0.0, 1.0])
     hits = shape.first_hits(rays.origins.reshape(-1, 3), -outgoing)
     cosines = np.einsum("ri,ri->r", hits.normals, outgoing)
     front = np.einsum("ri,ri->r", hits.geometric_normals, outgoing) > 0
-    usable = hits.hit & front & (cosines > 0)
+    usable = shown & hits.hit & front & (cosines > 0)
 
     def seen(vectors: Float[np.ndarray, "ray 3"]) -> Float[np.ndarray, "row column 3"]:
         return np.where(usable[:, None], vectors, 0).reshape(*image, 3)

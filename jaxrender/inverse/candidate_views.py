@@ -63,4 +63,5 @@ def _small(camera: Camera, position: np.ndarray, target: np.ndarray) -> Camera:
     if isinstance(camera, Orthographic):
         return Orthographic(width, height, pose, scale=camera.scale * shrink)
     assert isinstance(camera, Pinhole)
-    return Pinhole(width, height, pose, fl_x=camera.fl_x / shrink, fl_y=camera.fl_y / shrink)
+    lengths = {"fl_x": camera.fl_x / shrink, "fl_y": camera.fl_y / shrink}
+    return Pinhole(width, height, pose, **lengths, lens=camera.lens)

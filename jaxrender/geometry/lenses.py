@@ -1,0 +1,130 @@
+"""Lenses: from the directions that light comes from to places in the image plane, and back.
+
+Directions are in the camera's frame as OpenCV and COLMAP have it: x right, y down, z ahead.  Places
+are (x, y) in focal lengths from the principal point.  A ``PerspectiveLens`` begins with the ideal
+places (x, y) / z of a pinhole.  A ``FisheyeLens`` begins with those at a distance of the angle
+from the axis, so that it may see more than 90 degrees aside.  Distortions then follow one upon the
+other.  Where a lens has no value, both ways give NaN.  Host side, NumPy float64.
+
+``lens_models`` makes lenses by the names that programs have for them.
+"""
+
+import abc
+import math
+
+import equinox as eqx
+import numpy as np
+
+from jaxrender.geometry.distortions import Distortion
+from jaxrender.shapes import Float, checked
+
+# As many places at a time as stay in a processor's cache.
+_BLOCK = 2**15
+# Closer to the axis (radians) the series takes the place of the quotient.
+_ON_AXIS = 1e-5
+
+
+class Lens(eqx.Module):
+    """What a lens does to the directions of a camera."""
+
+    distortions: eqx.AbstractVar[tuple[Distortion, ...]]
+
+    @abc.abstractmethod
+    def _ideal(self, directions: np.ndarray) -> np.ndarray:
+        """Find the ideal places of directions; NaN where there are none."""
+
+    @abc.abstractmethod
+    def _direction(self, places: np.ndarray) -> np.ndarray:
+        """Find the unit directions of ideal places; NaN where there are none."""
+
+    @abc.abstractmethod
+    def _slopes(self, directions: np.ndarray) -> np.ndarray:
+        """Differentiate ``_ideal``."""
+
+    @checked
+    def distort(self, directions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 2"]:
+        """Find where the lens shows directions of any length; NaN where it does not."""
+        places = self._ideal(directions.reshape(-1, 3))
+        for distortion in self.distortions:
+            places = distortion.distort(places)
+        return places.reshape(*directions.shape[:-1], 2)
+
+    @checked
+    def undistort(self, places: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 3"]:
+        """Find the unit directions that the lens shows at places; NaN where there are none."""
+        flat = places.reshape(-1, 2)
+        found = np.empty((len(flat), 3))
+        for start in range(0, len(flat), _BLOCK):
+            block = flat[start : start + _BLOCK]
+            for distortion in reversed(self.distortions):
+                block = distortion.undistort(block)
+            found[start : start + _BLOCK] = self._direction(block)
+        return found.reshape(*places.shape[:-1], 3)
+
+    @checked
+    def jacobian(
+        self, directions: Float[np.ndarray, "*batch 3"]
+    ) -> Float[np.ndarray, "*batch 2 3"]:
+        """Differentiate ``distort``: rows are the place, columns the direction."""
+        flat = directions.reshape(-1, 3)
+        places, slopes = self._ideal(flat), self._slopes(flat)
+        for distortion in self.distortions:
+            slopes = distortion.jacobian(places) @ slopes
+            places = distortion.distort(places)
+        return slopes.reshape(*directions.shape[:-1], 2, 3)
+
+
+class PerspectiveLens(Lens):
+    """A lens that shows straight lines as straight lines, but for its distortions."""
+
+    distortions: tuple[Distortion, ...]
+
+    def _ideal(self, directions: np.ndarray) -> np.ndarray:
+        depth = np.where(directions[..., 2:] > 0, directions[..., 2:], np.nan)
+        return directions[..., :2] / depth
+
+    def _direction(self, places: np.ndarray) -> np.ndarray:
+        directions = np.concatenate([places, np.ones_like(places[..., :1])], axis=-1)
+        return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+    def _slopes(self, directions: np.ndarray) -> np.ndarray:
+        depth = np.where(directions[..., 2] > 0, directions[..., 2], np.nan)[..., None, None]
+        places = directions[..., :2, None] / depth
+        across = np.broadcast_to(np.eye(2), (len(directions), 2, 2))
+        return np.concatenate([across, -places], axis=-1) / depth
+
+
+class FisheyeLens(Lens):
+    """A lens that shows angles from its axis as distances, but for its distortions."""
+
+    distortions: tuple[Distortion, ...]
+
+    def _ideal(self, directions: np.ndarray) -> np.ndarray:
+        return self._gain(directions)[0][..., None] * directions[..., :2]
+
+    def _direction(self, places: np.ndarray) -> np.ndarray:
+        angle = np.linalg.norm(places, axis=-1)
+        angle = np.where(angle < math.pi, angle, np.nan)[..., None]
+        return np.concatenate([np.sinc(angle / math.pi) * places, np.cos(angle)], axis=-1)
+
+    def _slopes(self, directions: np.ndarray) -> np.ndarray:
+        aside, square = directions[..., :2], np.sum(directions**2, axis=-1)[..., None, None]
+        gain, rise = (part[..., None, None] for part in self._gain(directions))
+        outer = aside[..., :, None] * aside[..., None, :]
+        across = gain * np.eye(2) + rise * outer
+        return np.concatenate([across, -aside[..., None] / square], axis=-1)
+
+    @staticmethod
+    def _gain(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Evaluate angle / r and its derivative to r, over r; r the distance from the axis."""
+        radius, depth = np.linalg.norm(directions[..., :2], axis=-1), directions[..., 2]
+        near = radius < _ON_AXIS * np.abs(depth)
+        # Straight behind no side is told from another.
+        ahead = np.where(near & (depth > 0), depth, np.where(near, np.nan, 1.0))
+        r = np.where(near, 1.0, radius)
+        gain = np.arctan2(r, depth) / r
+        rise = (depth / np.where(near, 1.0, r * r + depth * depth) - gain) / (r * r)
+        return (
+            np.where(near, 1 / ahead - radius**2 / (3 * ahead**3), gain),
+            np.where(near, -2 / (3 * ahead**3), rise),
+        )
