@@ -35,13 +35,13 @@ def observe(camera: Camera, shape: Shape) -> SurfaceView:
     rays = camera.rays()
     image = rays.directions.shape[:2]
     outgoing = -rays.directions.reshape(-1, 3)
-    shown = np.isfinite(outgoing).all(axis=1)
+    shown = np.all(np.isfinite(outgoing), axis=1, keepdims=True)
     # No tracer is asked for what is no direction.
-    outgoing = np.where(shown[:, None], outgoing, [0.0, 0.0, 1.0])
+    outgoing = np.where(shown, outgoing, [0.0, 0.0, 1.0])
     hits = shape.first_hits(rays.origins.reshape(-1, 3), -outgoing)
     cosines = np.einsum("ri,ri->r", hits.normals, outgoing)
     front = np.einsum("ri,ri->r", hits.geometric_normals, outgoing) > 0
-    usable = shown & hits.hit & front & (cosines > 0)
+    usable = shown.ravel() & hits.hit & front & (cosines > 0)
 
     def seen(vectors: Float[np.ndarray, "ray 3"]) -> Float[np.ndarray, "row column 3"]:
         return np.where(usable[:, None], vectors, 0).reshape(*image, 3)

@@ -3,7 +3,7 @@
 ``images``
     pictures as pixel values, with everything refused that would pass in silence
 ``captures``
-    photographs with their cameras, masks and exposures, from a ``transforms.json``
+    photographs with their cameras, masks and exposures, as this and other programs write them
 ``curves``
     the response curve of a camera
 ``environments``

@@ -13,7 +13,7 @@ import pytest
 
 from jaxrender.errors import InputError
 from jaxrender.geometry.cameras import Orthographic, Pinhole
-from jaxrender.io.captures import read_capture, read_mask, read_photograph
+from jaxrender.io import read_capture, read_mask, read_photograph
 from jaxrender.io.images import write_image
 
 POSE = [[1, 0, 0, 0.5], [0, 0, -1, -4], [0, 1, 0, 1.5], [0, 0, 0, 1]]
@@ -136,7 +136,11 @@ def test_cameras_without_pictures(capture):
     ("keys", "message"),
     [
         ({"camera_model": "fisheye"}, r"unknown camera_model 'fisheye'; known are pinhole"),
-        ({"k1": 0.1}, r"`k1` is 0\.1: lens distortion is not modelled; undistort"),
+        ({"k1": 0.1, "camera_model": "PINHOLE"}, r"`k1` is 0\.1: .*PINHOLE has no distortion"),
+        ({"k2": 0.1, "camera_model": "SIMPLE_RADIAL"}, r"`k2` is 0\.1: .*SIMPLE_RADIAL has k1;"),
+        ({"k4": 0.1}, r"`k4` is 0\.1: Nerfstudio takes .*OpenCV takes .*FULL_OPENCV"),
+        ({"k1": "0"}, r"`k1` is '0'; wanted a finite number"),
+        ({"lens": 3}, r"`lens`: wanted the keys kind and distortions, found 3"),
         ({"camera_model": "orthographic"}, r"no `ortho_scale`"),
         ({"camera_model": "orthographic", "ortho_scale": -1}, r"scale is -1\.0: .*positive"),
         ({"fl_x": 0}, r"fl_x is 0\.0: it must be positive"),

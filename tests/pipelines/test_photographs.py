@@ -102,7 +102,7 @@ def test_exposures_from_metadata(capture, monkeypatch):
         image = read(path, invalid, **given)
         return image._replace(metadata={**image.metadata, "exposure_time": 0.25})
 
-    monkeypatch.setattr("jaxrender.io.captures.read_image", with_exposure)
+    monkeypatch.setattr("jaxrender.io.captures.capture.read_image", with_exposure)
     photographs, _ = load(capture, exposure="metadata")
     np.testing.assert_allclose(photographs[0].radiance, 4 * truth(capture, 0)[0], atol=FLOAT32)
     # Not asked for, not used.

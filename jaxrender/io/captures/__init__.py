@@ -1,0 +1,55 @@
+"""Captures: photographs with their cameras, as this and other programs write them.
+
+``capture``
+    a photograph, its camera and its pixels
+``contents``
+    what else a folder says: shape, light, response
+``recognised``
+    the formats, each known by what it has in a folder; ``read_capture`` of any
+``transforms`` ``lens_keys`` ``written``
+    ``transforms.json`` of NeRF, Blender and Nerfstudio, in and out
+``colmap``
+    COLMAP's sparse models
+``paths`` ``photo_headers``
+    what formats share: where paths lead, EXIF
+"""
+
+from jaxrender.io.captures.capture import Capture, Frame, read_mask, read_photograph
+from jaxrender.io.captures.contents import (
+    Contents,
+    StatedEnvironment,
+    StatedLight,
+    StatedSource,
+    StatedSphere,
+)
+from jaxrender.io.captures.paths import Looking
+from jaxrender.io.captures.photo_headers import PhotoHeader, read_photo_header
+from jaxrender.io.captures.recognised import (
+    FORMATS,
+    Recognised,
+    read_capture,
+    read_contents,
+    recognise,
+)
+from jaxrender.io.captures.written import write_capture
+
+__all__ = [
+    "FORMATS",
+    "Capture",
+    "Contents",
+    "Frame",
+    "Looking",
+    "PhotoHeader",
+    "Recognised",
+    "StatedEnvironment",
+    "StatedLight",
+    "StatedSource",
+    "StatedSphere",
+    "read_capture",
+    "read_contents",
+    "read_mask",
+    "read_photo_header",
+    "read_photograph",
+    "recognise",
+    "write_capture",
+]

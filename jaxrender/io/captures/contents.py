@@ -1,0 +1,60 @@
+"""What a folder of another program says: the photographs, and what else stands beside them."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from jaxrender.io.captures.capture import Capture
+
+
+class StatedSource(NamedTuple):
+    """A directional source: where light comes from, and its irradiance in each channel."""
+
+    direction: tuple[float, ...]
+    irradiance: tuple[float, ...]
+
+
+class StatedEnvironment(NamedTuple):
+    """A panorama, its convention, and the factor from its values to radiance."""
+
+    path: Path
+    convention: str
+    scale: float = 1.0
+
+
+class StatedLight(NamedTuple):
+    """The light of the photographs; ``per_frame`` has the sources of each, in their order."""
+
+    environment: StatedEnvironment | None = None
+    directional: tuple[StatedSource, ...] = ()
+    per_frame: tuple[tuple[StatedSource, ...], ...] | None = None
+
+    @property
+    def given(self) -> bool:
+        """Whether there is any light."""
+        return bool(self.environment or self.directional or self.per_frame)
+
+
+class StatedSphere(NamedTuple):
+    """A sphere in world units."""
+
+    center: tuple[float, ...]
+    radius: float
+
+
+class Contents(NamedTuple):
+    """A capture as another program has it.
+
+    ``mesh`` or ``sphere`` is the shape, where the format brings one, and ``response`` what it says
+    of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
+    are sentences for whoever reads the capture: what the folder says, and what it leaves open.
+    """
+
+    capture: Capture
+    files: tuple[Path, ...]
+    mesh: Path | None = None
+    mesh_scale: float = 1.0
+    sphere: StatedSphere | None = None
+    light: StatedLight = StatedLight()
+    response: str | None = None
+    found: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
