@@ -13,6 +13,7 @@ the error names, or calls ``allow``.
 ``TEXT_BYTES``      of a table or a list in a text file
 ``DOCUMENT_BYTES``  of a JSON document
 ``CONFIG_BYTES``    of a YAML file, which is read slowly
+``STORAGE_BYTES``   of a YAML file of OpenCV
 ``DEPTH``           of brackets within brackets, or of sections within sections
 ``CONFIG_VALUES``   of a YAML file, each alias counted with all that it stands for
 """
@@ -73,6 +74,7 @@ PACKING = Limit("JAXRENDER_MAX_PACKING", 2**12, "times the size of its file")
 TEXT_BYTES = Limit("JAXRENDER_MAX_TEXT_BYTES", 2**27, "bytes")
 DOCUMENT_BYTES = Limit("JAXRENDER_MAX_DOCUMENT_BYTES", 2**24, "bytes")
 CONFIG_BYTES = Limit("JAXRENDER_MAX_CONFIG_BYTES", 2**17, "bytes")
+STORAGE_BYTES = Limit("JAXRENDER_MAX_STORAGE_BYTES", 2**21, "bytes")
 DEPTH = Limit("JAXRENDER_MAX_DEPTH", 64, "levels of brackets or sections within each other")
 CONFIG_VALUES = Limit("JAXRENDER_MAX_CONFIG_VALUES", 2**13, "values")
 

@@ -70,14 +70,20 @@ def opencv_lens(coefficients: Sequence[float]) -> Lens | None:
 
 
 def metashape_lens(
-    radial: Sequence[float], tangential: Sequence[float], skew: float = 0.0
+    radial: Sequence[float],
+    tangential: Sequence[float],
+    skew: float = 0.0,
+    *,
+    is_fisheye: bool = False,
 ) -> Lens | None:
-    """Make the lens of Metashape's frame camera: k1 .. k4, (p1, p2), and b2 over the length f + b1.
+    """Make the lens of Metashape's frame or fisheye camera.
 
-    Its p1 is OpenCV's p2, and its p2 OpenCV's p1.
+    ``radial`` are k1 .. k4, ``tangential`` p1 and p2, ``skew`` is b2 over the length f + b1.  Its p1
+    is OpenCV's p2, and its p2 OpenCV's p1.
     """
     p1, p2 = tangential
-    return perspective(RadialTangential(tuple(radial), (), (p2, p1)), Skew(skew))
+    parts = RadialTangential(tuple(radial), (), (p2, p1)), Skew(skew)
+    return fisheye(*parts) if is_fisheye else perspective(*parts)
 
 
 def _thin_prism_fisheye(n: Sequence[float]) -> Lens:

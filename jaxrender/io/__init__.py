@@ -20,7 +20,7 @@
     our own: tables over two directions, with standard errors; coefficient trees
 ``photometric``
     luminaires: IES files
-``netcdf`` ``text_heaps`` ``atomic`` ``jsonfiles`` ``numbered_words``
+``netcdf`` ``text_heaps`` ``atomic`` ``jsonfiles`` ``xmlfiles`` ``numbered_words``
     what formats share: files of named arrays, files that appear whole or not at all, texts
 ``alta_parametrisations``
     the coordinates that ALTA's files may be in

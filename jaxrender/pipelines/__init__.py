@@ -5,6 +5,8 @@
 ``run`` ``synth`` ``render`` ``evaluate``
     a fit; synthetic photographs from a recipe; a finished result's views rendered again, or
     compared with photographs
+``importing`` ``photographs_found`` ``imported_config``
+    the capture of another program as one of ours, with its config
 ``tasks``
     what a run may recover: a module for each task
 ``output`` ``progress``

@@ -10,6 +10,14 @@
     ``transforms.json`` of NeRF, Blender and Nerfstudio, in and out
 ``colmap``
     COLMAP's sparse models
+``opencv`` ``opencv_storage``
+    calibrations of OpenCV with poses; its files of named values
+``diligent``
+    photometric stereo: one camera, one distant light a photograph
+``mitsuba`` ``mitsuba_values``
+    scenes of Mitsuba 3 in XML; their named values
+``metashape``
+    cameras of Metashape in XML
 ``paths`` ``photo_headers``
     what formats share: where paths lead, EXIF
 """

@@ -3,6 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Float
+
 from jaxrender.io.captures.capture import Capture
 
 
@@ -14,11 +17,16 @@ class StatedSource(NamedTuple):
 
 
 class StatedEnvironment(NamedTuple):
-    """A panorama, its convention, and the factor from its values to radiance."""
+    """A panorama, its convention, and the factor from its values to radiance.
+
+    ``turn`` takes directions of the panorama's world to those of the capture; None where they are
+    the same.
+    """
 
     path: Path
     convention: str
     scale: float = 1.0
+    turn: Float[np.ndarray, "3 3"] | None = None
 
 
 class StatedLight(NamedTuple):
@@ -44,15 +52,16 @@ class StatedSphere(NamedTuple):
 class Contents(NamedTuple):
     """A capture as another program has it.
 
-    ``mesh`` or ``sphere`` is the shape, where the format brings one, and ``response`` what it says
-    of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
+    ``mesh`` or ``sphere`` is the shape, where the format brings one; ``mesh_placed`` takes it to the
+    world (a rotation, a shift and one scale; None: it is there).  ``response`` is what it says of
+    the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
     are sentences for whoever reads the capture: what the folder says, and what it leaves open.
     """
 
     capture: Capture
     files: tuple[Path, ...]
     mesh: Path | None = None
-    mesh_scale: float = 1.0
+    mesh_placed: Float[np.ndarray, "4 4"] | None = None
     sphere: StatedSphere | None = None
     light: StatedLight = StatedLight()
     response: str | None = None

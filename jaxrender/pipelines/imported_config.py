@@ -1,0 +1,99 @@
+"""The config of an imported capture, in words and keys."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from pathlib import Path
+
+from jaxrender.io.captures import Contents, StatedEnvironment, StatedLight, StatedSource
+
+_WIDTH = 96
+
+
+def config_text(name: str, contents: Contents, *, images: Path | None, outside: bool) -> str:
+    """Write the config that fits a capture, with all that was found and assumed.
+
+    ``name`` is that of the format, ``images`` the folder that the paths of photographs start from.
+    """
+    light = contents.light
+    lines = [f"# Imported from {contents.capture.source} (format: {name})."]
+    lines += _listed("Found", contents.found) + _listed("Assumed", contents.assumed)
+    if not light.given:
+        lines += _comment(
+            "No light was found, so that light and material are both unknown. Where the light is "
+            "known, say `task: brdf` and give `lighting`."
+        )
+    lines += [f"task: {'brdf' if light.given else 'factorize'}", "capture:"]
+    lines += ["  transforms: transforms.json"]
+    if images is not None:
+        lines += [f"  images: {_text(images)}"]
+    if outside:
+        lines += ["  allow_outside: true"]
+    lines += [f"  geometry: {_geometry(contents)}"]
+    if contents.response is not None:
+        lines += [f"  response: {contents.response}"]
+    lines += _lighting(light)
+    lines += ["brdf: {model: ggx}", f"output: runs/{_run_name(contents)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _listed(title: str, sentences: tuple[str, ...]) -> list[str]:
+    if not sentences:
+        return []
+    lines = [f"# {title}:"]
+    for sentence in sentences:
+        lines += _comment(sentence, "- ")
+    return lines
+
+
+def _comment(sentence: str, mark: str = "") -> list[str]:
+    """Wrap a sentence; what a file brings into it cannot end the comment."""
+    plain = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
+    first, later = f"# {mark}", f"# {' ' * len(mark)}"
+    return textwrap.wrap(plain, _WIDTH, initial_indent=first, subsequent_indent=later)
+
+
+def _text(path: Path) -> str:
+    # A text of JSON is one of YAML.
+    return json.dumps(str(path), ensure_ascii=False)
+
+
+def _geometry(contents: Contents) -> str:
+    if contents.mesh is not None:
+        return f"{{mesh: {_text(contents.mesh)}}}"
+    assert contents.sphere is not None
+    center = ", ".join(repr(float(x)) for x in contents.sphere.center)
+    return f"{{sphere: {{center: [{center}], radius: {float(contents.sphere.radius)!r}}}}}"
+
+
+def _lighting(light: StatedLight) -> list[str]:
+    if not light.given:
+        return []
+    lines = ["lighting:"]
+    if light.environment is not None:
+        lines += [f"  environment: {_panorama(light.environment)}"]
+    if light.directional:
+        lines += ["  directional:"] + [f"    - {_source(one)}" for one in light.directional]
+    if light.per_frame is not None:
+        lines += ["  per_frame: lights.json"]
+    return lines
+
+
+def _panorama(panorama: StatedEnvironment) -> str:
+    scale = "" if panorama.scale == 1 else f", scale: {float(panorama.scale)!r}"
+    return f"{{path: {_text(panorama.path)}, convention: {panorama.convention}{scale}}}"
+
+
+def _source(source: StatedSource) -> str:
+    direction, irradiance = (
+        ", ".join(repr(float(x)) for x in part) for part in (source.direction, source.irradiance)
+    )
+    return f"{{direction: [{direction}], irradiance: [{irradiance}]}}"
+
+
+def _run_name(contents: Contents) -> str:
+    """Name the run by the folder of the capture."""
+    name = contents.capture.source.resolve().parent.name
+    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in name).strip(".")
+    return plain or "capture"
