@@ -78,8 +78,8 @@ def metashape_lens(
 ) -> Lens | None:
     """Make the lens of Metashape's frame or fisheye camera.
 
-    ``radial`` are k1 .. k4, ``tangential`` p1 and p2, ``skew`` is b2 over the length f + b1.  Its p1
-    is OpenCV's p2, and its p2 OpenCV's p1.
+    ``radial`` are k1 .. k4, ``tangential`` p1 and p2, ``skew`` is b2 over the length f + b1.  Its
+    p1 is OpenCV's p2, and its p2 OpenCV's p1.
     """
     p1, p2 = tangential
     parts = RadialTangential(tuple(radial), (), (p2, p1)), Skew(skew)

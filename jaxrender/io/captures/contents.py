@@ -52,9 +52,9 @@ class StatedSphere(NamedTuple):
 class Contents(NamedTuple):
     """A capture as another program has it.
 
-    ``mesh`` or ``sphere`` is the shape, where the format brings one; ``mesh_placed`` takes it to the
-    world (a rotation, a shift and one scale; None: it is there).  ``response`` is what it says of
-    the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
+    ``mesh`` or ``sphere`` is the shape, where the format brings one; ``mesh_placed`` takes it to
+    the world (a rotation, a shift and one scale; None: it is there).  ``response`` is what it says
+    of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
     are sentences for whoever reads the capture: what the folder says, and what it leaves open.
     """
 

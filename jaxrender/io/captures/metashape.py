@@ -1,9 +1,9 @@
 """Cameras of Agisoft Metashape, as ``Export Cameras`` writes them in XML.
 
-A camera's ``transform`` takes it to the chunk's frame, x right, y down, z ahead; the component's and
-the chunk's own ``transform`` take that to the world, where an exported mesh lies.  ``calibration``
-has f, cx, cy as an offset from the picture's middle, b1, b2, k1 to k4, p1, p2.  ``label`` is the
-photograph's name, with or without suffix, in the folder or in ``images``.
+A camera's ``transform`` takes it to the chunk's frame, x right, y down, z ahead.  The ``transform``
+of its component, or else of the chunk, takes that to the world, where an exported mesh lies.  The
+``calibration`` has f, cx, cy as an offset from the picture's middle, b1, b2, k1 to k4, p1, p2.
+``label`` is the photograph's name, with or without suffix, in the folder or in ``images``.
 """
 
 import math
@@ -114,15 +114,15 @@ class _Metashape(NamedTuple):
         kind = calibration.get("type") or self.sensor.get("type") or "frame"
         if kind not in _KINDS:
             raise InputError(f"{self.place}: a sensor of the type {kind!r}, which is not read")
-        n = dict.fromkeys(_KNOWN, 0.0)
+        n: dict[str, float] = dict.fromkeys(_KNOWN, 0.0)
         for child in calibration:
             if child.tag == "resolution" or not (child.text or "").strip():
                 continue
             (value,) = _numbers(self.place, calibration, child.tag, 1)
             if value and child.tag not in n:
                 raise InputError(
-                    f"{self.place}: its calibration has {child.tag} = {value:g}, which is not known "
-                    "here; undistort the photographs in Metashape"
+                    f"{self.place}: its calibration has {child.tag} = {value:g}, which is not "
+                    "known here; undistort the photographs in Metashape"
                 )
             n[child.tag] = value
         width, height = self._size(calibration)

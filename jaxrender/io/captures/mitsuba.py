@@ -2,7 +2,7 @@
 
 A photograph of a sensor is beside the scene: it has the sensor's ``id`` for a name, or, of a lone
 sensor, the name of the scene.  Sensors are ``perspective`` and ``orthographic``, shapes ``obj``,
-``ply`` and ``sphere``, emitters ``envmap`` and ``directional``; what else lights the scene is named.
+``ply`` and ``sphere``, emitters ``envmap`` and ``directional``; what else shines is named.
 """
 
 import math
@@ -63,7 +63,7 @@ def read_mitsuba(path: Path, looking: Looking) -> Contents:
 
 def _camera(sensor: Plugin) -> Camera:
     film = next(iter(sensor.inner("film")), sensor)
-    width, height = (int(film.number(*size)) for size in (("width", 768), ("height", 576)))
+    width, height = (int(film.number(*size)) for size in (("width", 768.0), ("height", 576.0)))
     if width < 1 or height < 1:
         raise InputError(f"{film.place}: the film is {width} x {height} pixels")
     PIXELS.check(f"{film.place}: width x height", width * height)
@@ -73,7 +73,7 @@ def _camera(sensor: Plugin) -> Camera:
     pose[:3, :3] *= _SENSOR_AXES / scale
     shifts = [film.number(f"crop_offset_{axis}", 0.0) for axis in "xy"]
     shown = [
-        int(film.number(f"crop_{side}", size))
+        int(film.number(f"crop_{side}", float(size)))
         for side, size in (("width", width), ("height", height))
     ]
     offsets = [sensor.number(f"principal_point_offset_{axis}", 0.0) for axis in "xy"]
@@ -84,10 +84,12 @@ def _camera(sensor: Plugin) -> Camera:
     try:
         if sensor.kind == "orthographic":
             one = 2 * scale / width
-            return Orthographic(*shown, pose, scale=one, cx=centre[0], cy=centre[1])
+            return Orthographic(shown[0], shown[1], pose, scale=one, cx=centre[0], cy=centre[1])
         if sensor.kind == "perspective":
             length = _focal_length(sensor, width, height)
-            return Pinhole(*shown, pose, fl_x=length, cx=centre[0], cy=centre[1])
+            return Pinhole(shown[0], shown[1], pose, fl_x=length, cx=centre[0], cy=centre[1])
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"{sensor.place}: {error}") from None
     raise InputError(f"{sensor.place}: a sensor that is neither perspective nor orthographic")

@@ -31,6 +31,8 @@ from jaxrender.shapes import Float
 LOOKED_FOR = "*.yml, *.yaml or *.xml of OpenCV's FileStorage with `camera_matrix`"
 _MATRIX, _COEFFICIENTS = ("camera_matrix", "K"), ("distortion_coefficients", "dist_coeffs", "D")
 _NAMES = ("images", "image_names", "image_paths")
+# A matrix stands within the first bytes of a file of OpenCV.
+_START = 2**16
 _LENS_AXES = np.array([1.0, -1.0, -1.0])
 
 
@@ -39,8 +41,9 @@ def find_opencv(folder: Path) -> list[Path]:
     found = [path for path in folder.glob("*.xml") if root_name(path) == "opencv_storage"]
     for path in (*folder.glob("*.yml"), *folder.glob("*.yaml")):
         with path.open("rb") as file:
-            if file.read(9) == b"%YAML:1.0":
-                found.append(path)
+            start = file.read(_START)
+        if start.startswith(b"%YAML") and b"!!opencv-matrix" in start:
+            found.append(path)
     return sorted(found)
 
 
@@ -130,6 +133,7 @@ def _list_of_texts(path: Path, keys: dict[str, Any]) -> list[str] | None:
     names = _first(keys, _NAMES)
     if names is None:
         return None
+    names = [names] if isinstance(names, str) else names
     if not isinstance(names, list) or not all(isinstance(one, str) for one in names):
         raise InputError(f"{path}: `images` must be a list of paths")
     return names

@@ -29,7 +29,7 @@ def read_storage(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".xml":
         return {child.tag: _of_element(path, child) for child in read_xml(path)}
     lines = read_text(path, STORAGE_BYTES).split("\n")
-    # `%YAML:1.0` is OpenCV's own spelling, which YAML does not know.
+    # `%YAML:1.0` is OpenCV's own spelling, which YAML does not know; newer ones say 1.2.
     if lines[0].startswith("%YAML"):
         lines[0] = ""
     try:
