@@ -203,8 +203,8 @@ def mitsuba(folder: Path) -> None:
         numbers = ", ".join(repr(float(x)) for x in matrix.ravel())
         sensors.append(
             f'<sensor type="perspective" id="{name(i)}"><float name="fov" value="$angle"/>\n'
-            f'<float name="principal_point_offset_x" value="{(CX / WIDTH - 0.5)!r}"/>\n'
-            f'<float name="principal_point_offset_y" value="{(CY / HEIGHT - 0.5)!r}"/>\n'
+            f'<float name="principal_point_offset_x" value="{(0.5 - CX / WIDTH)!r}"/>\n'
+            f'<float name="principal_point_offset_y" value="{(0.5 - CY / HEIGHT)!r}"/>\n'
             f'<transform name="to_world"><matrix value="{numbers}"/></transform>\n'
             f'<film type="hdrfilm"><integer name="width" value="{WIDTH}"/>'
             f'<integer name="height" value="{HEIGHT}"/></film></sensor>\n'

@@ -83,7 +83,8 @@ def test_every_reader_is_tried():
 def test_a_scene_of_mitsuba_has_shape_and_light(tmp_path):
     FORMATS["mitsuba"].write(tmp_path)
     contents = contents_of(tmp_path)
-    assert contents.sphere == ((0.1, 0.0, 0.0), 1.0)
+    assert contents.sphere.center == (0.1, 0.0, 0.0)
+    assert contents.sphere.radius == pytest.approx(1, rel=1e-15)
     ((direction, irradiance),) = contents.light.directional
     np.testing.assert_allclose(direction, [0, 0.6, 0.8], atol=1e-15)
     assert irradiance == (1, 2, 3)

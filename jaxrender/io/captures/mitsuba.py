@@ -78,7 +78,7 @@ def _camera(sensor: Plugin) -> Camera:
     ]
     offsets = [sensor.number(f"principal_point_offset_{axis}", 0.0) for axis in "xy"]
     centre = [
-        size * (0.5 + offset) - shift
+        size * (0.5 - offset) - shift
         for size, offset, shift in zip((width, height), offsets, shifts)
     ]
     try:

@@ -19,7 +19,8 @@ from jaxrender.io.xmlfiles import Element, read_xml
 from jaxrender.limits import DEPTH, STORAGE_BYTES
 from jaxrender.shapes import Float
 
-_MATRIX = "opencv-matrix"
+# The second has `sizes` in the place of rows and columns.
+_MATRICES = ("opencv-matrix", "opencv-nd-matrix")
 # What stands in quotes, or between spaces.
 _WORD = re.compile(r'"([^"]*)"|(\S+)')
 
@@ -57,15 +58,16 @@ def _of_node(path: Path, node: Node, seen: set[int], depth: int) -> Any:
     if isinstance(node, SequenceNode):
         return [_of_node(path, one, seen, depth + 1) for one in node.value]
     found = {str(key.value): _of_node(path, value, seen, depth + 1) for key, value in node.value}
-    return _matrix(place, found) if str(node.tag).endswith(_MATRIX) else found
+    return _matrix(place, found) if str(node.tag).endswith(_MATRICES) else found
 
 
 def _of_element(path: Path, element: Element) -> Any:
     place = f"{path}: <{element.tag}>"
-    if element.get("type_id") == _MATRIX:
+    if element.get("type_id") in _MATRICES:
         found = {child.tag: _scalar(child.text or "") for child in element}
-        words = (element.findtext("data") or "").split()
-        return _matrix(place, found | {"data": [_scalar(word) for word in words]})
+        for key in ("data", "sizes"):
+            found[key] = [_scalar(word) for word in (element.findtext(key) or "").split()]
+        return _matrix(place, found)
     if all(child.tag == "_" for child in element) and len(element):
         return [_of_element(path, child) for child in element]
     if len(element):
@@ -87,6 +89,9 @@ def _scalar(text: str) -> float | str:
 
 def _matrix(place: str, keys: dict[str, Any]) -> Float[np.ndarray, "row column"]:
     rows, columns, data = (keys.get(key) for key in ("rows", "cols", "data"))
+    sizes = keys.get("sizes")
+    if isinstance(sizes, list) and len(sizes) in (1, 2):
+        rows, columns = sizes[0], sizes[1] if len(sizes) == 2 else 1.0
     good = isinstance(data, list) and all(isinstance(one, float) for one in data)
     if not (isinstance(rows, float) and isinstance(columns, float) and good):
         raise InputError(f"{place}: a matrix wants rows, cols and data of numbers")
