@@ -17,7 +17,7 @@ def config_text(name: str, contents: Contents, *, images: Path | None, outside: 
     ``name`` is that of the format, ``images`` the folder that the paths of photographs start from.
     """
     light = contents.light
-    lines = [f"# Imported from {contents.capture.source} (format: {name})."]
+    lines = _comment(f"Imported from {contents.capture.source} (format: {name}).")
     lines += _listed("Found", contents.found) + _listed("Assumed", contents.assumed)
     if not light.given:
         lines += _comment(
@@ -51,7 +51,9 @@ def _comment(sentence: str, mark: str = "") -> list[str]:
     """Wrap a sentence; what a file brings into it cannot end the comment."""
     plain = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
     first, later = f"# {mark}", f"# {' ' * len(mark)}"
-    return textwrap.wrap(plain, _WIDTH, initial_indent=first, subsequent_indent=later)
+    indents = {"initial_indent": first, "subsequent_indent": later}
+    # A path stays in one piece, however long.
+    return textwrap.wrap(plain, _WIDTH, **indents, break_long_words=False, break_on_hyphens=False)
 
 
 def _text(path: Path) -> str:

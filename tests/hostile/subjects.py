@@ -2,6 +2,7 @@
 
 import json
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -36,6 +37,7 @@ from jaxrender.io import (
     write_table,
     write_tree,
 )
+from jaxrender.io.captures import Looking, Recognised, read_contents
 from jaxrender.io.merl import DIMENSIONS
 from jaxrender.pipelines.config import load_recipe, load_run_config
 from jaxrender.pipelines.config.sweep import load_sweep
@@ -44,6 +46,9 @@ from jaxrender.pipelines.shrm_files import read_shrm, write_shrm
 from jaxrender.pipelines.shrm_layout import ShrmAbout
 from jaxrender.reflection.shrm import GlobalShrm
 from jaxrender.wavelets import CoefficientTree, haar
+
+sys.path.append(str(Path(__file__).parents[1] / "io"))
+from capture_formats import FORMATS as CAPTURES
 
 NAMES = ("one", "two")
 _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8")
@@ -193,6 +198,25 @@ def _capture(path: Path) -> object:
     return read_capture(path, require_images=False)
 
 
+def _foreign(name: str, form: str, read: str, kind: str = "text") -> Subject:
+    """A file of another program's capture; ``read`` is the one that its format is known by."""
+
+    def make(path: Path) -> None:
+        if not (path.parent / name).exists():
+            CAPTURES[form].write(path.parent)
+        places = (path.parent / "sparse/0" / name, path.parent / name)
+        path.write_bytes(next(one for one in places if one.exists()).read_bytes())
+        for beside in (path.parent / "sparse/0").glob("*"):
+            if beside.name != name:
+                beside.replace(path.parent / beside.name)
+
+    def contents(path: Path) -> object:
+        looking = Looking(path.parent, require_images=False, original=True)
+        return read_contents(Recognised(form.split()[0], path.parent / read), looking)
+
+    return Subject(name, kind, make, contents)
+
+
 def _lights(path: Path) -> object:
     return read_per_frame_lights(path, NAMES)
 
@@ -223,7 +247,19 @@ TILT=INCLUDE
 _CORNELL = "# made up\n3\n400 500 600\n" + "0.1 0.2 0.3 0.4 0.5 0.6 0.7\n" * 5
 _LIGHT = {"direction": [0, 0.6, 0.8], "irradiance": [1, 2, 3]}
 
+_FOREIGN = {
+    "colmap cameras": _foreign("cameras.txt", "colmap text", "cameras.txt"),
+    "colmap images": _foreign("images.txt", "colmap text", "cameras.txt"),
+    "colmap binary cameras": _foreign("cameras.bin", "colmap binary", "cameras.bin", "binary"),
+    "colmap binary images": _foreign("images.bin", "colmap binary", "cameras.bin", "binary"),
+    "opencv yaml": _foreign("calibration.yml", "opencv yaml", "calibration.yml"),
+    "opencv xml": _foreign("calibration.xml", "opencv xml", "calibration.xml"),
+    "mitsuba scene": _foreign("scene.xml", "mitsuba", "scene.xml"),
+    "metashape cameras": _foreign("cameras.xml", "metashape", "cameras.xml"),
+}
+
 SUBJECTS: dict[str, Subject] = {
+    **_FOREIGN,
     **{one: _image(one) for one in ("exr", "hdr", "pfm", "tif", "png", "jpg", "tga")},
     "panorama": _image("hdr")._replace(read=lambda path: read_environment(path, height=8)),
     "exr tiled": _exr("piz", tiled=True),

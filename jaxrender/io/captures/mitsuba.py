@@ -77,6 +77,7 @@ def _camera(sensor: Plugin) -> Camera:
         for side, size in (("width", width), ("height", height))
     ]
     offsets = [sensor.number(f"principal_point_offset_{axis}", 0.0) for axis in "xy"]
+    # A positive offset moves the picture, and the principal point the other way.
     centre = [
         size * (0.5 - offset) - shift
         for size, offset, shift in zip((width, height), offsets, shifts)

@@ -118,7 +118,7 @@ def _lens(path: Path, keys: dict[str, Any]) -> Lens | None:
 def _size(place: str, keys: dict[str, Any], image_path: Path) -> tuple[int, int]:
     width, height = keys.get("image_width"), keys.get("image_height")
     if isinstance(width, float) and isinstance(height, float):
-        if width != int(width) or height != int(height):
+        if not (width.is_integer() and height.is_integer()):
             raise InputError(f"{place}: image_width x image_height is {width:g} x {height:g}")
         PIXELS.check(f"{place}: image_width x image_height", int(width) * int(height))
         return int(width), int(height)
