@@ -56,6 +56,7 @@ def test_help_imports_nothing_heavy():
         "compress",
         "evaluate",
         "fit",
+        "import",
         "measure",
         "prefilter",
         "render",

@@ -39,6 +39,7 @@ _MODELS = (
 )  # fmt: skip
 _LENS_AXES = np.array([1.0, -1.0, -1.0])
 _POINT_BYTES = 24
+_LARGEST = 1e12
 
 
 class _Camera(NamedTuple):
@@ -150,8 +151,10 @@ def _pinhole(image: _Image, camera: _Camera) -> Pinhole:
 
 def _world_from_camera(image: _Image) -> Float[np.ndarray, "4 4"]:
     pose = np.array(image.pose)
-    length = np.linalg.norm(pose[:4])
-    if not (np.isfinite(pose).all() and 1e-6 < length < 1e6):
+    # What is larger has no square in floating point.
+    plain = np.isfinite(pose).all() and np.abs(pose).max() < _LARGEST
+    length = np.linalg.norm(pose[:4]) if plain else 0.0
+    if not length > 1 / _LARGEST:
         raise InputError(f"{image.place}: the pose {list(image.pose)} has no rotation; mend it")
     camera_from_world = Rotation.from_quat(pose[:4] / length, scalar_first=True).as_matrix()
     world_from_camera = np.eye(4)

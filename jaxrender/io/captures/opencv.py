@@ -103,7 +103,11 @@ def _intrinsics(path: Path, keys: dict[str, Any]) -> dict[str, float]:
 
 def _lens(path: Path, keys: dict[str, Any]) -> Lens | None:
     coefficients = _first(keys, _COEFFICIENTS)
-    numbers = [] if coefficients is None else [float(x) for x in np.ravel(coefficients)]
+    numbers: list[float] = []
+    if isinstance(coefficients, np.ndarray):
+        numbers = coefficients.ravel().tolist()
+    elif coefficients is not None:
+        raise InputError(f"{path}: `distortion_coefficients` must be a matrix")
     fisheye = keys.get("fisheye_model") == 1 or "fisheye" in str(keys.get("camera_model")).lower()
     try:
         if fisheye:

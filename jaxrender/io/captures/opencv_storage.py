@@ -21,6 +21,7 @@ from jaxrender.shapes import Float
 
 # The second has `sizes` in the place of rows and columns.
 _MATRICES = ("opencv-matrix", "opencv-nd-matrix")
+_NESTING = re.compile(r"[\[\]{}]|(?:[-?] ){2,}")
 # What stands in quotes, or between spaces.
 _WORD = re.compile(r'"([^"]*)"|(\S+)')
 
@@ -29,7 +30,9 @@ def read_storage(path: Path) -> dict[str, Any]:
     """Read the named values of a file; raises InputError with its line."""
     if path.suffix.lower() == ".xml":
         return {child.tag: _of_element(path, child) for child in read_xml(path)}
-    lines = read_text(path, STORAGE_BYTES).split("\n")
+    text = read_text(path, STORAGE_BYTES)
+    _refuse_deep(path, text)
+    lines = text.split("\n")
     # `%YAML:1.0` is OpenCV's own spelling, which YAML does not know; newer ones say 1.2.
     if lines[0].startswith("%YAML"):
         lines[0] = ""
@@ -44,6 +47,17 @@ def read_storage(path: Path) -> dict[str, Any]:
     if not isinstance(root, MappingNode):
         raise InputError(f"{path}:1: wanted named values, as OpenCV's FileStorage writes them")
     return _of_node(path, root, set(), 0)
+
+
+def _refuse_deep(path: Path, text: str) -> None:
+    """Refuse many brackets or dashes within each other, which a parser takes long to go through."""
+    depth = 0
+    for found in _NESTING.finditer(text):
+        word = found.group()
+        # An indicator of a list in a list: as many as stand in a row.
+        own = len(word) // 2
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(word, 0)
+        DEPTH.check(str(path), max(depth, own), "take brackets out")
 
 
 def _of_node(path: Path, node: Node, seen: set[int], depth: int) -> Any:
