@@ -164,10 +164,11 @@ def load_capture(
 ) -> LoadedCapture:
     """Read photographs and their cameras from a ``transforms.json``.
 
-    ``images`` is the folder in which they are looked up instead of the file's own.  ``response`` is
-    ``linear``, ``srgb`` or a measured ``Curve``; pictures of integers need it.  ``rules`` are the
-    other fields of ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with
-    it, and ``ValueError`` for a response that there is none of.
+    A file or a folder of another format of ``io.captures`` does as well.  ``images`` is the folder
+    in which they are looked up instead of the file's own.  ``response`` is ``linear``, ``srgb`` or
+    a measured ``Curve``; pictures of integers need it.  ``rules`` are the other fields of
+    ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with it, and
+    ``ValueError`` for a response that there is none of.
     """
     known = response_named(response) if isinstance(response, str) else response
     reading = Reading(known, **rules)

@@ -109,6 +109,7 @@ def capture_of(
         images=config.images,
         allow_outside=config.allow_outside,
         require_images=require_images,
+        foreign=False,
     )
 
 

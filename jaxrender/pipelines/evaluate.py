@@ -136,7 +136,7 @@ def _photographs(
     shape = shape_of(run.config.capture.geometry)
     listener = Listener(progress.note, progress.advance)
     if scene.cameras is not None:
-        read = [(read_capture(scene.cameras), reading_of(run.config.capture, 0.0))]
+        read = [(read_capture(scene.cameras, foreign=False), reading_of(run.config.capture, 0.0))]
     else:
         read = [(one.capture, one.reading) for one in captures_of(run.config)]
     found = []

@@ -104,7 +104,7 @@ def _write(rendered: Rendering, folder: Path) -> None:
 def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
     """Read the cameras of the scene: those of the result, or other ones."""
     if scene.cameras is not None:
-        return read_capture(scene.cameras, require_images=False)
+        return read_capture(scene.cameras, require_images=False, foreign=False)
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 

@@ -310,3 +310,12 @@ def test_two_formats_give_the_same_fit(tmp_path):
         found.append(read_result(out)["brdf"])
     for key in ("kd", "ks", "sigma", "mu"):
         np.testing.assert_allclose(found[0][key], found[1][key], rtol=1e-9)
+
+
+def test_a_config_names_ours_alone(tmp_path):
+    """All that a result depends on is in the files that a config names."""
+    config, _ = imported(tmp_path, "colmap text")
+    other = tmp_path / "theirs/sparse/0/cameras.txt"
+    capture = config.capture.model_copy(update={"transforms": other})
+    with pytest.raises(InputError, match=r"cameras\.txt: no transforms\.json; `jaxrender import`"):
+        capture_of(capture)

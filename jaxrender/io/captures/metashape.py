@@ -6,7 +6,6 @@ of its component, or else of the chunk, takes that to the world, where an export
 ``label`` is the photograph's name, with or without suffix, in the folder or in ``images``.
 """
 
-import math
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -27,6 +26,8 @@ LOOKED_FOR = "*.xml with a <document> of Metashape's cameras"
 _LENS_AXES = np.array([1.0, -1.0, -1.0])
 _FOLDERS = (".", "images", "photos")
 _KNOWN = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+# Far beyond any scene; products of such numbers are finite.
+_LARGEST = 1e30
 _KINDS = ("frame", "fisheye")
 
 
@@ -175,6 +176,6 @@ def _numbers(place: str, parent: Element, tag: str, count: int) -> list[float]:
         found = [float(word) for word in text.split()]
     except ValueError:
         found = []
-    if len(found) != count or not all(map(math.isfinite, found)):
-        raise InputError(f"{place}: <{tag}> is {text!r}; wanted {count} finite number(s)")
+    if len(found) != count or not all(abs(number) < _LARGEST for number in found):
+        raise InputError(f"{place}: <{tag}> is {text!r}; wanted {count} number(s)")
     return found

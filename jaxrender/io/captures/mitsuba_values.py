@@ -11,6 +11,9 @@ from jaxrender.errors import InputError
 from jaxrender.io.xmlfiles import Element
 from jaxrender.shapes import Float
 
+# Far beyond any scene; products of such numbers are finite.
+_LARGEST = 1e30
+
 
 class Plugin(NamedTuple):
     """An element of a scene with named values; ``defaults`` are those of the scene's $names.
@@ -73,9 +76,10 @@ class Plugin(NamedTuple):
         found = self._named("to_world")
         whole = np.eye(4)
         for step in [] if found is None else found:
-            whole = self._step(step) @ whole
-        if not np.isfinite(whole).all():
-            raise InputError(f"{self.place}: `to_world` is not finite; mend it")
+            next_one = self._step(step)
+            if max(np.abs(next_one).max(), np.abs(whole).max()) > _LARGEST:
+                raise InputError(f"{self.place}: `to_world` has numbers over {_LARGEST:g}; mend it")
+            whole = next_one @ whole
         return whole
 
     def _named(self, name: str) -> Element | None:

@@ -31,6 +31,10 @@ FORMATS: dict[str, Format] = {
 }
 
 
+# How files of other formats end; a transforms.json may end in any other way.
+_FOREIGN = (".xml", ".yml", ".yaml", ".bin", ".txt")
+
+
 class Recognised(NamedTuple):
     """A format that was found, and the file that it is known by."""
 
@@ -79,12 +83,14 @@ def read_capture(
     *,
     allow_outside: bool = False,
     require_images: bool = True,
+    foreign: bool = True,
 ) -> Capture:
     """Read the cameras and the paths of a capture, not yet its pixels.
 
     ``path`` is a ``transforms.json``, or a file or a folder of any of the ``FORMATS``.
     ``images``: the folder in which paths are looked up instead of the file's own.
     ``require_images=False``: the cameras alone are wanted, the pictures need not exist.
+    ``foreign=False``: only a ``transforms.json`` is, which stands for all that is read.
     A frame is named by its file without folder and suffix; where two would share that name, by the
     whole path with ``_`` between folders; where that does not help, by number and file.
     Raises InputError that names the file, the frame and the key.
@@ -92,6 +98,9 @@ def read_capture(
     path = Path(path)
     folder = path if path.is_dir() else path.parent
     looking = Looking(Path(images) if images else folder, allow_outside, require_images)
-    if path.is_dir() or (path.is_file() and path.suffix.lower() != ".json"):
+    is_foreign = path.is_dir() or (path.is_file() and path.suffix.lower() in _FOREIGN)
+    if is_foreign and foreign:
         return read_contents(recognise(path), looking).capture
+    if is_foreign and path.is_file():
+        raise InputError(f"{path}: no transforms.json; `jaxrender import` makes one of it")
     return transforms.read_transforms(path, looking).capture
