@@ -50,10 +50,10 @@ def _listed(title: str, sentences: tuple[str, ...]) -> list[str]:
 def _comment(sentence: str, mark: str = "") -> list[str]:
     """Wrap a sentence; what a file brings into it cannot end the comment."""
     plain = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in sentence)
-    first, later = f"# {mark}", f"# {' ' * len(mark)}"
-    indents = {"initial_indent": first, "subsequent_indent": later}
+    wrapper = textwrap.TextWrapper(_WIDTH, f"# {mark}", f"# {' ' * len(mark)}")
     # A path stays in one piece, however long.
-    return textwrap.wrap(plain, _WIDTH, **indents, break_long_words=False, break_on_hyphens=False)
+    wrapper.break_long_words = wrapper.break_on_hyphens = False
+    return wrapper.wrap(plain)
 
 
 def _text(path: Path) -> str:

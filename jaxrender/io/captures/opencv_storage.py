@@ -78,7 +78,7 @@ def _of_node(path: Path, node: Node, seen: set[int], depth: int) -> Any:
 def _of_element(path: Path, element: Element) -> Any:
     place = f"{path}: <{element.tag}>"
     if element.get("type_id") in _MATRICES:
-        found = {child.tag: _scalar(child.text or "") for child in element}
+        found: dict[str, Any] = {child.tag: _scalar(child.text or "") for child in element}
         for key in ("data", "sizes"):
             found[key] = [_scalar(word) for word in (element.findtext(key) or "").split()]
         return _matrix(place, found)
