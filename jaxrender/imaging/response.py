@@ -5,6 +5,7 @@ with 1 at full scale.  Host side, NumPy float64.
 """
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
 import numpy as np
@@ -18,7 +19,7 @@ _BREAK_VALUE, _BREAK_RADIANCE = 0.04045, 0.0031308
 
 
 class Response(eqx.Module):
-    """An invertible map between stored values and linear radiance, the same for every channel."""
+    """An invertible map between stored values and linear radiance."""
 
     @abc.abstractmethod
     def linearise(self, values: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
@@ -66,15 +67,28 @@ class SRGB(Response):
 
 
 class Curve(Response):
-    """A measured response: a strictly increasing table, linear between its entries."""
+    """A measured response: a strictly increasing table, linear between its entries.
+
+    ``radiance`` has one column for all channels, or one column for each.
+    """
 
     values: Float[np.ndarray, "entry"]
-    radiance: Float[np.ndarray, "entry"]
+    radiance: Float[np.ndarray, "entry"] | Float[np.ndarray, "entry channel"]
 
-    def __init__(self, values: Float[AnyArray, "entry"], radiance: Float[AnyArray, "entry"]):
-        """Raises ValueError unless both columns are finite and strictly increasing."""
+    def __init__(
+        self,
+        values: Float[AnyArray, "entry"],
+        radiance: Float[AnyArray, "entry"] | Float[AnyArray, "entry channel"],
+    ):
+        """Raises ValueError unless all columns are finite and strictly increasing."""
         self.values = _increasing("values", values)
-        self.radiance = _increasing("radiance", radiance)
+        columns = np.array(radiance, np.float64)
+        if columns.ndim == 2:
+            names = [f"radiance of channel {k}" for k in range(columns.shape[1])]
+            each = [_increasing(name, one) for name, one in zip(names, columns.T, strict=True)]
+            self.radiance = np.stack(each, axis=-1)
+        else:
+            self.radiance = _increasing("radiance", columns)
         if len(self.values) != len(self.radiance):
             raise ValueError(
                 f"a curve of {len(self.values)} values and {len(self.radiance)} radiances: "
@@ -92,12 +106,25 @@ class Curve(Response):
                 f"value {values[outside].flat[0]} lies outside the response curve, which covers "
                 f"{first} to {last}: extend the curve or mask such pixels"
             )
-        return np.interp(values, self.values, self.radiance)
+        return self._by_channel(values, lambda x, radiance: np.interp(x, self.values, radiance))
 
     @checked
     def encode(self, radiance: Float[np.ndarray, "*image"]) -> Float[np.ndarray, "*image"]:
         """Interpolated; radiance beyond the table saturates, as on a sensor."""
-        return np.interp(np.asarray(radiance, np.float64), self.radiance, self.values)
+        radiance = np.asarray(radiance, np.float64)
+        return self._by_channel(radiance, lambda x, own: np.interp(x, own, self.values))
+
+    def _by_channel(self, image: np.ndarray, interpolate: Callable) -> np.ndarray:
+        if self.radiance.ndim == 1:
+            return interpolate(image, self.radiance)
+        channels = self.radiance.shape[1]
+        if image.shape[-1:] != (channels,):
+            raise ValueError(
+                f"a response of {channels} channels and an image of shape {list(image.shape)}: "
+                f"its last axis must be that of {channels} channels"
+            )
+        each = [interpolate(image[..., k], self.radiance[:, k]) for k in range(channels)]
+        return np.stack(each, axis=-1)
 
 
 _NAMED: dict[str, type[Response]] = {"linear": Linear, "srgb": SRGB}
