@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft, ndimage
+from scipy import ndimage
 
 from jaxrender.shapes import checked
 
@@ -70,8 +70,8 @@ def _whole_pixels(still: np.ndarray, moved: np.ndarray) -> Float[np.ndarray, "2"
     spectra = []
     for picture in (still, moved):
         down, across = np.gradient(picture)
-        spectra.append(np.asarray(fft.fft2(window * (across + 1j * down))))
-    correlation = np.asarray(fft.ifft2(np.conj(spectra[0]) * spectra[1])).real
+        spectra.append(np.fft.fft2(window * (across + 1j * down)))
+    correlation = np.real(np.fft.ifft2(np.conj(spectra[0]) * spectra[1]))
     peak = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
     return np.array([np.fft.fftfreq(n, 1 / n)[k] for n, k in zip(correlation.shape, peak)])
 

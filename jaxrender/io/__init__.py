@@ -37,7 +37,7 @@ from jaxrender.io.captures import (
     read_photograph,
     write_capture,
 )
-from jaxrender.io.curves import read_curve
+from jaxrender.io.curves import read_curve, write_curve
 from jaxrender.io.environments import read_environment, write_environment
 from jaxrender.io.images import Image, image_size, read_image, write_image
 from jaxrender.io.lights import read_per_frame_lights
@@ -84,6 +84,7 @@ __all__ = [
     "read_utia",
     "write_alta",
     "write_capture",
+    "write_curve",
     "write_environment",
     "write_image",
     "write_merl",
