@@ -45,7 +45,7 @@ from jaxrender.imaging.registration import Shift, shift_between
 from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_named
 from jaxrender.imaging.response_recovery import RecoveredResponse, recover_response
 from jaxrender.imaging.sensor import SensorNoise, rounding
-from jaxrender.imaging.silhouette import Circle, circle_of
+from jaxrender.imaging.silhouette import Circle, circle_of, outline_of
 from jaxrender.imaging.similarity import Similarity, similarity
 from jaxrender.imaging.white import (
     PATCHES,
@@ -99,6 +99,7 @@ __all__ = [
     "measure_exposures",
     "measure_shifts",
     "merge_brackets",
+    "outline_of",
     "recover_response",
     "relative_exposures",
     "response_named",

@@ -46,7 +46,7 @@ def circle_of(mask: Bool[np.ndarray, "row column"] | Float[np.ndarray, "row colu
     a robust geometric least-squares fit then refines it.
     Raises ``ValueError`` for a mask without an outline, or whose outline is no circle.
     """
-    points = _outline(np.asarray(mask, np.float64))
+    points = outline_of(mask)
     if len(points) < _FEWEST_POINTS:
         raise ValueError(
             f"the mask's outline has {len(points)} points: give one that holds a ball, at least "
@@ -68,9 +68,12 @@ def circle_of(mask: Bool[np.ndarray, "row column"] | Float[np.ndarray, "row colu
     return Circle(row, column, radius, float(spread / np.sqrt(len(inliers) / 2)), support)
 
 
-def _outline(coverage: Float[np.ndarray, "row column"]) -> Float[np.ndarray, "point 2"]:
+@checked
+def outline_of(
+    mask: Bool[np.ndarray, "row column"] | Float[np.ndarray, "row column"],
+) -> Float[np.ndarray, "point 2"]:
     """List where coverage crosses 1/2 between the centres of neighbours, along rows and columns."""
-    points = []
+    coverage, points = np.asarray(mask, np.float64), []
     for axis in (0, 1):
         along = np.moveaxis(coverage, axis, 1)
         before, after = along[:, :-1], along[:, 1:]

@@ -20,15 +20,28 @@
     light that is nowhere negative, from coefficients that were measured
 ``cells`` ``split``
     near-equal cells of the sphere; slow and fast light apart (T 6.3)
+``mirror_ball`` ``ball_views`` ``ball_outline`` ``filling``
+    the light around a chrome ball, from one photograph or several; where the ball lies; directions
+    that none shows
 ``layouts`` ``panoramas``
     where other panoramas show a direction; their conversion to our grid (host side)
 """
 
+from jaxrender.lighting.ball_outline import ball_of_circle, ball_of_mask
+from jaxrender.lighting.ball_views import (
+    Ball,
+    BallView,
+    Evidence,
+    MergedViews,
+    merge_views,
+    view_of_ball,
+)
 from jaxrender.lighting.base import Light, LightNodes, LightSum
 from jaxrender.lighting.cells import Cells, condensed, partition
 from jaxrender.lighting.coefficients import HarmonicLight
 from jaxrender.lighting.directional import DirectionalSources
 from jaxrender.lighting.environment import Environment
+from jaxrender.lighting.filling import fill_smoothly
 from jaxrender.lighting.function import FunctionLight
 from jaxrender.lighting.layouts import PANORAMAS, panorama_named
 from jaxrender.lighting.lobes import SmoothLobes
@@ -55,30 +68,38 @@ __all__ = [
     "CLEAR_SKIES",
     "PANORAMAS",
     "AngularIntensity",
+    "Ball",
     "BallLight",
+    "BallView",
     "Candidates",
     "Cells",
     "ClearSky",
     "ConeIntensity",
     "DirectionalSources",
     "Environment",
+    "Evidence",
     "Flaps",
     "FunctionLight",
     "HarmonicLight",
     "IsotropicIntensity",
     "Light",
     "LightNodes",
-    "LightSum",
     "LightSplit",
+    "LightSum",
+    "MergedViews",
     "OvercastSky",
     "PointLight",
     "Sky",
     "SmoothLobes",
     "SpotIntensity",
+    "ball_of_circle",
+    "ball_of_mask",
     "candidates",
     "condensed",
+    "fill_smoothly",
     "light_of",
     "light_of_ball",
+    "merge_views",
     "panorama_named",
     "partition",
     "positive_environment",
@@ -89,4 +110,5 @@ __all__ = [
     "take",
     "to_latlong",
     "to_own_latlong",
+    "view_of_ball",
 ]
