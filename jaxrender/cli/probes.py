@@ -1,4 +1,4 @@
-"""The commands about light: ``prefilter`` and ``analyze``."""
+"""The commands about light: ``prefilter``, ``analyze`` and ``light``."""
 
 from __future__ import annotations
 
@@ -192,4 +192,78 @@ def analyze(
         process.say(found.table.rstrip())
     if figure is not None:
         process.say(f"figure: {figure}")
+    return DONE
+
+
+@app.command
+def light(
+    *photographs: Path,
+    out: Path,
+    response: str | None = None,
+    exposures: list[float] | None = None,
+    exposure: Literal["stated", "measured"] = "stated",
+    ball: tuple[float, float, float] | None = None,
+    mask: Path | None = None,
+    focal: float | None = None,
+    reflectance: float = 0.65,
+    camera_angle: float = 5.0,
+    height: int | None = None,
+    sigma: float = 0.1,
+    align: bool = False,
+    shift: float = 0.5,
+    force: bool = False,
+) -> int:
+    """Make an environment from photographs of a mirror ball, with its errors.
+
+    probe.exr is the light as a latitude-longitude image (z-up), deviation.exr its standard
+    deviation, confidence.exr how well each direction was seen.  light.json states what was done,
+    and lists the lamps; light.png shows it.
+
+    Parameters
+    ----------
+    photographs
+        One view of the ball at one exposure or several, or a transforms.json with several views.
+        Without one the camera looks along +Y, with +Z up.
+    out
+        Folder to write into.
+    response
+        Of PNG, JPEG, TGA and TIFF: linear, srgb, or the file of a curve.  recover finds it from
+        several exposures, which is the default for these.
+    exposures
+        Of each photograph, in seconds; by default those of the files.
+    exposure
+        measured replaces the ratios of the exposures by what the pixels tell.
+    ball
+        Row, column and radius of the ball's outline in pixels, from the top left corner.
+    mask
+        A picture that is white on the ball.
+    focal
+        Focal length in pixels.  Without it, and without a transforms.json, the camera is distant.
+    reflectance
+        Of the ball; 0.65 is that of chromium.
+    camera_angle
+        Degrees about the camera's own reflection that are left out.
+    height
+        Rows of the environment; by default the ball's radius in pixels.
+    sigma
+        Roughness at which light counts as slow, for the list of lamps.
+    align
+        Move photographs of a camera that did not stand still back, by whole pixels.
+    shift
+        The largest movement between photographs, in pixels, that is let pass.
+    force
+        Replace an earlier result.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines import light_probe as probing
+    from jaxrender.pipelines.probe_views import Reading
+    from jaxrender.pipelines.progress import choose
+
+    times = None if exposures is None else tuple(exposures)
+    reading = Reading(response, times, exposure, align, shift, focal)
+    options = probing.ProbeOptions(reading, mask, ball, reflectance, camera_angle, height, sigma)
+    done = probing.light_probe(photographs, out, options, choose(sys.stderr), force)
+    for line in done.lines:
+        process.say(line)
+    process.say(f"light: {out}")
     return DONE

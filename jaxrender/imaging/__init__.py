@@ -12,6 +12,7 @@ them against one another, ``registration`` finds how far one lies beside another
 
 from jaxrender.imaging.agreement import (
     MeasuredExposures,
+    aligned,
     check_shifts,
     measure_exposures,
     measure_shifts,
@@ -83,6 +84,7 @@ __all__ = [
     "Vignetting",
     "WhiteBalance",
     "above_black",
+    "aligned",
     "below_black",
     "chart_colours",
     "chart_patches",

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy import ndimage
 
 from jaxrender.imaging.brackets import (
     Bracket,
@@ -144,6 +145,19 @@ def check_shifts(shifts: Sequence[Shift], names: Sequence[str], limit: float = 0
                 "photographs first (align_image_stack of Hugin does), leave this one out, or allow "
                 "a larger shift"
             )
+
+
+@checked
+def aligned(brackets: Sequence[Bracket], shifts: Sequence[Shift]) -> list[Bracket]:
+    """Move photographs by whole pixels to where the shortest exposure lies.
+
+    What a photograph does not show becomes black, which no measurement is taken from.
+    """
+    moved = []
+    for one, shift in zip(brackets, shifts, strict=True):
+        back = (-round(shift.rows), -round(shift.columns), 0)
+        moved.append(one._replace(values=np.asarray(ndimage.shift(one.values, back, order=0))))
+    return moved
 
 
 def _alike(

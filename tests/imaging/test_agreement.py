@@ -17,6 +17,7 @@ from jaxrender.imaging import (
     Bracket,
     Linear,
     Shift,
+    aligned,
     check_shifts,
     measure_exposures,
     measure_shifts,
@@ -88,6 +89,7 @@ def test_shifts_across_exposures():
     with pytest.raises(ValueError, match=r"c\.jpg: the picture lies 2\.40 pixels down and -1\.6"):
         check_shifts(found, NAMES)
     check_shifts(found, NAMES, limit=10.0)
+    check_shifts(measure_shifts(aligned(moved_by(true), found), SRGB()), NAMES)
 
 
 def test_an_even_picture_tells_no_shift():

@@ -207,7 +207,8 @@ def test_filling_solves_laplace():
     directions = LatLongGrid(48, 96).directions()
     # Stereographic coordinates are harmonic on the sphere.  The hole holds a pole.
     hole = directions @ np.array([0.1, 0.0, 0.995]) > np.cos(np.radians(20))
-    true = 2 + directions[..., :2] / (1 + directions[..., 2:])
+    stereographic = directions[..., :2] / (1 + directions[..., 2:])
+    true = 2 + np.where(directions[..., 2:] > 0, stereographic, 0)
     filled = fill_smoothly(np.where(hole[..., None], 100.0, true), ~hole)
     np.testing.assert_array_equal(filled[~hole], true[~hole])
     assert np.abs(filled - true)[hole].max() < 2e-3
