@@ -7,6 +7,8 @@
     compared with photographs
 ``importing`` ``photographs_found`` ``imported_config``
     the capture of another program as one of ours, with its config
+``light_probe`` ``probe_views``
+    light from photographs of a mirror ball
 ``tasks``
     what a run may recover: a module for each task
 ``output`` ``progress``
