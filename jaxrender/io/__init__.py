@@ -2,6 +2,8 @@
 
 ``images``
     pictures as pixel values, with everything refused that would pass in silence
+``raw``
+    camera RAW as linear values, by the extra ``raw``
 ``captures``
     photographs with their cameras, masks and exposures, as this and other programs write them
 ``curves``
@@ -45,6 +47,7 @@ from jaxrender.io.measured import ScatteredMeasurements, read_cornell
 from jaxrender.io.merl import MerlTable, read_merl, write_merl
 from jaxrender.io.meshes import read_mesh, write_mesh
 from jaxrender.io.photometric import Photometry, read_ies
+from jaxrender.io.raw import RawPhotograph, read_raw
 from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 from jaxrender.io.tree_layout import TreeAbout
@@ -59,6 +62,7 @@ __all__ = [
     "Image",
     "MerlTable",
     "Photometry",
+    "RawPhotograph",
     "RglMaterial",
     "ScatteredMeasurements",
     "TreeAbout",
@@ -77,6 +81,7 @@ __all__ = [
     "read_mesh",
     "read_per_frame_lights",
     "read_photograph",
+    "read_raw",
     "read_rgl",
     "read_table",
     "read_tensors",

@@ -34,7 +34,7 @@ def fill_smoothly(
 
 
 def _laplacian(rows: int, columns: int) -> sparse.csr_array:
-    """Sum the differences to all neighbours; over a pole the neighbour is the texel opposite."""
+    """Sum the differences to all neighbours; a pole is a point, over which there is no border."""
     number = np.arange(rows * columns).reshape(rows, columns)
     polar = (np.arange(rows) + 0.5) * np.pi / rows
     down, across = np.pi / rows, 2 * np.pi / columns
@@ -48,10 +48,6 @@ def _laplacian(rows: int, columns: int) -> sparse.csr_array:
 
     link(number, np.roll(number, -1, axis=1), (down / (np.sin(polar) * across))[:, None])
     link(number[:-1], number[1:], (np.sin(polar[:-1] + down / 2) * across / down)[:, None])
-    # A quarter of a texel's border at the pole stands for the way over it.
-    for row in (number[0], number[-1]):
-        half = columns // 2
-        link(row[:half], row[half : 2 * half], np.array(np.sin(down / 2) * across / down))
     rows_of, columns_of, weights = (np.concatenate(part) for part in (one, other, weight))
     size = (rows * columns, rows * columns)
     links = sparse.csr_array((weights, (rows_of, columns_of)), shape=size)

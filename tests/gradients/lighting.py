@@ -200,7 +200,12 @@ EXCEPTIONS = {
     "LightSum": "its parts one after the other",
     "Sky": "what a sky is: its rows are those of the two skies",
     "light_of": "of a name",
-    "light_of_ball": "reads a photograph on the host, by SciPy's look-up",
+    **dict.fromkeys(
+        ("light_of_ball", "view_of_ball"), "reads a photograph on the host, by SciPy's look-up"
+    ),
+    **dict.fromkeys(("ball_of_circle", "ball_of_mask"), "reads an outline on the host"),
+    **dict.fromkeys(("Ball", "BallView", "Evidence", "MergedViews"), "numbers, no function"),
+    **dict.fromkeys(("fill_smoothly", "merge_views"), "of measured images, on the host"),
     "panorama_named": "of a name",
     **dict.fromkeys(("to_latlong", "to_own_latlong"), "reads an image on the host, by look-up"),
     "positive_environment": "drawn from positive_part_of",
