@@ -24,7 +24,15 @@ from jaxrender.imaging import (
     usable_pixels,
 )
 from jaxrender.inverse.observations import Observations
-from jaxrender.io import Capture, Frame, Image, read_capture, read_mask, read_photograph
+from jaxrender.io import (
+    Capture,
+    Frame,
+    Image,
+    contradiction,
+    read_capture,
+    read_mask,
+    read_photograph,
+)
 from jaxrender.shapes import Bool, Float
 
 # Integer formats clip at their largest value: within half a step of it a pixel is saturated.
@@ -97,7 +105,24 @@ def read_photographs(
             )
         images.append(image)
         listener.advance((number + 1) / len(capture.frames))
+    _say_contradictions(capture, images, reading, listener)
     return images
+
+
+def _say_contradictions(
+    capture: Capture, images: list[Image], reading: Reading, listener: Listener
+) -> None:
+    """Warn once of each way in which pictures contradict the stated response."""
+    if reading.response is None:
+        return
+    found: dict[str, list[Path]] = {}
+    for frame, image in zip(capture.frames, images):
+        said = contradiction(image.encoding, reading.response)
+        if said and image.metadata["is_integer"]:
+            found.setdefault(said, []).append(frame.image_path)
+    for said, paths in found.items():
+        more = f", and of {len(paths) - 1} more" if len(paths) > 1 else ""
+        listener.note(f"{paths[0]}{more}: warning: {said} (capture.response)")
 
 
 def trace_photographs(

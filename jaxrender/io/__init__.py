@@ -2,6 +2,8 @@
 
 ``images``
     pictures as pixel values, with everything refused that would pass in silence
+``encodings``
+    what a picture states about its values
 ``raw``
     camera RAW as linear values, by the extra ``raw``
 ``captures``
@@ -40,6 +42,7 @@ from jaxrender.io.captures import (
     write_capture,
 )
 from jaxrender.io.curves import read_curve, write_curve
+from jaxrender.io.encodings import contradiction
 from jaxrender.io.environments import read_environment, write_environment
 from jaxrender.io.images import Image, image_size, read_image, write_image
 from jaxrender.io.lights import read_per_frame_lights
@@ -68,6 +71,7 @@ __all__ = [
     "TreeAbout",
     "TreeFile",
     "UtiaTable",
+    "contradiction",
     "image_size",
     "read_alta",
     "read_capture",

@@ -22,6 +22,7 @@ from jaxtyping import Bool, Float
 
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
+from jaxrender.io.encodings import stated_encoding
 from jaxrender.limits import PIXELS, check_packing
 from jaxrender.shapes import AnyArray
 
@@ -53,13 +54,15 @@ class Image(NamedTuple):
     ``metadata`` has ``is_integer`` and ``bit_depth``, and where the file states them
     ``exposure_time`` in seconds and ``radiance_exposure``, the factor by which the writer of a
     Radiance file multiplied its values (it is not undone).  ``invalid`` can be True only where
-    the caller asked for broken pixels to be masked; such pixels are 0.
+    the caller asked for broken pixels to be masked; such pixels are 0.  ``encoding`` is what the
+    file itself states about its values (``encodings``), None where it states nothing.
     """
 
     pixels: Float[np.ndarray, "row column channel"]
     alpha: Float[np.ndarray, "row column"] | None
     metadata: dict[str, bool | int | float]
     invalid: Bool[np.ndarray, "row column"]
+    encoding: str | None = None
 
 
 def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR_MASK) -> Image:
@@ -76,14 +79,15 @@ def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR
         file, spec = _open(Path(path))
         values = _values(Path(path), file, spec)
         colours, alpha = _split_channels(Path(path), spec, values)
-        metadata = _metadata(spec)
+        metadata, encoding = _metadata(spec), stated_encoding(spec)
     broken, complaint = _invalid_pixels(Path(path), colours, alpha)
     if complaint and invalid == "refuse":
         raise InputError(f"{complaint}: {remedy}")
     colours[broken] = 0
     if alpha is not None:
         alpha[broken] = 0
-    return Image(np.repeat(colours, 3 // colours.shape[-1], -1), alpha, metadata, broken)
+    pixels = np.repeat(colours, 3 // colours.shape[-1], -1)
+    return Image(pixels, alpha, metadata, broken, encoding)
 
 
 def image_size(path: str | Path) -> tuple[int, int]:

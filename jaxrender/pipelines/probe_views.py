@@ -29,7 +29,7 @@ from jaxrender.imaging import (
     response_named,
     rounding,
 )
-from jaxrender.io import Image, read_capture, read_curve, read_image, read_mask
+from jaxrender.io import Image, contradiction, read_capture, read_curve, read_image, read_mask
 from jaxrender.shapes import Bool, Float
 
 # Pictures of floating point are radiance already; their noise is not known, and taken for this.
@@ -106,6 +106,7 @@ def merged_views(
     views: Sequence[View], reading: Reading, note: Callable[[str], None]
 ) -> tuple[list[MergedView], Response | None, str]:
     """Undo the response and merge the exposures of each view; the last is what is said of it."""
+    _say_contradictions(views, reading, note)
     measured = any(image.metadata["is_integer"] for view in views for image in view.images)
     if not measured:
         text = f"pictures of radiance, whose noise is taken for {100 * _FLOAT_NOISE:g} %"
@@ -121,6 +122,16 @@ def merged_views(
             brackets, shifts = _in_place(view, response, reading)
         found.append(_merged(view, brackets, shifts, response, reading, note))
     return found, response, said
+
+
+def _say_contradictions(
+    views: Sequence[View], reading: Reading, note: Callable[[str], None]
+) -> None:
+    """Warn where the first picture contradicts the response that is stated."""
+    if reading.response in _NAMED:
+        said = contradiction(views[0].images[0].encoding, response_named(reading.response))
+        if said:
+            note(f"warning: {views[0].paths[0]}: {said} (--response)")
 
 
 def _views_of_capture(path: Path) -> list[View]:
