@@ -11,9 +11,11 @@ its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts 
 see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape,
 ``height_fields`` a patch of micro-geometry, which ``periodic`` repeats without end.
 ``footprints`` says how much of a texture a pixel covers.  ``lenses`` bend a camera's rays: they are
-made of ``distortions``, and by the names of other programs in ``lens_models``.
+made of ``distortions``, and by the names of other programs in ``lens_models``.  ``camera_axes``
+reads the poses of other programs, and ``placement`` puts a mesh somewhere else.
 """
 
+from jaxrender.geometry.camera_axes import CAMERA_AXES, camera_from, pose_from, shrunk_camera
 from jaxrender.geometry.cameras import Camera, Orthographic, Pinhole, Rays, look_at
 from jaxrender.geometry.components import Components, Incoming, pair_in_frame
 from jaxrender.geometry.directions import (
@@ -55,6 +57,7 @@ from jaxrender.geometry.lens_models import (
 from jaxrender.geometry.lenses import FisheyeLens, Lens, PerspectiveLens
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.periodic import PeriodicSurface
+from jaxrender.geometry.placement import Placement, axis_turns
 from jaxrender.geometry.samples import SurfaceSamples
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.geometry.sphere import Sphere
@@ -68,6 +71,7 @@ from jaxrender.geometry.visibility import (
 )
 
 __all__ = [
+    "CAMERA_AXES",
     "EMBEDDINGS",
     "LENS_MODELS",
     "NUSSELT",
@@ -89,6 +93,7 @@ __all__ = [
     "PeriodicSurface",
     "PerspectiveLens",
     "Pinhole",
+    "Placement",
     "RadialTangential",
     "Rays",
     "Shape",
@@ -99,6 +104,8 @@ __all__ = [
     "SurfaceSamples",
     "SurfaceView",
     "angles_from_direction",
+    "axis_turns",
+    "camera_from",
     "direction_from_angles",
     "dot",
     "fibonacci_sphere",
@@ -112,12 +119,14 @@ __all__ = [
     "opencv_lens",
     "pair_in_frame",
     "pixel_steps",
+    "pose_from",
     "random_rotations",
     "reflect",
     "meridian_frames",
     "rotation",
     "sawtooth",
     "sculpture",
+    "shrunk_camera",
     "size_in_texels",
     "squared_acute_angle",
     "squared_angle_of_versine",

@@ -10,7 +10,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView, observe
+from jaxrender.geometry import (
+    Shape,
+    SurfacePlaces,
+    SurfaceSamples,
+    SurfaceView,
+    camera_from,
+    observe,
+)
 from jaxrender.imaging import (
     Curve,
     Linear,
@@ -47,7 +54,8 @@ class Reading(NamedTuple):
     or above ``saturation`` (None: those at full scale of pictures of integers) are left out, with
     ``saturation_grow`` pixels around them; and those below ``black_level``, ``erode`` pixels at
     silhouettes, and views more grazing than ``min_cosine``.  ``exposure``: whether exposures are
-    those given with the cameras, or of the pictures' metadata.
+    those given with the cameras, or of the pictures' metadata.  ``mirrored``: photographs and masks
+    are turned left for right.
     """
 
     response: Response | None = None
@@ -58,6 +66,7 @@ class Reading(NamedTuple):
     erode: int = 2
     exposure: Literal["given", "metadata"] = "given"
     min_cosine: float = 0.15
+    mirrored: bool = False
 
 
 class Listener(NamedTuple):
@@ -97,6 +106,8 @@ def read_photographs(
                 "response is undone; state capture.response: srgb (what cameras write), linear, or "
                 "{curve: FILE}"
             )
+        if reading.mirrored:
+            image = _mirrored(image)
         masked = int(np.count_nonzero(image.invalid))
         if masked:
             listener.note(
@@ -123,6 +134,24 @@ def _say_contradictions(
     for said, paths in found.items():
         more = f", and of {len(paths) - 1} more" if len(paths) > 1 else ""
         listener.note(f"{paths[0]}{more}: warning: {said} (capture.response)")
+
+
+def posed(capture: Capture, axes: str) -> Capture:
+    """Read the poses of a capture in the named axes (``geometry.CAMERA_AXES``)."""
+    frames = (f._replace(camera=camera_from(f.camera, axes)) for f in capture.frames)
+    return capture._replace(frames=tuple(frames))
+
+
+def mask_of(frame: Frame, reading: Reading) -> Bool[np.ndarray, "row column"] | None:
+    """Read a photograph's mask as the photograph is read; None where it has none."""
+    mask = read_mask(frame)
+    return mask[:, ::-1] if mask is not None and reading.mirrored else mask
+
+
+def _mirrored(image: Image) -> Image:
+    alpha = None if image.alpha is None else image.alpha[:, ::-1]
+    pixels, invalid = image.pixels[:, ::-1], image.invalid[:, ::-1]
+    return image._replace(pixels=pixels, alpha=alpha, invalid=invalid)
 
 
 def trace_photographs(
@@ -185,6 +214,7 @@ def load_capture(
     *,
     response: str | Response | None = None,
     allow_outside: bool = False,
+    camera_axes: str = "opengl",
     **rules: Any,
 ) -> LoadedCapture:
     """Read photographs and their cameras from a ``transforms.json``.
@@ -194,10 +224,16 @@ def load_capture(
     a measured ``Curve``; pictures of integers need it.  ``rules`` are the other fields of
     ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with it, and
     ``ValueError`` for a response that there is none of.
+
+
+    ``images`` is the folder in which they are looked up instead of the file's own.  ``response`` is
+    ``linear``, ``srgb`` or a measured ``Curve``; pictures of integers need it.  ``camera_axes``
+    are those of the poses (``geometry.CAMERA_AXES``).  ``rules`` are the other fields of ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with
+    it, and ``ValueError`` for a response that there is none of.
     """
     known = response_named(response) if isinstance(response, str) else response
     reading = Reading(known, **rules)
-    capture = read_capture(transforms, images, allow_outside=allow_outside)
+    capture = posed(read_capture(transforms, images, allow_outside=allow_outside), camera_axes)
     return LoadedCapture(capture, read_photographs(capture, reading), reading)
 
 
@@ -233,7 +269,7 @@ def _photograph(
     covered = view.hit.copy()
     if image.alpha is not None:
         covered &= image.alpha >= _FULL_SCALE
-    mask = read_mask(frame)
+    mask = mask_of(frame, reading)
     if mask is not None:
         covered &= mask
     level = reading.saturation

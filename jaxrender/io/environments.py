@@ -20,18 +20,25 @@ def read_environment(
     scale: float | int = 1.0,
     height: int | None = None,
     axes: str = "world",
+    *,
+    yaw: float | int = 0.0,
+    mirrored: bool = False,
 ) -> Environment:
     """Read a panorama as the world's light, its radiance multiplied by ``scale``.
 
     ``convention`` is a name of ``lighting.PANORAMAS``; ``height`` the rows of the result, by
     default about the file's own resolution.  With ``axes="probe"`` the panorama's own axes stand in
-    the place of the world's, for tools that speak of a probe alone.  Raises InputError for a file
+    the place of the world's, for tools that speak of a probe alone.  A picture that is ``mirrored``
+    is read from right to left; ``yaw`` then turns the light about the panorama's up, in degrees,
+    counter-clockwise seen from above.  Raises InputError for a file
     that cannot be read or has the wrong aspect, ValueError for an unknown convention, unknown axes
     or a scale that is not positive.
     """
     panorama_named(convention)
     if axes not in AXES:
         raise ValueError(f"axes={axes!r}: choose one of {', '.join(AXES)}")
+    if not math.isfinite(yaw) or (yaw and axes == "probe"):
+        raise ValueError(f"yaw is {yaw}: give finite degrees, and none for a probe's own axes")
     if not (math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale is {scale}: it must be positive and finite")
     image = read_image(path, remedy=MEND)
@@ -40,8 +47,10 @@ def read_environment(
             f"{path}: a panorama of integer values is not linear radiance; use EXR, HDR or PFM"
         )
     try:
-        convert = to_latlong if axes == "world" else to_own_latlong
-        return Environment(scale * convert(image.pixels, convention, height))
+        pixels = image.pixels[:, ::-1] if mirrored else image.pixels
+        if axes == "probe":
+            return Environment(scale * to_own_latlong(pixels, convention, height))
+        return Environment(scale * to_latlong(pixels, convention, height, yaw))
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -50,6 +50,8 @@ class Panorama(eqx.Module):
     latlong_rows: ClassVar[float]
     world_from_own: ClassVar[np.ndarray] = np.eye(3)
     wraps: ClassVar[bool] = False
+    # Which way is up in the world, as the picture shows it.
+    up: ClassVar[np.ndarray] = np.array([0.0, 0, 1])
 
     @abc.abstractmethod
     def pixels(self, directions: Float[np.ndarray, "*batch 3"], height: int) -> Pixels:
@@ -107,6 +109,8 @@ class ZUp(_LatLong):
 
 class YUp(_LatLong):
     """The latitude-longitude image of Mitsuba and OpenEXR."""
+
+    up: ClassVar[np.ndarray] = np.array([0.0, 1, 0])
 
     def pixels(self, directions: Float[np.ndarray, "*batch 3"], height: int) -> Pixels:
         """Row arccos(y) H / pi, column atan2(x, -z) W / 2 pi."""

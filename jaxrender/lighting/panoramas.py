@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from jaxrender.lighting.layouts import PANORAMAS, Panorama, panorama_named
 from jaxrender.shapes import ImageArray, checked
@@ -27,15 +28,19 @@ _CHUNK = 1 << 18
 
 @checked
 def to_latlong(
-    image: ImageArray, convention: str, height: int | None = None
+    image: ImageArray, convention: str, height: int | None = None, yaw: float | int = 0.0
 ) -> Float[np.ndarray, "latlong_row latlong_column channel"]:
     """Resample a panorama to [height, 2 height] in the world's z-up latitude-longitude.
 
-    ``height`` defaults to about the panorama's own resolution.  Raises ValueError for an unknown
+    ``height`` defaults to about the panorama's own resolution.  ``yaw`` turns it about its own up,
+    counter-clockwise seen from above, in degrees.  Raises ValueError for an unknown
     convention or an image whose aspect is not the convention's.
     """
     source = _source(image, convention)
-    return _resample(source, source.panorama.world_from_own.T, height)
+    turn = np.eye(3)
+    if yaw:
+        turn = Rotation.from_rotvec(yaw * source.panorama.up, degrees=True).as_matrix()
+    return _resample(source, source.panorama.world_from_own.T @ turn.T, height)
 
 
 @checked

@@ -12,6 +12,7 @@ from jaxrender.inverse.photographs import (
     Listener,
     Photograph,
     Reading,
+    posed,
     read_photographs,
     trace_photographs,
 )
@@ -104,13 +105,14 @@ def capture_of(
 ) -> Capture:
     """Read a capture's cameras and file names."""
     assert config.transforms is not None
-    return read_capture(
+    read = read_capture(
         config.transforms,
         images=config.images,
         allow_outside=config.allow_outside,
         require_images=require_images,
         foreign=False,
     )
+    return posed(read, config.camera_axes)
 
 
 def reading_of(capture: CaptureConfig | FurtherCaptureConfig, min_cosine: float) -> Reading:
@@ -129,4 +131,5 @@ def reading_of(capture: CaptureConfig | FurtherCaptureConfig, min_cosine: float)
         capture.erode,
         capture.exposure,
         min_cosine,
+        capture.mirrored,
     )

@@ -18,7 +18,7 @@ from jaxrender.brdf import (
 )
 from jaxrender.catalogue import MODELS
 from jaxrender.errors import InputError
-from jaxrender.geometry import Mesh, Shape, Sphere
+from jaxrender.geometry import Mesh, Placement, Shape, Sphere
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, UnknownMaterial, Unknowns
@@ -39,7 +39,11 @@ from jaxrender.lighting import (
 from jaxrender.pipelines.config import RecipeConfig, RunConfig
 from jaxrender.pipelines.config.brdf import BrdfConfig
 from jaxrender.pipelines.config.geometry import GeometryConfig, RecipeGeometryConfig
-from jaxrender.pipelines.config.lighting import CaptureLightingConfig, RecipeLightingConfig
+from jaxrender.pipelines.config.lighting import (
+    CaptureLightingConfig,
+    EnvironmentConfig,
+    RecipeLightingConfig,
+)
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
 
 
@@ -60,7 +64,11 @@ def shape_of(geometry: GeometryConfig) -> Shape:
         if geometry.sphere is not None:
             return Sphere(np.array(geometry.sphere.center, float), float(geometry.sphere.radius))
         if geometry.mesh is not None:
-            return read_mesh(geometry.mesh, geometry.scale)
+            mesh = read_mesh(geometry.mesh, geometry.scale)
+            if not (any(geometry.rotation) or any(geometry.translation)):
+                return mesh
+            turn, shift = np.array(geometry.rotation, float), np.array(geometry.translation, float)
+            return Placement.of_degrees(1.0, turn, shift).mesh(mesh)
         assert isinstance(geometry, RecipeGeometryConfig)
         if geometry.sculpture is not None:
             return sculpture(geometry.sculpture.subdivisions, geometry.sculpture.seed)
@@ -133,6 +141,18 @@ def settings_of(config: RunConfig) -> FitSettings:
     )
 
 
+def environment_of(given: EnvironmentConfig) -> Environment:
+    """Read an environment from its file, as it is told."""
+    return read_environment(
+        given.path,
+        given.convention,
+        given.scale,
+        given.height,
+        yaw=float(given.yaw),
+        mirrored=given.mirrored,
+    )
+
+
 def lights_of(lighting: CaptureLightingConfig | RecipeLightingConfig) -> tuple[Light, ...]:
     """Make the lights that all photographs share; an environment is read from its file, as it is.
 
@@ -144,7 +164,7 @@ def lights_of(lighting: CaptureLightingConfig | RecipeLightingConfig) -> tuple[L
             found.append(light_of(name, entries))
     if lighting.environment is not None:
         given = lighting.environment
-        found.append(read_environment(given.path, given.convention, given.scale, given.height))
+        found.append(environment_of(given))
     return tuple(found)
 
 

@@ -36,6 +36,20 @@ Response = Annotated[
 ]
 
 
+CameraAxes = Literal[
+    "opengl",
+    "opencv",
+    "pytorch3d",
+    "llff",
+    "ros",
+    "opengl_inverted",
+    "opencv_inverted",
+    "pytorch3d_inverted",
+    "llff_inverted",
+    "ros_inverted",
+]
+
+
 class _Photographs(Section):
     """Photographs: exactly one of ``transforms`` (given) and ``recipe`` (rendered first)."""
 
@@ -45,6 +59,13 @@ class _Photographs(Section):
     """A recipe whose photographs are rendered first and then fitted."""
     images: ConfigPath | None = None
     """The folder of the photographs that transforms.json names."""
+    camera_axes: CameraAxes = "opengl"
+    """The camera's axes in the poses of transforms.json.  opengl (Blender): x right, y up, z
+    backwards; opencv (COLMAP): x right, y down, z ahead; pytorch3d: x left, y up, z ahead; llff: x
+    down, y right, z backwards; ros: x ahead, y left, z up.  The _inverted ones are poses that take
+    the world into the camera.  The program itself writes opengl."""
+    mirrored: Switch = False
+    """Whether photographs and masks are mirror images, left for right; they are turned back."""
     response: Response = "linear"
     """How pixel values become radiance: linear, srgb or {curve: path}."""
     invalid: Literal["refuse", "mask"] = "refuse"
@@ -101,7 +122,7 @@ class FurtherCaptureConfig(_Photographs):
                 "directional, per_frame"
             )
         if self.recipe is not None:
-            for name in ("images", "allow_outside"):
+            for name in ("images", "allow_outside", "camera_axes", "mirrored"):
                 if name in self.model_fields_set:
                     raise ValueError(f"{name}: a recipe has photographs of its own; remove it")
         return self

@@ -14,6 +14,10 @@ from jaxrender.pipelines.config.values import (
 )
 
 
+# What belongs to a mesh file, and is no shape itself.
+_OF_MESHES = ("scale", "rotation", "translation")
+
+
 class SphereConfig(Section):
     """A sphere in world coordinates."""
 
@@ -50,6 +54,11 @@ class GeometryConfig(Section):
     """A mesh file: .obj, .ply, .glb or .stl."""
     scale: Positive = 1.0
     """World units per unit of the mesh file."""
+    rotation: Vector = (0.0, 0.0, 0.0)
+    """How the mesh is turned after it is scaled: a rotation vector, whose direction is the axis and
+    whose length is the angle in degrees."""
+    translation: Vector = (0.0, 0.0, 0.0)
+    """Where the origin of the mesh file comes to lie, in world units."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> GeometryConfig:
@@ -60,6 +69,9 @@ class GeometryConfig(Section):
             raise ValueError(f"found {found}; give exactly one of {', '.join(shapes)}")
         if self.mesh is None and self.scale != 1:
             raise ValueError(f"found scale {self.scale:g}; only a mesh has a scale, remove it")
+        for name in ("rotation", "translation"):
+            if self.mesh is None and any(getattr(self, name)):
+                raise ValueError(f"found {name}; only a mesh has a {name}, remove it")
         return self
 
 
@@ -73,4 +85,4 @@ class RecipeGeometryConfig(GeometryConfig):
 
 
 def _shape_fields(section: GeometryConfig) -> list[str]:
-    return [name for name in type(section).model_fields if name != "scale"]
+    return [name for name in type(section).model_fields if name not in _OF_MESHES]

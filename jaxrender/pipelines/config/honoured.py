@@ -269,6 +269,8 @@ _OF_SETTINGS = (
         {
             "capture.images": "has photographs of its own",
             "capture.allow_outside": "has photographs of its own",
+            "capture.camera_axes": "has cameras of its own",
+            "capture.mirrored": "has photographs of its own",
         },
         instead="give capture.transforms",
     ),

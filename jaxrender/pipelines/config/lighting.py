@@ -17,6 +17,7 @@ from jaxrender.pipelines.config.values import (
     Direction,
     Fraction,
     LobeWidth,
+    Number,
     Positive,
     Rgb,
     Section,
@@ -41,6 +42,10 @@ class EnvironmentConfig(Section):
     """The panorama."""
     convention: Convention = "z-up"
     """Layout of the panorama."""
+    mirrored: Switch = False
+    """Whether the panorama is the mirror image of what it should be, left for right."""
+    yaw: Number = 0.0
+    """Degrees by which the light is turned about the panorama's up, counter-clockwise from above."""
     scale: Positive = 1.0
     """Factor from pixel values to radiance."""
     height: Count | None = None

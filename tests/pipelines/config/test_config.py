@@ -60,7 +60,11 @@ def test_defaults():
             "sphere": {"center": (0.0, 0.0, 0.0), "radius": 1.0},
             "mesh": None,
             "scale": 1.0,
+            "rotation": (0.0, 0.0, 0.0),
+            "translation": (0.0, 0.0, 0.0),
         },
+        "camera_axes": "opengl",
+        "mirrored": False,
         "response": "linear",
         "invalid": "refuse",
         "saturation": None,
@@ -72,6 +76,8 @@ def test_defaults():
     }
     assert config.lighting.environment.model_dump(exclude={"path"}) == {
         "convention": "z-up",
+        "mirrored": False,
+        "yaw": 0.0,
         "scale": 1.0,
         "height": None,
     }

@@ -99,7 +99,7 @@ def test_case_matters_but_is_guessed(key):
 VALUES = {
     ("task", "brdff"): f"found 'brdff', accepted: {_TASKS}, did you mean 'brdf'?",
     ("capture.transforms", "12"): "found 12, accepted: a path",
-    ("capture.geometry", "1"): "found 1, accepted: {sphere, mesh, scale}",
+    ("capture.geometry", "1"): "found 1, accepted: {sphere, mesh, scale, rotation, translation}",
     ("capture.geometry.sphere.radius", "0"): "found 0, accepted: a number above 0",
     ("capture.geometry.sphere.center", "[1, 2]"): "found [1, 2], accepted: three numbers",
     ("capture.response", "sRGB"): (
@@ -120,9 +120,19 @@ VALUES = {
     ("capture.exposure", "meta"): (
         "found 'meta', accepted: 'given' or 'metadata', did you mean 'metadata'?"
     ),
+    ("capture.camera_axes", "opencw"): (
+        "found 'opencw', accepted: 'opengl', 'opencv', 'pytorch3d', 'llff', 'ros', "
+        "'opengl_inverted', 'opencv_inverted', 'pytorch3d_inverted', 'llff_inverted' or "
+        "'ros_inverted', did you mean 'opencv'?"
+    ),
+    ("capture.mirrored", "1"): "found 1, accepted: true or false",
+    ("capture.geometry.rotation", "90"): "found 90, accepted: three numbers",
+    ("capture.geometry.translation", "[1, 2]"): "found [1, 2], accepted: three numbers",
+    ("lighting.environment.yaw", ".nan"): "found nan, accepted: a number",
+    ("lighting.environment.mirrored", "1"): "found 1, accepted: true or false",
     ("capture.allow_outside", "yes"): "found 'yes', accepted: true or false",
     ("lighting.environment", "probe.exr"): (
-        "found 'probe.exr', accepted: {path, convention, scale, height}"
+        "found 'probe.exr', accepted: {path, convention, mirrored, yaw, scale, height}"
     ),
     ("lighting.environment.convention", "zup"): (
         "found 'zup', accepted: 'z-up', 'y-up', 'angular', 'cross' or 'mirror-ball', "
@@ -253,6 +263,13 @@ SECTIONS = {
     ),
     "task: brdf\ncapture: {transforms: a, geometry: {sphere: {}, scale: 2}}\n" + LIGHT: (
         "bad.yaml:2:26: capture.geometry: found scale 2; only a mesh has a scale, remove it"
+    ),
+    "task: brdf\ncapture: {transforms: a, geometry: {sphere: {}, rotation: [0, 0, 9]}}\n" + LIGHT: (
+        "bad.yaml:2:26: capture.geometry: found rotation; only a mesh has a rotation, remove it"
+    ),
+    "task: brdf\ncapture: {recipe: a, camera_axes: opencv}\n": (
+        "bad.yaml:2:35: capture.camera_axes: found 'opencv', but a recipe has cameras of its own; "
+        "remove it, or give capture.transforms"
     ),
     CAPTURE: (
         "bad.yaml:1:1: no light given; lighting needs one of environment, directional, per_frame"
