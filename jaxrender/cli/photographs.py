@@ -183,3 +183,38 @@ def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
     folder = synthesise(loaded, path, out.resolve(), force=force, progress=choose(sys.stderr))
     process.say(f"capture: {folder}")
     return DONE
+
+
+@app.command
+def check(
+    capture: Path,
+    /,
+    *,
+    fix: bool = False,
+    strict: bool = False,
+) -> int:
+    """Check a capture before it is fitted: axes, units, mirrors, how its light is meant.
+
+    Parameters
+    ----------
+    capture
+        Config of a run (YAML), or a folder with a capture.yaml.
+    fix
+        Write what was found into the config; its comments are kept.
+    strict
+        Exit with 1 if something is wrong, and was not mended.
+    """
+    from jaxrender.pipelines.check.check import check as run_check
+    from jaxrender.pipelines.check.check import config_path, summary_of
+    from jaxrender.pipelines.check.check import fix as write_fix
+
+    path = config_path(process.bundled(capture))
+    process.set_up_jax()
+    from jaxrender.pipelines.progress import choose
+
+    found = run_check(path, choose(sys.stderr))
+    if fix:
+        write_fix(found)
+    process.say(summary_of(found, fix))
+    left = found.wrong[len(found.changes) :] if fix else found.wrong
+    return NOT_CONVERGED if strict and left else DONE

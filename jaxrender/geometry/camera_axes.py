@@ -59,7 +59,7 @@ def shrunk_camera(camera: Camera, factor: int) -> Camera:
         if hasattr(camera, name):
             small = eqx.tree_at(_field(name), small, getattr(camera, name) / factor)
     if hasattr(camera, "scale"):
-        small = eqx.tree_at(_field("scale"), small, getattr(camera, "scale") * factor)
+        small = eqx.tree_at(_field("scale"), small, camera.scale * factor)
     return small
 
 

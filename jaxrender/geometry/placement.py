@@ -63,6 +63,12 @@ class Placement(eqx.Module):
             self.points(first.translation[None])[0],
         )
 
+    @property
+    def inverse(self) -> "Placement":
+        """Undo it."""
+        turn = self.rotation.T
+        return Placement(1 / self.scale, turn, -turn @ self.translation / self.scale)
+
     def mesh(self, mesh: Mesh) -> Mesh:
         """Place a mesh, with its normals and texture coordinates."""
         return Mesh(

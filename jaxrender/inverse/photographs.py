@@ -107,7 +107,7 @@ def read_photographs(
                 "{curve: FILE}"
             )
         if reading.mirrored:
-            image = _mirrored(image)
+            image = mirrored_image(image)
         masked = int(np.count_nonzero(image.invalid))
         if masked:
             listener.note(
@@ -148,7 +148,8 @@ def mask_of(frame: Frame, reading: Reading) -> Bool[np.ndarray, "row column"] | 
     return mask[:, ::-1] if mask is not None and reading.mirrored else mask
 
 
-def _mirrored(image: Image) -> Image:
+def mirrored_image(image: Image) -> Image:
+    """Turn a picture left for right."""
     alpha = None if image.alpha is None else image.alpha[:, ::-1]
     pixels, invalid = image.pixels[:, ::-1], image.invalid[:, ::-1]
     return image._replace(pixels=pixels, alpha=alpha, invalid=invalid)
@@ -228,8 +229,9 @@ def load_capture(
 
     ``images`` is the folder in which they are looked up instead of the file's own.  ``response`` is
     ``linear``, ``srgb`` or a measured ``Curve``; pictures of integers need it.  ``camera_axes``
-    are those of the poses (``geometry.CAMERA_AXES``).  ``rules`` are the other fields of ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with
-    it, and ``ValueError`` for a response that there is none of.
+    are those of the poses (``geometry.CAMERA_AXES``).  ``rules`` are the other fields of
+    ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with it, and
+    ``ValueError`` for a response that there is none of.
     """
     known = response_named(response) if isinstance(response, str) else response
     reading = Reading(known, **rules)

@@ -237,7 +237,9 @@ def _write_config(
     recipe: RecipeConfig, recipe_path: Path, folder: Path, shape: Shape, lighting: dict
 ) -> None:
     """Write a config that fits the photographs, with everything free that the recipe states."""
-    geometry = recipe.geometry.model_dump(mode="json", exclude_none=True, exclude={"scale", "rotation", "translation"})
+    geometry = recipe.geometry.model_dump(
+        mode="json", exclude_none=True, exclude={"scale", "rotation", "translation"}
+    )
     if isinstance(shape, Mesh):
         write_mesh(folder / "shape.ply", shape)
         geometry = {"mesh": "shape.ply"}

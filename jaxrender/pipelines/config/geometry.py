@@ -13,7 +13,6 @@ from jaxrender.pipelines.config.values import (
     WholeNumber,
 )
 
-
 # What belongs to a mesh file, and is no shape itself.
 _OF_MESHES = ("scale", "rotation", "translation")
 

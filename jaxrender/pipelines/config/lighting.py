@@ -45,7 +45,7 @@ class EnvironmentConfig(Section):
     mirrored: Switch = False
     """Whether the panorama is the mirror image of what it should be, left for right."""
     yaw: Number = 0.0
-    """Degrees by which the light is turned about the panorama's up, counter-clockwise from above."""
+    """Degrees by which the light is turned about the panorama's up, anticlockwise from above."""
     scale: Positive = 1.0
     """Factor from pixel values to radiance."""
     height: Count | None = None

@@ -1,0 +1,5 @@
+"""``jaxrender check CAPTURE``: what is wrong with a capture, before anything is fitted to it.
+
+``check`` goes through it, ``conventions`` finds how cameras, mesh and light are meant, ``mend``
+writes what was found into the config, ``mesh`` says what is wrong with a mesh.
+"""

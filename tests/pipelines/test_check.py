@@ -1,0 +1,170 @@
+"""``jaxrender check`` finds how a capture is meant, says it, and writes it into the config.
+
+- Axes, mirror, unit, turn and the light's layout are named; ``--fix`` writes them, keeps comments,
+  and a check of the mended capture finds nothing wrong; a fit of it then sees the object.
+- A file that cannot be mended stays as it was.
+- Meshes with holes or of two parts are said; so is a shape that no silhouette fits.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from small_captures import edit_json, jaxrender, write_json
+
+from jaxrender.errors import InputError
+from jaxrender.geometry import Mesh, Pinhole, look_at, observe, sculpture
+from jaxrender.io import read_mesh, write_image, write_mesh
+from jaxrender.pipelines.check.check import check, config_path
+from jaxrender.pipelines.check.mend import changed_text, write_changes
+from jaxrender.pipelines.check.mesh import about_mesh
+from jaxrender.pipelines.config import load_run_config
+
+CONFIG = """\
+# my capture
+task: brdf
+capture:
+  transforms: transforms.json  # from the solver
+  geometry: {mesh: shape.ply}   # millimetres?
+output: runs/a
+lighting:
+  directional:
+    - {direction: [0, 0, 1], irradiance: 1}  # a lamp
+"""
+# y up and x along x: z of the file is -y of the world.
+Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+SAME = np.eye(3)
+
+
+def write_capture(folder, *, axes=SAME, scale=1.0, turn=SAME, mirrored=False, views=4):
+    """A sculpture under a lamp above, written as other programs might."""
+    shape, frames = sculpture(3), []
+    folder.mkdir(exist_ok=True)
+    for number, azimuth in enumerate(np.arange(views) * 2 * np.pi / views):
+        place = 6 * np.array([np.cos(azimuth), np.sin(azimuth), 0.3 + 0.1 * number])
+        camera = Pinhole(48, 48, look_at(place, np.zeros(3), np.array([0.0, 0, 1])), fl_x=72.0)
+        view = observe(camera, shape)
+        light = np.maximum(view.normals[..., 2:], 0) + np.zeros(3)
+        picture = np.concatenate([0.2 * light, view.hit[..., None]], axis=-1)
+        write_image(folder / f"{number}.exr", picture[:, ::-1] if mirrored else picture)
+        pose = camera.world_from_camera.copy()
+        pose[:3, :3] = pose[:3, :3] @ axes
+        frames.append({"file_path": f"{number}.exr", "transform_matrix": pose.tolist()})
+    write_json(folder / "transforms.json", {"w": 48, "h": 48, "fl_x": 72.0, "frames": frames})
+    mesh = Mesh(scale * shape.vertices @ turn, shape.faces, shape.normals @ turn)
+    write_mesh(folder / "shape.ply", mesh)
+    (folder / "capture.yaml").write_text(CONFIG)
+    return folder
+
+
+OPENCV = np.diag([1.0, -1, -1])
+
+
+def test_a_capture_is_checked_mended_and_then_fine(tmp_path, capsys):
+    folder = write_capture(tmp_path / "a", axes=OPENCV, scale=1000.0, turn=Y_UP, mirrored=True)
+    assert jaxrender("check", folder, "--strict") == 1
+    said = capsys.readouterr().out
+    assert "OpenCV axes: overlap" in said
+    assert "capture.geometry.scale should be 0.001" in said
+    assert (folder / "capture.yaml").read_text() == CONFIG
+    assert jaxrender("check", folder, "--fix", "--strict") == 0
+    text = (folder / "capture.yaml").read_text()
+    for comment in ("# my capture", "# from the solver", "# millimetres?", "# a lamp"):
+        assert comment in text
+    config = load_run_config(folder / "capture.yaml")
+    assert config.capture.camera_axes == "opencv"
+    assert config.capture.mirrored
+    assert config.capture.geometry.scale == 0.001
+    np.testing.assert_allclose(config.capture.geometry.rotation, [90, 0, 0], atol=1e-6)
+    assert config.lighting == load_run_config_of(CONFIG, folder).lighting
+    assert jaxrender("check", folder / "capture.yaml", "--strict") == 0
+    assert "nothing is wrong" in capsys.readouterr().out
+    # A fit sees all of the object.
+    assert jaxrender("fit", folder / "capture.yaml", "--dry-run") == 0
+
+
+def load_run_config_of(text, folder):
+    (folder / "other.yaml").write_text(text)
+    return load_run_config(folder / "other.yaml")
+
+
+def test_the_light_is_mended_too(tmp_path, capsys):
+    folder = write_capture(tmp_path / "a")
+    # The lamp above as a panorama, whose rows begin at +Y.
+    image = np.full((16, 32, 3), 1e-3)
+    image[:3] = 1.0
+    write_image(folder / "probe.exr", image)
+    text = CONFIG[: CONFIG.index("  directional")] + "  environment: {path: probe.exr, "
+    (folder / "capture.yaml").write_text(text + "convention: y-up}\n")
+    assert jaxrender("check", folder, "--fix") == 0
+    assert "environment `z-up`" in capsys.readouterr().out
+    assert load_run_config(folder / "capture.yaml").lighting.environment.convention == "z-up"
+
+
+def test_a_shape_that_fits_nothing_is_wrong(tmp_path):
+    folder = write_capture(tmp_path / "a")
+    write_mesh(folder / "shape.ply", Mesh.ellipsoid(np.array([0.02, 0.02, 3.0]), 2))
+    found = check(folder / "capture.yaml")
+    assert not found.is_fine
+    assert "no axes, turn or unit fit" in found.wrong[0]
+    assert found.changes == {}
+
+
+def test_masks_that_show_nothing_are_said(tmp_path):
+    folder = write_capture(tmp_path / "a", views=1)
+    write_image(folder / "mask.png", np.zeros((48, 48, 3)))
+    edit_json(folder / "transforms.json", lambda t: t["frames"][0].update(mask_path="mask.png"))
+    assert "no photograph shows a silhouette" in check(folder / "capture.yaml").wrong[0]
+
+
+def test_further_captures_have_axes_of_their_own(tmp_path):
+    folder = write_capture(tmp_path / "a")
+    other = write_capture(tmp_path / "b", axes=OPENCV)
+    content = json.loads((other / "transforms.json").read_text())
+    for frame in content["frames"]:
+        frame["file_path"] = "b/" + frame["file_path"]
+    write_json(tmp_path / "b.json", content)
+    light = "{directional: [{direction: [0, 0, 1], irradiance: 1}]}"
+    text = f"captures:\n- transforms: ../b.json\n  lighting: {light}\n"
+    (folder / "capture.yaml").write_text(CONFIG + text)
+    found = check(folder / "capture.yaml")
+    assert found.changes == {("captures", 0, "camera_axes"): "opencv"}
+    assert write_changes(folder / "capture.yaml", found.changes).captures[0].camera_axes == "opencv"
+
+
+def test_a_folder_needs_a_config_and_photographs_need_be_no_recipes(tmp_path):
+    with pytest.raises(InputError, match=r"the folder has no capture\.yaml"):
+        config_path(tmp_path)
+    (tmp_path / "run.yaml").write_text("task: brdf\ncapture: {recipe: a.yaml}\n")
+    with pytest.raises(InputError, match="those of a recipe"):
+        check(tmp_path / "run.yaml")
+
+
+def test_a_text_is_changed_in_place_and_nothing_else(tmp_path):
+    changed = changed_text(CONFIG, {("capture", "geometry", "rotation"): (0.0, 0.0, 90.0)})
+    lines, expected = changed.splitlines(), CONFIG.splitlines()
+    assert lines[4].startswith("  geometry: {mesh: shape.ply, rotation: [0.0, 0.0, 90.0]}")
+    assert [*lines[:4], *lines[5:]] == [*expected[:4], *expected[5:]]
+
+
+def test_a_file_that_cannot_be_mended_stays(tmp_path, monkeypatch):
+    folder = write_capture(tmp_path / "a", views=1)
+    path = folder / "capture.yaml"
+    monkeypatch.setattr("jaxrender.pipelines.check.mend.changed_text", lambda text, _: text)
+    with pytest.raises(InputError, match=r"write capture\.mirrored: True yourself"):
+        write_changes(path, {("capture", "mirrored"): True})
+    assert path.read_text() == CONFIG
+    assert [p.name for p in folder.iterdir() if "unfinished" in p.name] == []
+
+
+def test_holes_and_parts_of_a_mesh_are_said(tmp_path):
+    ball, other = Mesh.icosphere(1), Mesh.icosphere(1, center=np.array([3.0, 0, 0]))
+    assert about_mesh(ball) == []
+    both = Mesh(
+        np.concatenate([ball.vertices, other.vertices]),
+        np.concatenate([ball.faces, other.faces + len(ball.vertices)]),
+    )
+    assert "2 parts" in about_mesh(both)[0]
+    assert "holes" in about_mesh(Mesh(ball.vertices, ball.faces[3:]))[0]
+    write_mesh(tmp_path / "two.stl", both)
+    assert "2 parts" in about_mesh(read_mesh(tmp_path / "two.stl"))[0]
