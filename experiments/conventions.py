@@ -1,6 +1,6 @@
 """Captures whose conventions are told wrong: are they named by ``jaxrender check``?
 
-    python experiments/conventions.py [--probes FILE ...] [--meshes FILE ...] [--views 6] [--spp 256]
+    python experiments/conventions.py [--probes FILE ...] [--meshes FILE ...] [--spp 256]
 
 Eight scenes: four objects (a ball, the project's sculpture, and meshes) under two lights.  Half of
 them are photographed by Mitsuba's direct light, half by the project's own integral, each with 1 %
@@ -158,7 +158,7 @@ def main() -> None:
     mitsuba_scenes.VIEWS, mitsuba_scenes.SIZE = arguments.views, arguments.size
     import mitsuba as mi
 
-    mi.set_variant("llvm_ad_rgb" if "llvm_ad_rgb" in mi.variants() else "scalar_rgb")
+    mi.set_variant("scalar_rgb")
     shapes = {"ball": Mesh.icosphere(4), "sculpture": sculpture(4)}
     shapes |= {path.stem: about_origin(read_mesh(path)) for path in arguments.meshes}
     lights = {path.stem: read_environment(path, "cross", height=ROWS) for path in arguments.probes}

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Placement, Shape
+from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.conventions import (
     FoundFraming,
@@ -30,13 +30,16 @@ from jaxrender.io import Capture, Image, read_image
 from jaxrender.io.images import MEND
 from jaxrender.pipelines.captures import capture_of, reading_of
 from jaxrender.pipelines.check.mend import Place, with_changes
+from jaxrender.pipelines.check.places import FoundPlace, find_place, placement_of, rounded
 from jaxrender.pipelines.config import CaptureConfig, FurtherCaptureConfig, RunConfig
 from jaxrender.pipelines.config.geometry import GeometryConfig
 from jaxrender.pipelines.config.lighting import CaptureLightingConfig
 from jaxrender.pipelines.scene import fault_of, known_light, lobe_of, shape_of
 
-# Yaws are written to this many degrees, turns and lengths to so many digits.
-_YAW_STEP, _DIGITS = 0.5, 9
+# Yaws are written to this many degrees.
+_YAW_STEP = 0.5
+# Where silhouettes overlap less than this, the object lies elsewhere.
+SNUG = 0.85
 # So many framings that the silhouettes cannot tell apart are lit.
 _LIT = 4
 # A framing is told from another by the light where the other leaves this much more.
@@ -81,14 +84,6 @@ class FoundConventions(NamedTuple):
     by_light: bool = False
 
 
-def placement_of(geometry: GeometryConfig) -> Placement:
-    """Say where a config puts the shape that its file or its numbers describe."""
-    if geometry.sphere is not None:
-        return Placement()
-    turn, shift = np.array(geometry.rotation, float), np.array(geometry.translation, float)
-    return Placement.of_degrees(float(geometry.scale), turn, shift)
-
-
 def told_framing(stated: CaptureConfig | FurtherCaptureConfig) -> Framing:
     """Say how a config says that a capture is meant."""
     return Framing(stated.camera_axes, stated.mirrored)
@@ -109,6 +104,10 @@ def find_conventions(config: RunConfig, raw: RawCapture) -> FoundConventions:
         return FoundConventions(None, None, {}, [said])
     framing = find_framing(shape, silhouettes, told_framing(stated), placement_of(geometry))
     orientation, by_light = None, False
+    if framing.overlap < SNUG:
+        placed = find_place(config, silhouettes, framing)
+        if placed is not None:
+            return _placed(config, raw, framing, placed)
     if framing.fits:
         framing, orientation, by_light = _lit(config, raw, framing)
     changes = _framing_changes(geometry, framing, raw.place) if framing.fits else {}
@@ -126,6 +125,24 @@ def find_conventions(config: RunConfig, raw: RawCapture) -> FoundConventions:
 def place_of(raw: RawCapture) -> str:
     """Name the file that a capture was read from."""
     return str(raw.capture.source)
+
+
+def _placed(
+    config: RunConfig, raw: RawCapture, framing: FoundFraming, placed: FoundPlace
+) -> FoundConventions:
+    """Take the place that was found by the silhouettes themselves, and look for the light there."""
+    first = raw.place == ("capture",)
+    changes = placed.changes if first and placed.found else {}
+    sentences = [*framing.sentences(), placed.sentence]
+    if not placed.found or not first:
+        return FoundConventions(framing, None, changes, sentences)
+    told = framing.told
+    lit = oriented(with_changes(config, changes), raw, told)
+    if lit is not None:
+        sentences += lit.sentences()
+        changes = changes | _orientation_changes(lit, _lighting_place(raw))
+    rest = framing._replace(framing=told, overlap=placed.overlap)
+    return FoundConventions(rest, lit, changes, sentences)
 
 
 class _Lit(NamedTuple):
@@ -247,8 +264,3 @@ def _orientation_changes(found: FoundOrientation, place: Place) -> dict[Place, A
         yaw = _YAW_STEP * round(found.orientation.yaw / _YAW_STEP)
         changes[*place, "environment", "yaw"] = float(yaw)
     return changes
-
-
-def rounded(value: float) -> float:
-    """Round a number to the digits that a config should have."""
-    return float(f"{value:.{_DIGITS}g}") + 0.0
