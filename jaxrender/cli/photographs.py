@@ -191,9 +191,12 @@ def check(
     /,
     *,
     fix: bool = False,
+    out: Path = Path("check"),
     strict: bool = False,
 ) -> int:
     """Check a capture before it is fitted: axes, units, mirrors, how its light is meant.
+
+    A page, check.html, shows what cameras see of the shape, and what can be recovered.
 
     Parameters
     ----------
@@ -201,11 +204,13 @@ def check(
         Config of a run (YAML), or a folder with a capture.yaml.
     fix
         Write what was found into the config; its comments are kept.
+    out
+        Folder for the page.
     strict
         Exit with 1 if something is wrong, and was not mended.
     """
     from jaxrender.pipelines.check.check import check as run_check
-    from jaxrender.pipelines.check.check import config_path, summary_of
+    from jaxrender.pipelines.check.check import config_path, summary_of, write_page
     from jaxrender.pipelines.check.check import fix as write_fix
 
     path = config_path(process.bundled(capture))
@@ -215,6 +220,8 @@ def check(
     found = run_check(path, choose(sys.stderr))
     if fix:
         write_fix(found)
+    page = write_page(found, out.resolve())
     process.say(summary_of(found, fix))
+    process.say(f"page: {page}")
     left = found.wrong[len(found.changes) :] if fix else found.wrong
     return NOT_CONVERGED if strict and left else DONE

@@ -1,24 +1,41 @@
 """Goes through a capture: how it is meant, what is wrong with it, what it can tell."""
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
 from jaxrender.errors import InputError
-from jaxrender.pipelines.check.conventions import FoundConventions, RawCapture, find_conventions
+from jaxrender.inverse.conventions import FoundFraming
+from jaxrender.io.atomic import replacing
+from jaxrender.pipelines.analysis.forecast import ALL, analyze_config
+from jaxrender.pipelines.check.conventions import (
+    FoundConventions,
+    RawCapture,
+    find_conventions,
+    lighting_of,
+)
 from jaxrender.pipelines.check.mend import Changes, place_in_words, with_changes, write_changes
 from jaxrender.pipelines.check.mesh import about_mesh
+from jaxrender.pipelines.check.page import page_of
+from jaxrender.pipelines.check.photographs import Judged, judged
 from jaxrender.pipelines.config import RunConfig, load_run_config
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.scene import shape_of
 
-# The config of a folder.
-CONFIG = "capture.yaml"
+# The config of a folder, and the page that is written.
+CONFIG, PAGE = "capture.yaml", "check.html"
+# A silhouette that overlaps less is wrong, as is an exposure that is off by more than this factor.
+_LEAST_OVERLAP, _EXPOSURE = 0.7, 1.15
+# More clipped values, less sharpness than that of other photographs, or a darkest hundredth of
+# more than this part of the object's mean, are worth a remark.
+_CLIPPED, _BLURRED, _HAZE = 0.02, 0.3, 0.2
 
 
 class Checked(NamedTuple):
     """What a check found; ``wrong`` are the sentences about what should be mended.
 
-    ``config`` is what the config should say, ``changes`` are the keys in which it does not.
+    The first of them are about ``changes``, the keys in which the config does not say what it
+    should; ``config`` is what it should say.  ``prospects`` are what can be recovered.
     """
 
     path: Path
@@ -28,6 +45,8 @@ class Checked(NamedTuple):
     changes: Changes
     wrong: tuple[str, ...]
     remarks: tuple[str, ...]
+    photographs: tuple[Judged, ...]
+    prospects: str
 
     @property
     def is_fine(self) -> bool:
@@ -78,7 +97,85 @@ def check(path: Path, progress: Progress | None = None) -> Checked:
             wrong.append(one.sentences[0])
         if one.orientation is not None and not (one.orientation.why or one.orientation.fits):
             wrong.append(one.orientation.sentences()[0])
-    return Checked(path, meant, raws, tuple(found), changes, tuple(wrong), tuple(remarks))
+    photographs: list[Judged] = []
+    with progress.stage("photographs"):
+        for raw, one in zip(raws, found):
+            if one.framing is not None and one.framing.fits:
+                photographs += _judged(meant, raw, one.framing)
+    wrong += [said for one in photographs for said in _wrong_with(one)]
+    remarks += [said for one in photographs for said in _remarks_on(one)]
+    prospects = "The shape is not where the photographs show it: mend that first."
+    if photographs:
+        prospects = _prospects(meant, progress)
+    return Checked(
+        path,
+        meant,
+        raws,
+        tuple(found),
+        changes,
+        tuple(wrong),
+        tuple(remarks),
+        tuple(photographs),
+        prospects,
+    )
+
+
+def _judged(config: RunConfig, raw: RawCapture, framing: FoundFraming) -> tuple[Judged, ...]:
+    assert config.capture.geometry is not None
+    lighting = lighting_of(config, raw)
+    shape = shape_of(config.capture.geometry)
+    try:
+        return judged(raw, framing.framing, shape, one_light=lighting.per_frame is None)
+    except InputError:
+        # No pixel is usable, which the overlap says more plainly.
+        return ()
+
+
+def _wrong_with(one: Judged) -> list[str]:
+    found = []
+    if one.overlap is not None and one.overlap < _LEAST_OVERLAP:
+        found.append(f"{one.name}: the silhouette overlaps the shape by {one.overlap:.2f} only")
+    if one.exposure is not None and abs(math.log(one.exposure)) > math.log(_EXPOSURE):
+        found.append(
+            f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points; "
+            "give its exposure, or solve.free_exposure: true"
+        )
+    return found
+
+
+def _remarks_on(one: Judged) -> list[str]:
+    found = []
+    if one.saturated > _CLIPPED:
+        found.append(f"{one.name}: {100 * one.saturated:.2g} % of the object is clipped")
+    if one.sharpness < _BLURRED:
+        found.append(f"{one.name}: blurred, {one.sharpness:.2f} of the usual sharpness")
+    if one.black > _HAZE:
+        found.append(
+            f"{one.name}: nothing is darker than {100 * one.black:.2g} % of the object's mean; is "
+            "the sensor's black level taken off?"
+        )
+    return found
+
+
+def _prospects(config: RunConfig, progress: Progress) -> str:
+    """Say what an analysis expects to recover, or why it cannot."""
+    try:
+        return analyze_config(config, ALL, progress).text
+    except InputError as error:
+        return str(error)
+
+
+def write_page(found: Checked, folder: Path) -> Path:
+    """Write ``check.html`` into a folder, which is made where it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / PAGE
+    sentences = [said for one in found.conventions for said in one.sentences]
+    title = found.path.parent.name if found.path.name == CONFIG else found.path.stem
+    told = [*sentences, *found.remarks]
+    page = page_of(title, told, list(found.wrong), found.photographs, found.prospects)
+    with replacing(path) as aside:
+        aside.write_text(page, encoding="utf-8")
+    return path
 
 
 def fix(found: Checked) -> None:

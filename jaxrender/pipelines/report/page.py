@@ -24,7 +24,12 @@ def write_report(folder: Path, page: Page) -> Path:
 
 
 def html_of(page: Page) -> str:
-    """Fill the template; every string from outside is escaped."""
+    """Fill the page's template."""
+    return filled(page.template, _of_every_page(page.contents) | page.sections)
+
+
+def filled(template: str, values: dict[str, Any]) -> str:
+    """Fill a template with the style of all pages; every string from outside is escaped."""
     templates = Environment(
         loader=PackageLoader(_PACKAGE, "."),
         autoescape=True,
@@ -39,8 +44,7 @@ def html_of(page: Page) -> str:
     }
     assert templates.loader is not None
     style, _, _ = templates.loader.get_source(templates, _STYLE)
-    every = {"style": Markup(style), **_of_every_page(page.contents)}
-    return templates.get_template(page.template).render(every | page.sections)
+    return templates.get_template(template).render({"style": Markup(style)} | values)
 
 
 def _of_every_page(contents: Contents) -> dict[str, Any]:

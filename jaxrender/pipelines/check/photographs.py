@@ -1,0 +1,161 @@
+"""Photographs judged: overlap with the shape, clipped and black values, sharpness, exposure."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.geometry import Shape
+from jaxrender.imaging import erode
+from jaxrender.inverse.conventions import Framing, Silhouettes
+from jaxrender.inverse.conventions.silhouettes import overlap
+from jaxrender.inverse.photographs import Photograph
+from jaxrender.pipelines.check.conventions import RawCapture
+from jaxrender.shapes import Bool, Float
+
+# Points of a photograph that are looked for in the others, and how near to them is the same point.
+_POINTS, _SAME_POINT = 300, 0.01
+# Fewer points in common say nothing of two exposures.
+_FEWEST = 20
+_FULL_SCALE = 0.998
+# More equal highest values than this are clipped.
+_AT_THE_TOP = 3
+
+
+class Judged(NamedTuple):
+    """One photograph in numbers; ``photograph`` and ``mask`` are what the numbers are of.
+
+    ``saturated`` is the clipped part of the object, ``black`` the darkest hundredth of the picture
+    relative to the object's mean, ``sharpness`` the energy of its gradients relative to the median
+    photograph.  ``exposure`` is by how much it is brighter than the others at the same points of
+    the surface; None where nothing is known of that.
+    """
+
+    photograph: Photograph
+    mask: Bool[np.ndarray, "row column"] | None
+    overlap: float | None
+    saturated: float
+    black: float
+    sharpness: float
+    exposure: float | None
+
+    @property
+    def name(self) -> str:
+        """The name of the photograph."""
+        return self.photograph.frame.name
+
+
+def judged(
+    raw: RawCapture, framing: Framing, shape: Shape, *, one_light: bool
+) -> tuple[Judged, ...]:
+    """Judge the photographs that see the object; ``one_light`` if all have the same light."""
+    photographs = raw.meant(framing, shape)
+    seen = Silhouettes.of(raw.capture, raw.images, raw.reading).meant(framing)
+    masks = dict(zip(seen.names, seen.masks))
+    images = dict(zip((frame.name for frame in raw.capture.frames), raw.images))
+    sharp = np.array([_sharpness(photograph) for photograph in photographs])
+    middle = float(np.median(sharp)) or 1.0
+    gains = _exposures(photographs, shape) if one_light else [None] * len(photographs)
+    found = []
+    for photograph, energy, gain in zip(photographs, sharp, gains):
+        name, mask = photograph.frame.name, masks.get(photograph.frame.name)
+        pixels = images[name].pixels
+        level = raw.reading.saturation
+        if level is None and images[name].metadata.get("is_integer"):
+            level = _FULL_SCALE
+        common = None if mask is None else overlap(mask, photograph.view.hit)
+        object_pixels = pixels[:, ::-1] if framing.mirrored else pixels
+        found.append(
+            Judged(
+                photograph,
+                mask,
+                common,
+                _saturated(object_pixels[photograph.view.hit], level),
+                _black(pixels, object_pixels[photograph.view.hit]),
+                float(energy) / middle,
+                gain,
+            )
+        )
+    return tuple(found)
+
+
+def _saturated(values: Float[np.ndarray, "pixel channel"], level: float | None) -> float:
+    finite = np.nan_to_num(values, posinf=np.inf)
+    top = float(finite.max())
+    if level is None:
+        # A measured highest value is one pixel's alone.
+        level = top if top > 0 and np.count_nonzero(finite == top) > _AT_THE_TOP else np.inf
+    return float(np.mean(np.any(finite >= level, axis=1)))
+
+
+def _black(
+    pixels: Float[np.ndarray, "row column channel"], values: Float[np.ndarray, "pixel channel"]
+) -> float:
+    mean = float(np.nanmean(values))
+    return float(np.nanpercentile(pixels, 1)) / mean if mean > 0 else 0.0
+
+
+def _sharpness(photograph: Photograph) -> float:
+    """Divide the squares of the gradients by those of the values, inside the object."""
+    grey = np.nan_to_num(photograph.radiance).mean(axis=-1)
+    inside = erode(photograph.view.hit, 2)
+    if not inside.any():
+        inside = photograph.view.hit
+    down, across = np.gradient(grey)
+    power = float(np.sum(grey[inside] ** 2))
+    return float(np.sum(down[inside] ** 2 + across[inside] ** 2)) / power if power > 0 else 0.0
+
+
+def _exposures(photographs: list[Photograph], shape: Shape) -> list[float | None]:
+    """Compare what photographs show at the same points, and solve for a gain of each.
+
+    Highlights move over the surface, so that the median of the ratios is taken.
+    """
+    count, near = len(photographs), _SAME_POINT * shape.diagonal()
+    rows, right, told = [], [], np.zeros(count, bool)
+    for i, one in enumerate(photographs):
+        points, values = _points_of(one)
+        for j, other in enumerate(photographs):
+            ratio = None if i == j else _ratio(points, values, other, near)
+            if ratio is not None:
+                row = np.zeros(count)
+                row[j], row[i] = 1, -1
+                rows.append(row)
+                right.append(ratio)
+                told[[i, j]] = True
+    if not rows:
+        return [None] * count
+    logs = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
+    logs = logs - np.median(logs[told])
+    return [float(np.exp(log)) if known else None for log, known in zip(logs, told)]
+
+
+class _Points(NamedTuple):
+    points: Float[np.ndarray, "point 3"]
+    values: Float[np.ndarray, "point"]
+
+
+def _points_of(photograph: Photograph) -> _Points:
+    usable = np.argwhere(photograph.selection.usable)
+    at = tuple(usable[:: max(1, len(usable) // _POINTS)].T)
+    grey = photograph.radiance.mean(axis=-1)
+    return _Points(photograph.view.points[at], grey[at])
+
+
+def _ratio(
+    points: Float[np.ndarray, "point 3"],
+    values: Float[np.ndarray, "point"],
+    other: Photograph,
+    near: float,
+) -> float | None:
+    places = other.frame.camera.project(points)
+    shape = np.array(other.view.hit.shape)
+    cell = np.floor(np.where(np.isfinite(places), places, -1)).astype(int)[:, ::-1]
+    inside = ((cell >= 0) & (cell < shape)).all(axis=1)
+    row, column = cell[inside].T
+    same = np.linalg.norm(other.view.points[row, column] - points[inside], axis=1) < near
+    both = other.selection.usable[row, column] & same & (values[inside] > 0)
+    seen = other.radiance.mean(axis=-1)[row, column]
+    both &= seen > 0
+    if np.count_nonzero(both) < _FEWEST:
+        return None
+    return float(np.median(np.log(seen[both] / values[inside][both])))
