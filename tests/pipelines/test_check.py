@@ -10,11 +10,12 @@ import json
 
 import numpy as np
 import pytest
-from small_captures import edit_json, jaxrender, write_json
+from scipy.ndimage import gaussian_filter
+from small_captures import Ball, edit_json, jaxrender, write_ball, write_json
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Mesh, Pinhole, look_at, observe, sculpture
-from jaxrender.io import read_mesh, write_image, write_mesh
+from jaxrender.geometry import Mesh, Pinhole, Placement, look_at, observe, sculpture
+from jaxrender.io import read_image, read_mesh, write_image, write_mesh
 from jaxrender.pipelines.check.check import check, config_path
 from jaxrender.pipelines.check.mend import changed_text, write_changes
 from jaxrender.pipelines.check.mesh import about_mesh
@@ -60,7 +61,14 @@ def write_capture(folder, *, axes=SAME, scale=1.0, turn=SAME, mirrored=False, vi
 OPENCV = np.diag([1.0, -1, -1])
 
 
-def test_a_capture_is_checked_mended_and_then_fine(tmp_path, capsys):
+@pytest.fixture
+def unforeseen(monkeypatch):
+    """Leave out the analysis, which has tests of its own."""
+    monkeypatch.setattr("jaxrender.pipelines.check.check._prospects", lambda *_: "a <b> forecast")
+
+
+def test_a_capture_is_checked_mended_and_then_fine(tmp_path, capsys, monkeypatch, unforeseen):
+    monkeypatch.chdir(tmp_path)
     folder = write_capture(tmp_path / "a", axes=OPENCV, scale=1000.0, turn=Y_UP, mirrored=True)
     assert jaxrender("check", folder, "--strict") == 1
     said = capsys.readouterr().out
@@ -88,7 +96,8 @@ def load_run_config_of(text, folder):
     return load_run_config(folder / "other.yaml")
 
 
-def test_the_light_is_mended_too(tmp_path, capsys):
+def test_the_light_is_mended_too(tmp_path, capsys, monkeypatch, unforeseen):
+    monkeypatch.chdir(tmp_path)
     folder = write_capture(tmp_path / "a")
     # The lamp above as a panorama, whose rows begin at +Y.
     image = np.full((16, 32, 3), 1e-3)
@@ -101,7 +110,8 @@ def test_the_light_is_mended_too(tmp_path, capsys):
     assert load_run_config(folder / "capture.yaml").lighting.environment.convention == "z-up"
 
 
-def test_a_shape_that_fits_nothing_is_wrong(tmp_path):
+def test_a_shape_that_fits_nothing_is_wrong(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxrender.inverse.alignment.pose_search._TURNS", 10)
     folder = write_capture(tmp_path / "a")
     write_mesh(folder / "shape.ply", Mesh.ellipsoid(np.array([0.02, 0.02, 3.0]), 2))
     found = check(folder / "capture.yaml")
@@ -117,7 +127,7 @@ def test_masks_that_show_nothing_are_said(tmp_path):
     assert "no photograph shows a silhouette" in check(folder / "capture.yaml").wrong[0]
 
 
-def test_further_captures_have_axes_of_their_own(tmp_path):
+def test_further_captures_have_axes_of_their_own(tmp_path, unforeseen):
     folder = write_capture(tmp_path / "a")
     other = write_capture(tmp_path / "b", axes=OPENCV)
     content = json.loads((other / "transforms.json").read_text())
@@ -130,6 +140,89 @@ def test_further_captures_have_axes_of_their_own(tmp_path):
     found = check(folder / "capture.yaml")
     assert found.changes == {("captures", 0, "camera_axes"): "opencv"}
     assert write_changes(folder / "capture.yaml", found.changes).captures[0].camera_axes == "opencv"
+
+
+def test_the_page_shows_what_was_found_and_escapes_names(tmp_path, unforeseen):
+    folder = write_capture(tmp_path / "a <i>b", views=2)
+    name = "<script>alert(1)"
+    (folder / "0.exr").rename(folder / f"{name}.exr")
+
+    def renamed(content):
+        content["frames"][0]["file_path"] = f"{name}.exr"
+
+    edit_json(folder / "transforms.json", renamed)
+    assert jaxrender("check", folder, "--out", tmp_path / "out") == 0
+    page = (tmp_path / "out" / "check.html").read_text()
+    assert "<script" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "a &lt;i&gt;b" in page
+    assert "a &lt;b&gt; forecast" in page
+    # Three pictures of each photograph, and two of directions; nothing from elsewhere.
+    assert page.count("data:image/png;base64,") == 2 * 3 + 2
+    assert "http" not in page.replace("http-equiv", "")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["check.html"]
+
+
+def spoil(path, change):
+    """Change the colours of a picture, and keep its coverage."""
+    image = read_image(path)
+    coverage = image.alpha[..., None]
+    write_image(path, np.concatenate([change(image.pixels), coverage], axis=-1))
+
+
+def test_photographs_are_judged(tmp_path, unforeseen):
+    folder = write_capture(tmp_path / "a", views=6)
+    spoil(folder / "1.exr", lambda pixels: 1.5 * pixels)
+    spoil(folder / "2.exr", lambda pixels: np.minimum(pixels, 0.1))
+    spoil(folder / "3.exr", lambda pixels: gaussian_filter(pixels, (3, 3, 0)))
+    spoil(folder / "4.exr", lambda pixels: pixels + 0.08)
+    found = check(folder / "capture.yaml")
+    one, two, three, four = (found.photographs[k] for k in (1, 2, 3, 4))
+    assert one.exposure == pytest.approx(1.5, rel=0.05)
+    assert found.photographs[0].exposure == pytest.approx(1, rel=0.1)
+    assert two.saturated > 0.1
+    assert found.photographs[0].saturated == 0
+    assert three.sharpness < 0.7 * found.photographs[0].sharpness
+    assert four.black > 0.3
+    assert any("1: 1.5" in said and "solve.free_exposure" in said for said in found.wrong)
+    assert any("2: " in said and "clipped" in said for said in found.remarks)
+    assert any("4: " in said and "black level" in said for said in found.remarks)
+
+
+def test_a_mask_that_misses_the_shape_is_wrong(tmp_path, unforeseen):
+    folder = write_capture(tmp_path / "a")
+    mask = np.zeros((48, 48, 3))
+    mask[5:20, 5:20] = 1
+    write_image(folder / "mask.png", mask)
+    edit_json(folder / "transforms.json", lambda t: t["frames"][0].update(mask_path="mask.png"))
+    spoil(folder / "0.exr", lambda pixels: pixels)
+    wrong = check(folder / "capture.yaml").wrong
+    assert any(said.startswith("0: the silhouette overlaps the shape by 0.") for said in wrong)
+
+
+def test_a_mesh_elsewhere_is_found(tmp_path, unforeseen):
+    folder = write_capture(tmp_path / "a")
+    away = Placement.of_degrees(7.0, np.array([10.0, 20, 100]), np.array([0.9, 0.5, -0.4]))
+    write_mesh(folder / "shape.ply", away.mesh(sculpture(3)))
+    found = check(folder / "capture.yaml")
+    geometry = found.config.capture.geometry
+    placed = Placement.of_degrees(
+        geometry.scale, np.array(geometry.rotation), np.array(geometry.translation)
+    )
+    np.testing.assert_allclose(placed.after(away).scale, 1, atol=0.02)
+    np.testing.assert_allclose(placed.after(away).rotation, np.eye(3), atol=0.03)
+    assert "the mesh lies at scale" in found.conventions[0].sentences[-1]
+
+
+def test_a_ball_elsewhere_is_found(tmp_path, unforeseen):
+    folder = tmp_path / "a"
+    write_ball(folder, Ball(size=48, noise=0))
+    text = CONFIG.replace("{mesh: shape.ply}", "{sphere: {center: [0.5, 0.3, 0], radius: 0.8}}")
+    (folder / "capture.yaml").write_text(text)
+    found = check(folder / "capture.yaml")
+    sphere = found.config.capture.geometry.sphere
+    np.testing.assert_allclose(sphere.center, 0, atol=0.02)
+    assert sphere.radius == pytest.approx(1, abs=0.02)
 
 
 def test_a_folder_needs_a_config_and_photographs_need_be_no_recipes(tmp_path):
