@@ -35,6 +35,7 @@ class Placement(eqx.Module):
             raise ValueError(f"world_from_mesh is {self.rotation.tolist()}: give a rotation")
 
     @classmethod
+    @checked
     def of_degrees(
         cls,
         scale: float = 1.0,

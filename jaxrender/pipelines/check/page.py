@@ -81,8 +81,8 @@ def _row(one: Judged) -> Row:
         one.name,
         numbers_of(one),
         data_uri(lines[box]),
-        _drawn(picture, photograph.view.normals, hit, box),
-        _drawn(picture, _mirrors(one), hit, box),
+        _drawn(picture[box], photograph.view.normals[box], hit[box]),
+        _drawn(picture[box], _mirrors(one)[box], hit[box]),
     )
 
 
@@ -90,12 +90,11 @@ def _drawn(
     picture: UInt8[np.ndarray, "row column 3"],
     directions: Float[np.ndarray, "row column 3"],
     hit: Bool[np.ndarray, "row column"],
-    box: tuple[slice, slice],
 ) -> str:
     """Draw directions over a photograph: x, y and z as red, green and blue."""
     over = (1 - _UNDER) * (directions + 1) / 2 + _UNDER * picture / 255
     mixed = np.where(hit[..., None], over, picture / 255)
-    return data_uri(codes(np.clip(shrunk(mixed[box]), 0, 1)))
+    return data_uri(codes(np.clip(shrunk(mixed), 0, 1)))
 
 
 def _edge(mask: Bool[np.ndarray, "row column"]) -> Bool[np.ndarray, "row column"]:
