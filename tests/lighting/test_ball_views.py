@@ -30,6 +30,7 @@ from jaxrender.lighting import (
     merge_views,
     view_of_ball,
 )
+from jaxrender.lighting.ball_views import _Sight
 from jaxrender.spectra import light_coefficients
 
 RANDOM = np.random.default_rng(0)
@@ -125,6 +126,32 @@ def test_errors_are_of_the_stated_size(views, truth):
     assert 0.3 < np.median(scaled) / 0.6745 < 1.2
 
 
+def test_views_of_one_kind_halve_the_variance(views):
+    one = views[0]
+    both = merge_views([one, one])
+    seen = one.confidence > 0.01
+    np.testing.assert_allclose(both.radiance[seen], one.radiance[seen])
+    np.testing.assert_allclose(both.deviation[seen], one.deviation[seen] / np.sqrt(2))
+
+
+def test_places_and_cosines_are_those_of_rays():
+    """Rays to random points of the ball, mirrored there, show where the eye sees them."""
+    rng, camera = np.random.default_rng(3), cameras()[0]
+    sight = _Sight.of(camera, Ball(CENTRE, RADIUS))
+    normals = rng.normal(size=(200, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = CENTRE + RADIUS * normals
+    towards = camera.position - points
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    cosines = np.sum(towards * normals, axis=1)
+    seen = cosines > 0.05
+    mirrored = 2 * cosines[:, None] * normals - towards
+    found = sight.of_directions(mirrored[seen])
+    np.testing.assert_allclose(found.cosines, cosines[seen], atol=1e-9)
+    np.testing.assert_allclose(found.places[::-1].T, camera.project(points[seen]), atol=1e-6)
+    assert found.visible.all()
+
+
 def test_a_near_camera_is_not_a_distant_one(photographs, views, truth):
     camera, picture, _, coverage = photographs[0]
     as_distant = light_of_ball(picture, circle_of(coverage), camera.world_from_camera, ROWS)
@@ -147,6 +174,15 @@ def test_a_distant_camera_is_the_limit_of_a_near_one():
     found = ball_of_circle(Circle(45.0, 45.0, 35.0, 0.0, 1.0), distant)
     assert found.radius == pytest.approx(RADIUS)
     np.testing.assert_allclose(view_of_ball(picture, distant, found, 24).radiance, other.radiance)
+    aside = ball_of_circle(Circle(40.0, 50.0, 9.0, 0.0, 1.0), distant)
+    np.testing.assert_allclose(distant.project(aside.centre[None]), [[50, 40]])
+
+
+def test_what_stands_behind_the_ball_is_no_light():
+    camera = cameras()[0]
+    picture, _ = photographed(camera, radiance_of, background=1e4)
+    view = view_of_ball(picture, camera, Ball(CENTRE, RADIUS), ROWS)
+    assert view.radiance.max() < 40
 
 
 def test_what_is_not_shown(photographs):
