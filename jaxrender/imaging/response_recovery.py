@@ -24,6 +24,7 @@ from jaxtyping import Bool, Float
 from scipy import sparse
 from scipy.optimize import nnls
 
+from jaxrender.imaging.bracket_samples import Measurements, measurements_of
 from jaxrender.imaging.brackets import Bracket, BracketRules, check_brackets
 from jaxrender.imaging.masks import saturated
 from jaxrender.imaging.response import Curve
@@ -36,19 +37,16 @@ _VALUES = np.arange(1, 256) / 255
 # Where they lie on the scale on which g is smooth, ln(v / (1.1 - v)).
 _ABOVE = 0.1
 _PLACES = np.log(_VALUES / (1 + _ABOVE - _VALUES))
-# Pixels of each of these brightnesses, per photograph, and the side of the cells of the picture
-# in which errors are not independent.
-_BRIGHTNESSES, _PIXELS_OF_EACH, _CELL = 64, 50, 16
 _ROUNDS = 4
-_FEWEST, _LEAST_EXCESS = 20, 1e-2
+_LEAST_EXCESS = 1e-2
 _MEDIAN_ABSOLUTE = 0.6744897501960817
 # An entry is told whose logarithm is known to this, beside the best known one, and that lies no
 # further beyond the values of the photographs than this.
 _TOLD, _BEYOND = 0.05, 4.5 / 255
 # A measurement is expected so many standard deviations below the top, or does not count.
 _REACH, _OUTLIER = 1.5, 4.0
-# Relative error at the middle of the scale to begin with; values from here on are saturated.
-_START, _FULL = 0.02, 0.998
+# Relative error at the middle of the scale to begin with.
+_START = 0.02
 # Weight of the squared bend.  Curves of cameras and films have a squared bend below 1.  A smaller
 # weight would let in waves whose period is that of the exposures, which no data contradict.
 _STIFFNESS = 100.0
@@ -132,15 +130,6 @@ class _Channel(NamedTuple):
     rms: float
 
 
-class _Measurements(NamedTuple):
-    """Stored values, the logarithms of their exposures, and their pixels and cells by number."""
-
-    value: Float[np.ndarray, "measurement"]
-    exposure: Float[np.ndarray, "measurement"]
-    pixel: np.ndarray
-    cell: np.ndarray
-
-
 class _Equations(NamedTuple):
     """One row for each measurement: rows @ g - e = right, with its weight, and its pixel."""
 
@@ -157,7 +146,7 @@ def _channel(
     noise: SensorNoise,
     increasing: bool,
 ) -> _Channel:
-    measured = _measurements(values, usable, exposures)
+    measured = measurements_of(values, usable, exposures)
     penalty = _STIFFNESS * _curvature()
     # Debevec and Malik's weights to begin with: the middle of the scale is trusted most.
     hat = np.minimum(measured.value, 1 - measured.value) + 1 / 255
@@ -180,34 +169,6 @@ def _channel(
     return _Channel(found, errors, _told(errors, _VALUES[seen], middle), rms)
 
 
-def _measurements(values: np.ndarray, usable: np.ndarray, exposures: np.ndarray) -> _Measurements:
-    """List all values of pixels that two photographs or more show well, of all brightnesses."""
-    rng = np.random.default_rng(0)
-    shared = np.argwhere(usable.sum(axis=-1) >= 2)
-    if len(shared) < _FEWEST:
-        raise ValueError(
-            f"{len(shared)} pixels are well exposed in two photographs: take exposures closer "
-            "together, such as one or two stops"
-        )
-    shared = shared[rng.permutation(len(shared))]
-    chosen = np.zeros(values.shape[:2], bool)
-    for photograph in range(len(exposures)):
-        good = shared[usable[shared[:, 0], shared[:, 1], photograph]]
-        level = np.floor(values[good[:, 0], good[:, 1], photograph] * _BRIGHTNESSES)
-        order = np.argsort(level, kind="stable")
-        rank = np.arange(len(order)) - np.searchsorted(level[order], level[order])
-        kept = good[order[rank < _PIXELS_OF_EACH]]
-        chosen[kept[:, 0], kept[:, 1]] = True
-    places = np.argwhere(chosen)
-    # Black values measure, too, where others foretell them: without them noise would brighten.
-    pixel, photograph = np.nonzero(values[chosen] < _FULL)
-    cells = places // _CELL
-    number = cells[:, 0] * (values.shape[1] // _CELL + 1) + cells[:, 1]
-    cell = np.unique(number, return_inverse=True)[1][pixel]
-    own = values[chosen][pixel, photograph]
-    return _Measurements(own, np.log(exposures)[photograph], pixel, cell)
-
-
 def _rows(values: Float[np.ndarray, "measurement"]) -> sparse.csr_array:
     """Interpolate g at stored values, on the scale on which it is smooth."""
     places = np.log(values / (1 + _ABOVE - values))
@@ -220,7 +181,7 @@ def _rows(values: Float[np.ndarray, "measurement"]) -> sparse.csr_array:
 
 
 def _linearised(
-    measured: _Measurements,
+    measured: Measurements,
     found: Float[np.ndarray, "entry"],
     expected: Float[np.ndarray, "measurement"],
     noise: SensorNoise,

@@ -44,6 +44,7 @@ from jaxrender.lighting import (
     view_of_ball,
 )
 from jaxrender.pipelines.contact_sheet import write_contact_sheet
+from jaxrender.pipelines.lamps import Lamp, lamps_of
 from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
 from jaxrender.pipelines.probe_views import MergedView, Reading, View, merged_views, read_views
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -51,8 +52,6 @@ from jaxrender.shapes import Bool, Float
 
 # Light that was seen with less than this exit cosine is filled.
 _SEEN = 0.1
-# Sources closer than this, in units of sigma, are one lamp, and lamps have this part of the energy.
-_ONE_LAMP, _LEAST_ENERGY, _MOST_LAMPS = 1.5, 0.02, 12
 _LEAST_ROWS = 16
 
 
@@ -71,13 +70,6 @@ class ProbeOptions(NamedTuple):
     camera_angle: float = 5.0
     height: int | None = None
     sigma: float = 0.1
-
-
-class Lamp(NamedTuple):
-    """Part of the light that stands out: its direction and irradiance."""
-
-    direction: Float[np.ndarray, 3]
-    irradiance: Float[np.ndarray, channel]
 
 
 class LightProbe(NamedTuple):
@@ -114,7 +106,7 @@ def light_probe(
         balls = [_ball(view.view, options) for view in found]
         merged, clipped = _unwrapped(found, balls, options)
         environment, deviation, filled = _whole(merged)
-        lamps, slow = _lamps(environment, options.sigma)
+        lamps, slow = lamps_of(environment, options.sigma)
     about = {
         "convention": "z-up",
         "channels": "linear red, green and blue of the camera",
@@ -273,26 +265,6 @@ def _part(marked: Bool[np.ndarray, "row column"]) -> float:
     """The part of all directions that is marked."""
     weights = LatLongGrid(*marked.shape).weights()
     return float(weights[marked].sum() / weights.sum())
-
-
-def _lamps(environment: Environment, sigma: float) -> tuple[list[Lamp], float]:
-    """Gather what stands out of the slow light into lamps; the second result is the slow part."""
-    found = candidates(environment, sigma)
-    split = take(environment, found, len(found.cell), sigma)
-    directions = np.asarray(found.sources.directions)
-    irradiance = np.asarray(found.sources.irradiance)
-    total = float(np.sum(np.asarray(environment.nodes().irradiance)))
-    lamps, left = [], np.ones(len(directions), bool)
-    while left.any() and len(lamps) < _MOST_LAMPS and total > 0:
-        strongest = int(np.argmax(np.where(left, irradiance.sum(axis=-1), -1)))
-        near = left & (directions @ directions[strongest] > math.cos(_ONE_LAMP * sigma))
-        left &= ~near
-        own = irradiance[near].sum(axis=0)
-        centre = irradiance[near].sum(axis=-1) @ directions[near]
-        if own.sum() >= _LEAST_ENERGY * total:
-            lamps.append(Lamp(centre / np.linalg.norm(centre), own))
-    lamps.sort(key=lambda lamp: -float(lamp.irradiance.sum()))
-    return lamps, split.slow_energy
 
 
 def _account(one: MergedView, ball: Ball) -> dict:
