@@ -6,8 +6,9 @@ the others, ``noise`` says how far a measurement may lie from the truth, ``senso
 value may.  ``brackets`` merges photographs of one scene at several exposures, ``agreement`` holds
 them against one another, ``registration`` finds how far one lies beside another, and
 ``response_recovery`` finds the response from them, by pixels of ``bracket_samples``.  ``white``
-reads grey cards and colour charts, ``calibration_frames`` dark frames and flat fields.  ``silhouette`` finds the circle of a ball, and
-``colour`` turns spectra into red, green and blue.  Host side, float64.
+reads grey cards and colour charts, ``calibration_frames`` dark frames and flat fields.
+``silhouette`` finds the circle of a ball, and ``colour`` turns spectra into red, green and blue.
+Host side, float64.
 """
 
 from jaxrender.imaging.agreement import (
