@@ -107,7 +107,7 @@ def _mirrors(one: Judged) -> Float[np.ndarray, "row column 3"]:
     return 2 * view.exit_cosines[..., None] * view.normals - view.outgoing
 
 
-def _directions(each: list[Float[np.ndarray, "pixel 3"]]) -> str:
+def _directions(each: list[Float[np.ndarray, "_ 3"]]) -> str:
     """Paint how many photographs have something in each direction: +Z up, azimuth to the right."""
     counts = np.zeros((_CELLS, 2 * _CELLS))
     for directions in each:
