@@ -72,7 +72,8 @@ def signed_distance(mask: Bool[np.ndarray, "row column"]) -> Float[np.ndarray, "
 
     Beyond the picture nothing is known: a mask that its border cuts has no outline there.
     """
-    inside, outside = distance_transform_edt(mask), distance_transform_edt(~mask)
+    inside = np.asarray(distance_transform_edt(mask))
+    outside = np.asarray(distance_transform_edt(~mask))
     return np.where(mask, inside - 0.5, 0.5 - outside)
 
 
@@ -84,7 +85,7 @@ def looked_up(
     Places that are not in front of the camera are as far as the picture is wide.
     """
     rows, columns = image.shape
-    ahead = np.isfinite(places).all(axis=1)
+    ahead = np.asarray(np.isfinite(places).all(axis=1))
     at = np.where(ahead[:, None], places, 0) - 0.5
     inside = np.clip(at, 0, [columns - 1, rows - 1])
     values = map_coordinates(image, inside[:, ::-1].T, order=1)

@@ -181,8 +181,8 @@ def _box_scores(
     rows, columns = np.nonzero(mask)
     low = np.array([columns.min(), rows.min()], float)
     high = np.array([columns.max(), rows.max()]) + 1.0
-    ahead = np.isfinite(places).all(axis=-1)
-    whole = ahead.all(axis=1)
+    ahead = np.asarray(np.isfinite(places).all(axis=-1))
+    whole = np.all(ahead, axis=1)
     seen = np.where(ahead[..., None], places, 0)
     cell = np.clip(np.floor(seen), 0, np.array(mask.shape[::-1]) - 1).astype(int)
     inside = mask[cell[..., 1], cell[..., 0]] & ahead

@@ -33,8 +33,9 @@ def outlined(pixels: Float[np.ndarray, "row column channel"]) -> Bool[np.ndarray
     # A black background has no spread, and what is a thousandth of the brightest is there.
     floor = max(least, np.sqrt(1e-3) * float(np.percentile(difference, 99.5)))
     threshold = max(floor, min(_otsu(difference), 4 * floor))
-    found = ndimage.binary_fill_holes(difference > threshold)
-    labels, count = ndimage.label(ndimage.binary_opening(found))
+    found = np.asarray(ndimage.binary_fill_holes(difference > threshold))
+    labels = np.zeros(found.shape, np.int32)
+    count = int(ndimage.label(ndimage.binary_opening(found), output=labels))  # type: ignore
     if not count:
         return np.zeros(found.shape, bool)
     sizes = np.bincount(labels.ravel())[1:]

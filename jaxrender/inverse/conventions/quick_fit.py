@@ -27,7 +27,7 @@ from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, nodes_seen, places_of
 from jaxrender.lighting import LightNodes
 from jaxrender.programs import stored
-from jaxrender.shapes import Array, Float, Int
+from jaxrender.shapes import Array, Float
 
 _WIDTHS = (0.05, 0.12, 0.25, 0.5)
 _INDEX = 1.5
@@ -144,7 +144,7 @@ def transfers(
         # The last portion is as large as the others, so that one program serves them all.
         at = np.minimum(np.arange(first, first + count), len(normals) - 1)
         own = directions if directions.ndim == 2 else directions[at]
-        found = np.asarray(_transfers(lobes, normals[at], outgoing[at], own))
+        found = np.asarray(_transfers(lobes, *map(jnp.asarray, (normals[at], outgoing[at], own))))
         parts.append(found[:, : len(normals) - first])
     return np.concatenate(parts, axis=1)
 

@@ -67,7 +67,8 @@ class Silhouettes(NamedTuple):
         """Keep so many of them, evenly."""
         kept = np.unique(np.linspace(0, len(self.names) - 1, min(count, len(self.names))).round())
         parts = ((part[int(k)] for k in kept) for part in self[:3])
-        return Silhouettes(*(tuple(part) for part in parts))
+        names, cameras, masks = (tuple(part) for part in parts)
+        return Silhouettes(names, cameras, masks)  # pyright: ignore[reportArgumentType]
 
     def meant(self, framing: Framing) -> "Silhouettes":
         """Read cameras and masks as a framing means them."""
