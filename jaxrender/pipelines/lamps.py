@@ -1,7 +1,5 @@
 """Lamps: what stands out of the slow light of an environment, gathered."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -17,8 +15,8 @@ _ONE_LAMP, _LEAST_ENERGY, _MOST_LAMPS = 1.5, 0.02, 12
 class Lamp(NamedTuple):
     """Part of the light that stands out: its direction and irradiance."""
 
-    direction: Float[np.ndarray, 3]
-    irradiance: Float[np.ndarray, channel]
+    direction: Float[np.ndarray, "3"]
+    irradiance: Float[np.ndarray, "channel"]
 
 
 def lamps_of(environment: Environment, sigma: float) -> tuple[list[Lamp], float]:

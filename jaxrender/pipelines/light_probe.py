@@ -191,7 +191,7 @@ def _unwrapped(
 
     Saturated pixels are left out.  Where nothing else was seen, they come back as a bound.
     """
-    lit = [np.isfinite(one.merged.standard_deviation).all(axis=-1) for one in found]
+    lit = [np.asarray(np.isfinite(one.merged.standard_deviation).all(axis=-1)) for one in found]
     height = options.height or max(map(_rows, found, balls))
     if height < _LEAST_ROWS:
         raise InputError(

@@ -177,13 +177,14 @@ def _exposures(
 
 
 def _of_radiance(view: View) -> MergedView:
-    if len(view.images) > 1:
+    image, *others = view.images
+    if others:
         raise InputError(
             f"{view.paths[0]}: {len(view.images)} pictures of floating point of one view; give one "
             "merged picture, or photographs of 8 or 16 bits"
         )
-    radiance = view.images[0].pixels / view.exposures[0]
-    good = ~view.images[0].invalid
+    radiance = image.pixels / view.exposures[0]
+    good = ~image.invalid
     account = {"photographs": [path.name for path in view.paths]}
     return MergedView(view, Merged(radiance, _FLOAT_NOISE * radiance, good), account)
 

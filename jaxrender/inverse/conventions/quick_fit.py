@@ -170,7 +170,7 @@ def _under(
     light: KnownLight,
     lobes: tuple[Parametric, ...],
 ) -> Float[np.ndarray, "lobe sample channel"]:
-    frame: Int[np.ndarray, sample] = np.asarray(observations.frame)
+    frame = np.asarray(observations.frame)
     found = np.zeros((1 + len(lobes), *observations.radiance.shape))
     for nodes in exact_nodes(light, frame, min(_WIDTHS), 0.5):
         directions, irradiance = np.asarray(nodes.directions), np.asarray(nodes.irradiance)

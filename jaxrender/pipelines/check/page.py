@@ -98,7 +98,7 @@ def _drawn(
 
 
 def _edge(mask: Bool[np.ndarray, "row column"]) -> Bool[np.ndarray, "row column"]:
-    return mask & ~binary_erosion(mask)
+    return mask & ~np.asarray(binary_erosion(mask), bool)
 
 
 def _mirrors(one: Judged) -> Float[np.ndarray, "row column 3"]:
