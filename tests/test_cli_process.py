@@ -53,10 +53,12 @@ def test_help_imports_nothing_heavy():
     assert commands == [
         "analyze",
         "batch",
+        "check",
         "compress",
         "evaluate",
         "fit",
         "import",
+        "light",
         "measure",
         "prefilter",
         "render",

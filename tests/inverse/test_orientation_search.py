@@ -113,6 +113,7 @@ def test_what_is_meant_is_found(ball, meant):
     assert f"environment `{meant.convention}`" in found.sentences()[0]
 
 
+@pytest.mark.slow
 def test_a_concave_object_beside_a_known_lamp():
     shape = sculpture(3)
     seen = observations(shape, Environment(room()) + LAMP, 2)

@@ -189,6 +189,7 @@ def test_photographs_are_judged(tmp_path, unforeseen):
     assert any("4: " in said and "black level" in said for said in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_mask_that_misses_the_shape_is_wrong(tmp_path, unforeseen):
     folder = write_capture(tmp_path / "a")
     mask = np.zeros((48, 48, 3))
