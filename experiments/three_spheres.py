@@ -4,9 +4,8 @@
 
 A ball of a random material (``scenes.py``) is photographed from nine sides under a probe, by the
 integral over all texels, with 1 % noise.  Light and material are found from the photographs alone.
-Then three spheres are rendered under both lights: a diffuse one, a rough metal (GGX with Smith's
-masking, alpha .3), and a mirror.  ``--probes`` adds vertical cross probes to the five kinds of
-``scenes.py``.
+Then three spheres are rendered under both lights: a diffuse one, a matte silver one (GGX, width
+.3), and a mirror.  ``--probes`` adds vertical cross probes to the five kinds of ``scenes.py``.
 
 Printed for each sphere: the root mean square difference after the best scale, relative to the mean
 radiance, and the mean angle between colours, in degrees.  A mirror shows detail that the lobe of
@@ -26,36 +25,23 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import ball_worlds  # noqa: E402
-import jax.numpy as jnp  # noqa: E402
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 import scenes  # noqa: E402
-from scipy.ndimage import map_coordinates  # noqa: E402
 
-from jaxrender.brdf import Lambertian, Microfacet  # noqa: E402
-from jaxrender.geometry import SurfaceSamples  # noqa: E402
+from jaxrender.brdf import Microfacet  # noqa: E402
 from jaxrender.inverse import Observations  # noqa: E402
 from jaxrender.inverse.factorization import Factorization, factorize  # noqa: E402
 from jaxrender.inverse.leverage import draw, sharpness  # noqa: E402
 from jaxrender.io import read_environment  # noqa: E402
 from jaxrender.lighting import Environment  # noqa: E402
 from jaxrender.pipelines.tasks.light import light_images  # noqa: E402
-from jaxrender.reflection import integral_columns, radiance  # noqa: E402
+from jaxrender.reflection import LightDifference, compare_lights, three_spheres  # noqa: E402
 
 OUT = Path(__file__).parent / "out"
-VIEWS, SAMPLES, ROWS, PIXELS = 9, 12_000, 96, 48
-ROUGH = 0.3
-SPHERES = ("diffuse", "rough", "mirror", "attainable")
-DEMANDED = {"diffuse": 0.03, "rough": 0.08}
-
-
-class Compared(NamedTuple):
-    """One sphere under both lights: relative rms after the best scale, and degrees of colour."""
-
-    true: np.ndarray
-    found: np.ndarray
-    rms: float
-    degrees: float
+VIEWS, SAMPLES, ROWS = 9, 12_000, 96
+SPHERES = ("diffuse", "matte silver", "mirror", "attainable")
+DEMANDED = {"diffuse": 0.03, "matte silver": 0.08}
 
 
 class Trial(NamedTuple):
@@ -64,7 +50,8 @@ class Trial(NamedTuple):
     name: str
     material: Microfacet
     found: Factorization
-    spheres: dict[str, Compared]
+    differences: dict[str, LightDifference]
+    spheres: tuple[dict[str, np.ndarray], dict[str, np.ndarray]]
     seconds: float
 
 
@@ -80,56 +67,6 @@ def photographed(environment: Environment, material: Microfacet, seed: int) -> O
     return ball_worlds.photographs(world, world, seed)
 
 
-def disk() -> tuple[np.ndarray, SurfaceSamples]:
-    """The pixels of a sphere seen along -Y, which of them hit it, and its samples there."""
-    side = (np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1
-    across, up = np.meshgrid(side, -side)
-    hit = across**2 + up**2 < 0.98
-    depth = np.sqrt(1 - across[hit] ** 2 - up[hit] ** 2)
-    normals = np.stack([across[hit], -depth, up[hit]], axis=1)
-    return hit, SurfaceSamples(normals, np.tile([0.0, -1.0, 0.0], (len(normals), 1)))
-
-
-def looked_up(environment: Environment, directions: np.ndarray) -> np.ndarray:
-    """Interpolate the light between texels."""
-    image = np.asarray(environment.radiance)
-    rows, columns = image.shape[:2]
-    x, y, z = directions.T
-    row = np.arccos(np.clip(z, -1, 1)) / np.pi * rows - 0.5
-    column = np.arctan2(y, x) / (2 * np.pi) % 1 * columns - 0.5
-    at = np.stack([np.clip(row, 0, rows - 1), column])
-    return np.stack(
-        [map_coordinates(image[..., c], at, order=1, mode="grid-wrap") for c in range(3)], axis=1
-    )
-
-
-def shown(kind: str, environment: Environment, own_sigma: float) -> np.ndarray:
-    """Render a sphere of a kind under a light."""
-    _, samples = disk()
-    if kind == "mirror":
-        return looked_up(environment, np.asarray(samples.reflected))
-    metal = {"rough": ROUGH, "attainable": own_sigma}
-    one = np.ones(3)
-    brdf = Lambertian(one)
-    if kind != "diffuse":
-        # A lobe without masking is brightest at the rim, beyond all measure.
-        ggx = {"distribution": "ggx", "masking": "smith"}
-        brdf = Microfacet(0 * one, one, metal[kind], None, **ggx)
-    arrays = SurfaceSamples(*(jnp.asarray(part) for part in samples))
-    return np.asarray(radiance(brdf, integral_columns(brdf, arrays, environment.nodes())))
-
-
-def compared(kind: str, true: Environment, found: Environment, own_sigma: float) -> Compared:
-    """Render under both, and compare."""
-    a, b = (shown(kind, light, own_sigma) for light in (true, found))
-    b = b * np.sum(a * b) / np.sum(b * b)
-    cosine = np.sum(a * b, axis=1) / np.maximum(
-        np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1), 1e-12
-    )
-    rms = float(np.sqrt(np.mean((a - b) ** 2)) / a.mean())
-    return Compared(a, b, rms, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean()))
-
-
 def trial(name: str, environment: Environment, seed: int) -> Trial:
     """Photograph, factorize and compare."""
     environment = Environment(
@@ -142,9 +79,10 @@ def trial(name: str, environment: Environment, seed: int) -> Trial:
     found = factorize(some, material, gauge="dielectric", pool=pool)
     seconds = time.perf_counter() - begun
     light = Environment(light_images(found.scene, found.rounds[-1].sigma).whole)
-    own = float(material.sigma)
-    spheres = {kind: compared(kind, environment, light, own) for kind in SPHERES}
-    return Trial(name, material, found, spheres, seconds)
+    own = compare_lights(light, environment, silver_width=float(material.sigma))
+    differences = compare_lights(light, environment) | {"attainable": own["matte silver"]}
+    spheres = three_spheres(environment), three_spheres(light)
+    return Trial(name, material, found, differences, spheres, seconds)
 
 
 def probes(files: list[Path], seed: int) -> dict[str, Environment]:
@@ -156,7 +94,7 @@ def probes(files: list[Path], seed: int) -> dict[str, Environment]:
 
 def line(one: Trial) -> str:
     """Say it in a line."""
-    scores = "  ".join(f"{s.rms:6.3f} {s.degrees:5.2f}" for s in one.spheres.values())
+    scores = "  ".join(f"{d.scaled_rms:6.3f} {d.angle:5.2f}" for d in one.differences.values())
     return (
         f"{one.name:16s} {float(one.material.sigma):5.3f}  {scores}  "
         f"{one.found.outcome.value:10s} {one.seconds:5.1f} s"
@@ -165,23 +103,20 @@ def line(one: Trial) -> str:
 
 def painted(trials: list[Trial]) -> None:
     """Draw the spheres of every trial under the true light, and below under the found one."""
-    hit, _ = disk()
     kinds = SPHERES[:3]
     figure, axes = plt.subplots(
         2 * len(trials), len(kinds), figsize=(4.5, 3 * len(trials)), squeeze=False
     )
     for row, one in enumerate(trials):
         for column, kind in enumerate(kinds):
-            sphere = one.spheres[kind]
-            top = np.quantile(sphere.true, 0.98)
-            for below, values in enumerate((sphere.true, sphere.found)):
-                image = np.ones((*hit.shape, 3))
-                image[hit] = np.clip(np.maximum(values, 0) / top, 0, 1) ** (1 / 2.2)
+            top = np.quantile(one.spheres[0][kind], 0.98)
+            for below, spheres in enumerate(one.spheres):
                 panel = axes[2 * row + below, column]
-                panel.imshow(image)
+                panel.imshow(np.clip(np.maximum(spheres[kind], 0) / top, 0, 1) ** (1 / 2.2))
                 panel.axis("off")
                 if not below:
-                    panel.set_title(f"{one.name}: {kind}, {sphere.rms:.3f}", fontsize=7)
+                    scaled = one.differences[kind].scaled_rms
+                    panel.set_title(f"{one.name}: {kind}, {scaled:.3f}", fontsize=7)
     figure.tight_layout()
     OUT.mkdir(exist_ok=True)
     figure.savefig(OUT / "three_spheres.png", dpi=110)
@@ -204,8 +139,8 @@ def main() -> None:
         jax.clear_caches()
     for kind in SPHERES:
         rms, degrees = (
-            np.array([getattr(one.spheres[kind], name) for one in trials])
-            for name in ("rms", "degrees")
+            np.array([getattr(one.differences[kind], name) for one in trials])
+            for name in ("scaled_rms", "angle")
         )
         demanded = f" (demanded {DEMANDED[kind]})" if kind in DEMANDED else ""
         print(

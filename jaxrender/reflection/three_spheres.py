@@ -4,7 +4,7 @@ A diffuse sphere shows the slow light, a matte silver one (facets of width .3) t
 twenty degrees, and a mirror all of it.  Weber, Prevost and Lalonde (2018) and later benchmarks of
 lighting estimation compare such spheres by three numbers: the rms of the difference, the same after
 one scale, and the angle between colours.  Here an orthographic camera looks along -x, and both rms
-are relative to that of the true sphere.
+are relative to the mean of the true sphere.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from jaxrender.brdf import Lambertian, material_named
-from jaxrender.geometry import Orthographic, Sphere, look_at, observe
+from jaxrender.geometry import Orthographic, Sphere, SurfaceView, look_at, observe
 from jaxrender.harmonics.grids import LatLongGrid
 from jaxrender.lighting import Environment, to_latlong
 from jaxrender.reflection.lit import render_lit
@@ -26,10 +26,11 @@ Panorama = Float[np.ndarray, "row column channel"]
 # Pixels across a sphere, and rows of the panorama that it is lit by.
 _SIDE, _ROWS = 64, 128
 _SILVER_WIDTH, _SILVER = 0.3, 0.97
+_BALL = Sphere(np.zeros(3), 1.0)
 
 
 class LightDifference(NamedTuple):
-    """How far a sphere is from the true one: two relative rms, and degrees between colours.
+    """How far a sphere is from the true one: two rms by the mean of that, degrees between colours.
 
     ``scaled_rms`` is that after one scale of all channels.  The ``angle`` counts every pixel alike,
     also those that are almost black, whose colour is hardly known.
@@ -41,29 +42,31 @@ class LightDifference(NamedTuple):
 
 
 @checked
-def three_spheres(light: Environment, rows: int = _ROWS) -> dict[str, Pixels]:
-    """Render the three spheres under a panorama of at most so many rows.
-
-    Returns the pixels that show them, in reading order.
-    """
+def three_spheres(
+    light: Environment, rows: int = _ROWS, silver_width: float = _SILVER_WIDTH
+) -> dict[str, Float[np.ndarray, "side side channel"]]:
+    """Render the three spheres under a panorama of at most so many rows; black beside them."""
     radiance = _coarser(np.asarray(light.radiance, float), rows)
     channels = radiance.shape[-1]
-    pose = look_at(np.array([4.0, 0, 0]), np.zeros(3), np.array([0, 0, 1.0]))
-    camera, ball = Orthographic(_SIDE, _SIDE, pose, scale=2.0 / _SIDE), Sphere(np.zeros(3), 1.0)
-    view, lit = observe(camera, ball), Environment(radiance)
-    white = np.full(channels, 1 / np.pi)
-    facets = {"kd": [0.0] * channels, "ks": _SILVER, "sigma": _SILVER_WIDTH, "mu": "none"}
-    silver = material_named("ggx", facets)
+    camera, ball, view = _camera(), _BALL, _view()
+    lit, white = Environment(radiance), Lambertian(np.full(channels, 1 / np.pi))
+    facets = {"kd": [0.0] * channels, "ks": _SILVER, "sigma": silver_width, "mu": "none"}
+    mirror = np.zeros((_SIDE, _SIDE, channels))
+    mirror[view.hit] = _mirrored(radiance, view.normals[view.hit], view.outgoing[view.hit])
     return {
-        "diffuse": np.asarray(render_lit(Lambertian(white), lit, ball, camera))[view.hit],
-        "matte silver": np.asarray(render_lit(silver, lit, ball, camera))[view.hit],
-        "mirror": _mirrored(radiance, view.normals[view.hit], view.outgoing[view.hit]),
+        "diffuse": np.asarray(render_lit(white, lit, ball, camera)),
+        "matte silver": np.asarray(render_lit(material_named("ggx", facets), lit, ball, camera)),
+        "mirror": mirror,
     }
 
 
 @checked
 def compare_lights(
-    found: Environment, true: Environment, *, scale_channels: bool = False
+    found: Environment,
+    true: Environment,
+    *,
+    scale_channels: bool = False,
+    silver_width: float = _SILVER_WIDTH,
 ) -> dict[str, LightDifference]:
     """Compare the three spheres; ``scale_channels`` first gives each channel a factor of its own.
 
@@ -72,7 +75,11 @@ def compare_lights(
     Raises ValueError where the true light is dark.
     """
     rows = min(_ROWS, len(found.radiance), len(true.radiance))
-    ours, theirs = three_spheres(found, rows), three_spheres(true, rows)
+    inside = _view().hit
+    ours, theirs = (
+        {name: one[inside] for name, one in three_spheres(light, rows, silver_width).items()}
+        for light in (found, true)
+    )
     if not theirs["diffuse"].any():
         raise ValueError("the true light is dark: there is nothing to compare")
     if scale_channels:
@@ -80,6 +87,15 @@ def compare_lights(
         factor = _factor(ours["diffuse"], theirs["diffuse"], axis=0)
         ours = {name: factor * sphere for name, sphere in ours.items()}
     return {name: _difference(ours[name], theirs[name]) for name in theirs}
+
+
+def _camera() -> Orthographic:
+    pose = look_at(np.array([4.0, 0, 0]), np.zeros(3), np.array([0, 0, 1.0]))
+    return Orthographic(_SIDE, _SIDE, pose, scale=2.0 / _SIDE)
+
+
+def _view() -> SurfaceView:
+    return observe(_camera(), _BALL)
 
 
 def _coarser(radiance: Panorama, rows: int) -> Float[np.ndarray, "_ _ channel"]:
@@ -96,10 +112,9 @@ def _coarser(radiance: Panorama, rows: int) -> Float[np.ndarray, "_ _ channel"]:
 
 
 def _difference(found: Pixels, true: Pixels) -> LightDifference:
-    energy = float(np.sum(true**2))
-    scale = _factor(found, true, axis=None)
-    left = [float(np.sum((factor * found - true) ** 2)) for factor in (1.0, scale)]
-    rms, scaled_rms = (float(np.sqrt(one / energy)) for one in left)
+    scale, mean = _factor(found, true, axis=None), float(true.mean())
+    left = [np.mean((factor * found - true) ** 2) for factor in (1.0, scale)]
+    rms, scaled_rms = (float(np.sqrt(one)) / mean for one in left)
     return LightDifference(rms, scaled_rms, _angle(found, true))
 
 

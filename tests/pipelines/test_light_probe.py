@@ -189,6 +189,12 @@ def test_what_saturates_is_a_lower_bound(one_view, tmp_path, capsys):
     assert deviation[directions @ LAMP < 0.5].max() < 0.2 * radiance[lit].max()
 
 
+def off_but_for_scale(found, expected):
+    """Compute the rms of what a factor does not explain, relative to what is expected."""
+    scale = found @ expected / (found @ found)
+    return np.linalg.norm(scale * found - expected) / np.linalg.norm(expected)
+
+
 def test_exposures_that_lie(one_view, tmp_path, capsys):
     wrong = [w for t in (1.0, 0.5, 0.05) for w in ("--exposures", str(t))]
     start = ["light", *map(str, one_view), *BALL, *wrong, "--response", "srgb"]
@@ -197,6 +203,14 @@ def test_exposures_that_lie(one_view, tmp_path, capsys):
     assert main([*start, "--out", str(tmp_path / "b"), "--exposure", "measured"]) == 0
     found = json.loads((tmp_path / "b" / "light.json").read_text())["views"][0]["exposures"]
     assert found[1] / found[0] == pytest.approx(0.25, rel=0.02)
+    # The light is that of the true exposures, but for its scale, which no pixel tells.
+    true = [w for t in (1.0, 0.25, 0.05) for w in ("--exposures", str(t))]
+    start = ["light", *map(str, one_view), *BALL, *true, "--response", "srgb"]
+    assert main([*start, "--out", str(tmp_path / "c")]) == 0
+    wrong, measured, right = (
+        read_image(tmp_path / name / "probe.exr").pixels.ravel() for name in "abc"
+    )
+    assert off_but_for_scale(measured, right) < 0.02 < 0.05 < off_but_for_scale(wrong, right)
 
 
 def test_a_camera_that_moved(one_view, tmp_path, capsys):
