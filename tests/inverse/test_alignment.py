@@ -44,6 +44,7 @@ def test_a_mesh_that_looks_the_same_when_turned_is_not_found():
     assert "as well when it is turned by 180 degrees about" in found.sentence()
 
 
+@pytest.mark.slow
 def test_a_wrong_mesh_is_not_found(monkeypatch):
     monkeypatch.setattr("jaxrender.inverse.alignment.pose_search._TURNS", 20)
     stick = Mesh.ellipsoid(np.array([0.1, 0.1, 1.0]), 2)
