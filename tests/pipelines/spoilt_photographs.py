@@ -134,7 +134,8 @@ CASES = {
     "broken curve": (
         written("c.txt", "0 0\n.5 x\n"),
         [CURVE],
-        r"c\.txt:2: found '\.5 x'; each line is two numbers, value radiance, or four, value red green blue$",
+        r"c\.txt:2: found '\.5 x'; each line is two numbers, value radiance, or four, value red "
+        r"green blue$",
     ),
     "descending curve": (
         written("c.txt", "0 0\n1 1\n.5 2\n"),
