@@ -1,6 +1,5 @@
 """Goes through a capture: how it is meant, what is wrong with it, what it can tell."""
 
-import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +24,8 @@ from jaxrender.pipelines.scene import shape_of
 # The config of a folder, and the page that is written.
 CONFIG, PAGE = "capture.yaml", "check.html"
 # A silhouette that overlaps less is wrong, as is an exposure that is off by more than this factor.
-_LEAST_OVERLAP, _EXPOSURE = 0.7, 1.15
+# From the lesser factor on it is worth a remark: gloss, too, is brighter from some sides.
+_LEAST_OVERLAP, _EXPOSURE, _PERHAPS_EXPOSURE = 0.7, 1.3, 1.15
 # More clipped values, less sharpness than that of other photographs, or a darkest hundredth of
 # more than this part of the object's mean, are worth a remark.
 _CLIPPED, _BLURRED, _HAZE = 0.02, 0.3, 0.2
@@ -135,7 +135,7 @@ def _wrong_with(one: Judged) -> list[str]:
     found = []
     if one.overlap is not None and one.overlap < _LEAST_OVERLAP:
         found.append(f"{one.name}: the silhouette overlaps the shape by {one.overlap:.2f} only")
-    if one.exposure is not None and abs(math.log(one.exposure)) > math.log(_EXPOSURE):
+    if one.exposure is not None and _off(one.exposure) > _EXPOSURE:
         found.append(
             f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points; "
             "give its exposure, or solve.free_exposure: true"
@@ -143,8 +143,18 @@ def _wrong_with(one: Judged) -> list[str]:
     return found
 
 
+def _off(factor: float) -> float:
+    """Take a factor to either side."""
+    return max(factor, 1 / factor)
+
+
 def _remarks_on(one: Judged) -> list[str]:
     found = []
+    if one.exposure is not None and _EXPOSURE >= _off(one.exposure) > _PERHAPS_EXPOSURE:
+        found.append(
+            f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points: by "
+            "its gloss, or by its exposure (solve.free_exposure: true finds that)"
+        )
     if one.saturated > _CLIPPED:
         found.append(f"{one.name}: {100 * one.saturated:.2g} % of the object is clipped")
     if one.sharpness < _BLURRED:
