@@ -8,8 +8,8 @@ commands import JAX themselves, so that ``--help`` is quick.
 ``process``
     the process of a command: output, bundled examples, JAX, the end
 ``photographs`` ``captures`` ``sweeps`` ``probes`` ``reflectance``
-    the commands: fit, render, evaluate, synth; import; batch, schema; prefilter, analyze, light;
-    measure, compress
+    the commands: fit, render, evaluate, synth, check; import; batch, schema; prefilter, analyze,
+    light; measure, compress
 
 Exit codes: 0 done; 1 not converged or not identifiable (with ``--strict``); 2 bad input;
 130 interrupted; 141 the output was closed.

@@ -58,7 +58,7 @@ def import_(
     imported = import_capture(folder, out.resolve(), options, force)
     for sentence in imported.sentences:
         process.say(sentence)
-    process.say(f"capture: {out}; next: jaxrender fit {out / CONFIG}")
+    process.say(f"capture: {out}; next: jaxrender check {out}, then jaxrender fit {out / CONFIG}")
     return DONE
 
 

@@ -1,4 +1,4 @@
-"""The commands about photographs: ``fit``, ``render``, ``evaluate`` and ``synth``."""
+"""The commands about photographs: ``fit``, ``render``, ``evaluate``, ``synth``, ``check``."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def render(
     convention
         Layout of that panorama: z-up, y-up, angular, cross or mirror-ball.
     camera
-        A transforms.json whose cameras replace those of the photographs.
+        A transforms.json whose cameras replace those of the photographs, in the same axes.
     model
         integral (the exact reflection integral) or dual (the frequency-space model).
     force
@@ -123,7 +123,7 @@ def evaluate(
     result
         Result folder of a fit.
     photographs
-        A transforms.json of other photographs; by default those of the fit.
+        A transforms.json of other photographs, in the same axes; by default those of the fit.
     environment
         A panorama of the light of these photographs; by default the light of the result.
     light

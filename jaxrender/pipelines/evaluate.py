@@ -14,6 +14,7 @@ from jaxrender.inverse.photographs import (
     Listener,
     Photograph,
     Reading,
+    posed,
     read_photographs,
     trace_photographs,
 )
@@ -136,7 +137,9 @@ def _photographs(
     shape = shape_of(run.config.capture.geometry)
     listener = Listener(progress.note, progress.advance)
     if scene.cameras is not None:
-        read = [(read_capture(scene.cameras, foreign=False), reading_of(run.config.capture, 0.0))]
+        others = read_capture(scene.cameras, foreign=False)
+        others = posed(others, run.config.capture.camera_axes)
+        read = [(others, reading_of(run.config.capture, 0.0))]
     else:
         read = [(one.capture, one.reading) for one in captures_of(run.config)]
     found = []

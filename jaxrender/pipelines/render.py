@@ -11,7 +11,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.observations import Observations
-from jaxrender.inverse.photographs import camera_samples
+from jaxrender.inverse.photographs import camera_samples, posed
 from jaxrender.inverse.prepared_light import prepare_light
 from jaxrender.io import Capture, Frame, read_capture, read_environment, write_image
 from jaxrender.lighting import DirectionalSources
@@ -102,9 +102,10 @@ def _write(rendered: Rendering, folder: Path) -> None:
 
 
 def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
-    """Read the cameras of the scene: those of the result, or other ones."""
+    """Read the cameras of the scene: those of the result, or other ones in the same axes."""
     if scene.cameras is not None:
-        return read_capture(scene.cameras, require_images=False, foreign=False)
+        others = read_capture(scene.cameras, require_images=False, foreign=False)
+        return posed(others, config.capture.camera_axes)
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 

@@ -89,8 +89,15 @@ def test_a_wrong_material_is_told_and_a_gain_only_on_request(finished, changed, 
     assert rms() > 0.05
 
 
-def test_other_photographs_in_another_light(finished, tmp_path, capsys):
-    """Two lamps where the fit had one: as texels of a panorama, of 1.4 degrees."""
+@pytest.mark.parametrize("axes", ["opengl", "opencv"])
+def test_other_photographs_in_another_light(changed, tmp_path, capsys, axes):
+    """Two lamps where the fit had one: as texels of a panorama, of 1.4 degrees.
+
+    The other cameras are in the axes that the fit's were in.
+    """
+    config = (changed / "config.yaml").read_text()
+    assert "camera_axes: opengl" in config
+    (changed / "config.yaml").write_text(config.replace("axes: opengl", f"axes: {axes}"))
     ball = Ball(views=1, size=24)
     rows, radiance, lights = 128, np.zeros((128, 256, 3)), []
     for row, column, irradiance in ((40, 10, 2.0), (60, 30, 1.0)):
@@ -104,19 +111,26 @@ def test_other_photographs_in_another_light(finished, tmp_path, capsys):
     camera = cameras(ball)[0]
     image, covered = picture(camera, lights)
     write_image(tmp_path / "images/new.exr", np.concatenate([image, covered[..., None]], axis=-1))
+    # OpenCV has y down and z ahead.
+    pose = camera.world_from_camera * ([1, -1, -1, 1] if axes == "opencv" else 1.0)
     frame = {
         "file_path": "images/new.exr",
-        "transform_matrix": camera.world_from_camera.tolist(),
+        "transform_matrix": pose.tolist(),
         "fl_x": camera.fl_x,
     }
     write_json(tmp_path / "transforms.json", {"w": 24, "h": 24, "frames": [frame]})
     write_environment(tmp_path / "lamps.exr", Environment(radiance))
     other = ("--photographs", tmp_path / "transforms.json")
-    assert jaxrender("evaluate", finished / "out", *other) == 2
+    assert jaxrender("evaluate", changed, *other) == 2
     assert "new cameras need an --environment" in capsys.readouterr().err
-    command = ["evaluate", finished / "out", *other, "--environment", tmp_path / "lamps.exr"]
+    command = ["evaluate", changed, *other, "--environment", tmp_path / "lamps.exr"]
     assert jaxrender(*command, "--scale", "none", "--out", tmp_path / "evaluation") == 0
     assert numbers(tmp_path / "evaluation")["mean"]["relative_rms"] < 0.02
+    # Cameras to render from are in these axes, too.
+    new = ("--camera", other[1], "--environment", tmp_path / "lamps.exr")
+    assert jaxrender("render", changed, "--out", tmp_path / "rendered", *new) == 0
+    seen = read_image(tmp_path / "rendered/new.exr").alpha > 0.5
+    np.testing.assert_array_equal(seen, covered)
 
 
 def test_a_recovered_light_is_compared_and_a_given_one_refused(finished, changed, tmp_path, capsys):

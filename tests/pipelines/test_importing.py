@@ -268,7 +268,8 @@ def test_the_command(tmp_path, capsys):
     assert "the radius must be positive" in capsys.readouterr().err
     assert jaxrender(*arguments, "--sphere", "0,0,0,1") == 0
     said = capsys.readouterr().out
-    assert f"next: jaxrender fit {tmp_path / 'ours/capture.yaml'}" in said
+    assert f"next: jaxrender check {tmp_path / 'ours'}, then jaxrender fit " in said
+    assert f"{tmp_path / 'ours/capture.yaml'}" in said
 
 
 def as_colmap(folder, capture):
