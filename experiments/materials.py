@@ -42,7 +42,7 @@ from scenes import unit
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import BRDFFit, KnownLight, Observations
 from jaxrender.inverse.brdf_table import correct_by_table
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.io import read_image
 from jaxrender.lighting import DirectionalSources, Environment

@@ -11,7 +11,7 @@ import numpy as np
 from jaxrender.geometry import SurfaceSamples, meridian_frames
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.brdf_table.table import half_angle_coordinates
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.pipelines.brdf_sources import source_of
 
 # Pairs of a sample and a direction that are worked on at once.

@@ -19,7 +19,7 @@ from jaxrender.inverse import (
     fit_brdf,
     unknowns_of,
 )
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.io import read_environment
 from jaxrender.lighting import DirectionalSources, Environment

@@ -22,7 +22,7 @@ from scenes import unit
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.brdf_table import correct_by_table
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.lighting import Environment
 

@@ -61,6 +61,7 @@ _NAMES = {
     "Orthographic": "geometry.Orthographic",
     "OvercastSky": "lighting.OvercastSky",
     "Pinhole": "geometry.Pinhole",
+    "PointSources": "lighting.PointSources",
     "Scene": "inverse.Scene",
     "SmoothLobes": "lighting.SmoothLobes",
     "Sphere": "geometry.Sphere",

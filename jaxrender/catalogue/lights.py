@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
-Kind = Literal["direction", "colour", "colours", "angle", "word"]
+Kind = Literal["direction", "position", "colour", "colours", "angle", "word"]
 
 
 class LightKey(NamedTuple):
@@ -59,6 +59,22 @@ _ALL: tuple[LightKind, ...] = (
                 "irradiance",
                 "colour",
                 "Irradiance on a plane facing the source: one number or three.",
+            ),
+        ),
+        many=True,
+        is_image=False,
+    ),
+    LightKind(
+        "point",
+        "point_sources.PointSources",
+        "a source at a place, near enough to count",
+        (
+            LightKey("position", "positions", "position", "Its place, in the units of the shape."),
+            LightKey(
+                "intensity",
+                "intensity",
+                "colour",
+                "Irradiance on a plane facing it at the distance 1: one number or three.",
             ),
         ),
         many=True,

@@ -15,8 +15,8 @@ from scipy.optimize import nnls
 
 from jaxrender.brdf import Bank
 from jaxrender.imaging import estimate_noise
-from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.observations import Observations, as_pixels
@@ -187,5 +187,5 @@ def _left(sums: _Sums, row: int, weights: Float[np.ndarray, "channel column"]) -
 
 def _nodes_a_sample(task: MaterialTask) -> int:
     """Count the directions from which light comes to a sample."""
-    nodes = exact_nodes(task.light.far, np.zeros(0, int), float(task.variant.sigma))
+    nodes = exact_nodes(task.light, None, float(task.variant.sigma))
     return sum(part.directions.shape[-2] for part in nodes)

@@ -41,8 +41,9 @@ from jaxrender.inverse.examination import examine
 from jaxrender.inverse.frequency_fit import fit_by_frequency
 from jaxrender.inverse.interreflection import Bounced, WithBounced, fit_with_bounces
 from jaxrender.inverse.intervals import Uncertain
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.material_task import MaterialTask, Stage
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import ExactModel
@@ -126,10 +127,15 @@ def fit_brdf(
     have places.  ``pool`` are all pixels that the observations were drawn from: neighbours among
     them tell the noise, and on a convex shape the refinement draws from it.
 
-    Raises ``ValueError`` for fewer samples than unknowns, for a bank whose light is
-    to bounce, and for nuisances that there are none of or no room for.
+    Raises ``ValueError`` for fewer samples than unknowns, for bounced light of a bank or of
+    sources that have a place, and for nuisances that there are none of or no room for.
     """
     check_free(settings.free)
+    if settings.interreflection and light.near is not None:
+        raise ValueError(
+            "bounced light is not followed from sources that have a place; leave "
+            "solve.interreflection out"
+        )
     problem = Problem.of(unknowns, observations.radiance.shape[1])
     check_enough(observations, problem)
     task = MaterialTask(problem, variant, observations, light, settings, concave(shape), stage)
@@ -216,7 +222,7 @@ def _refine(task: MaterialTask, quick: Stop, choice: Choice) -> _Refined:
     count = settings.refine_samples
     if expected is None:
         # Where the light is a few sources, many samples cost as little as few under an environment.
-        nodes = exact_nodes(light, np.zeros(0, int), task.width(quick))
+        nodes = exact_nodes(light, None, task.width(quick))
         count = max(count, int(_LITTLE_WORK / _nodes_a_sample(nodes)))
     while True:
         with stage("refine"):

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.inverse.elimination import Data, cost_at
-from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
@@ -77,7 +77,7 @@ def _fit(task: MaterialTask, some: Observations, cell: float, before: Stop | Non
 
 
 def _model(task: MaterialTask, observations: Observations, cell: float) -> ExactModel:
-    nodes = exact_nodes(task.light, np.asarray(observations.frame), cell, 1.0)
+    nodes = exact_nodes(task.light, observations, cell, 1.0)
     seen = nodes_seen(task.shape, observations, nodes)
     return ExactModel(task.variant, observations.samples, nodes, seen)
 

@@ -37,8 +37,9 @@ from jaxrender.inverse.factorization import (
 )
 from jaxrender.inverse.factorization.state import NOTHING_KNOWN
 from jaxrender.inverse.forecast import weights_of
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.left_out import FEWEST_PHOTOGRAPHS, predicted_left_out
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.material_task import SHADOWED_ANGLE_PER_SIGMA
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations, random_subset
@@ -272,7 +273,7 @@ def _predicted(
     """Predict samples by the exact integral, those of a photograph by the fit to the others."""
     shape = concave(shape)
     cells = None if shape is None else SHADOWED_ANGLE_PER_SIGMA
-    nodes = exact_nodes(light, np.asarray(rest.frame), float(fit.brdf.width), cells)
+    nodes = exact_nodes(light, rest, float(fit.brdf.width), cells)
     seen = nodes_seen(shape, rest, nodes)
     return predicted_left_out(fit.final, ExactModel(variant, rest.samples, nodes, seen), rest)
 

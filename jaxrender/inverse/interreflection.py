@@ -17,7 +17,8 @@ import numpy as np
 
 from jaxrender.brdf import Parametric
 from jaxrender.geometry import Mesh, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, Model, Numbers, Rows, columns_under
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import Stop
@@ -202,8 +203,10 @@ def outside(mesh: Mesh, light: KnownLight, glossy: bool, cell: float = _CELL) ->
 
     ``glossy`` keeps which parts of it every vertex sees.
     """
+    if light.near is not None:
+        raise ValueError("bounced light is not followed from sources that have a place")
     # Of one photograph, so that all of it is in one part.
-    (nodes,) = exact_nodes(light, np.zeros(0, int), 1.0, cell)
+    (nodes,) = exact_nodes(light, None, 1.0, cell)
     assert isinstance(nodes, LightNodes)
     return Outside.on(mesh, nodes, glossy)
 

@@ -6,26 +6,21 @@ from collections.abc import Sequence
 import equinox as eqx
 import numpy as np
 
-from jaxrender.inverse.near_light import Nearness, near_nodes
+from jaxrender.geometry import Shape
+from jaxrender.inverse.near_light import Nearness, by_frame, centred, joined_sources
+from jaxrender.inverse.rays import center_of, size_of
 from jaxrender.inverse.shadowing import MOST_DIFFUSE_DEGREES
 from jaxrender.lighting import (
     DirectionalSources,
     Environment,
     FunctionLight,
     Light,
-    LightNodes,
-    condensed,
+    PointSources,
 )
-from jaxrender.reflection import (
-    FrameNodes,
-)
-from jaxrender.shapes import AnyArray, Float, Int, checked
+from jaxrender.shapes import AnyArray, Bool, Float, Int
 
 # Light that is a function is sampled at the texels of an image of so many rows.
 _SAMPLED_ROWS = 128
-# Environments above this size are condensed for the exact integral, to cells this narrow.
-_MOST_NODES = 2**15
-_NODE_ANGLE_PER_SIGMA = 1 / 6
 
 
 class KnownLight(eqx.Module):
@@ -63,19 +58,20 @@ class KnownLight(eqx.Module):
     def of(
         cls,
         light: Light,
-        per_frame: tuple[DirectionalSources, ...] | None = None,
+        per_frame: Sequence[Light] | None = None,
         height: int | None = None,
+        shape: Shape | None = None,
     ) -> "KnownLight":
-        """Sort any light, sums too, into an image and directional sources.
+        """Sort any light, sums too, into an image and sources.
 
         Light that is a function of direction is sampled at the rows of the image that is there, or
-        at ``height`` rows, 128 unless said otherwise.
+        at ``height`` rows, 128 unless said otherwise.  ``per_frame`` are directional and point
+        sources of each photograph; point sources ask for the ``shape``.
 
-        Raises ``ValueError`` for images of different sizes, for lights that can be no image, and
-        when all is dark.
+        Raises ``ValueError`` for images of different sizes, for lights that can be no image, for
+        point sources within the object, and when all is dark.
         """
         parts = light.parts
-        sources = [part for part in parts if isinstance(part, DirectionalSources)]
         images = [part for part in parts if isinstance(part, Environment)]
         rows = sorted({image.grid.shape[0] for image in images} | ({height} if height else set()))
         if len(rows) > 1:
@@ -83,13 +79,13 @@ class KnownLight(eqx.Module):
                 f"images of {' and '.join(map(str, rows))} rows; bring them to one size, as by "
                 "read_environment(..., height=...)"
             )
-        rest = [part for part in parts if not isinstance(part, DirectionalSources | Environment)]
-        for part in rest:
+        sources = DirectionalSources | PointSources
+        for part in (p for p in parts if not isinstance(p, sources | Environment)):
             if not isinstance(part, FunctionLight):
                 raise ValueError(
                     f"a fit cannot use a light of the kind {type(part).__name__}; give "
-                    "environments, directional sources, skies, smooth lobes, or light by its "
-                    "coefficients"
+                    "environments, directional sources, point sources, skies, smooth lobes, or "
+                    "light by its coefficients"
                 )
             images.append(part.to_environment(rows[0] if rows else _SAMPLED_ROWS))
         environment = None
@@ -98,8 +94,16 @@ class KnownLight(eqx.Module):
         elif images:
             stacked = np.stack([np.asarray(image.radiance) for image in images])
             environment = Environment(stacked.sum(axis=0))
-        channels = light.nodes().irradiance.shape[1]
-        return cls(environment, _joined(sources, channels), per_frame)
+        channels = _channels_of(light, per_frame)
+        shared = centred(light, shape, channels)
+        own = None if per_frame is None else [centred(one, shape, channels) for one in per_frame]
+        near = None
+        of_frames = by_frame([one.nearness for one in own or []])
+        if np.any(shared.nearness) or np.any(of_frames):
+            assert shape is not None
+            near = Nearness(shared.nearness, of_frames, center_of(shape), size_of(shape), True)
+        moving = None if own is None else tuple(one.sources for one in own)
+        return cls(environment, shared.sources, moving, near=near)
 
     @classmethod
     def joined(cls, lights: Sequence["KnownLight"], frames: Sequence[int]) -> "KnownLight":
@@ -109,13 +113,19 @@ class KnownLight(eqx.Module):
         """
         if len(lights) == 1:
             return lights[0]
-        environments, per_frame = [], []
+        environments, per_frame, nearness = [], [], []
         for light, count in zip(lights, frames, strict=True):
             environments += [light.environment_of(frame) for frame in range(count)]
             per_frame += [light.sources_of(frame) for frame in range(count)]
+            nearness += [light.nearness_of(frame) for frame in range(count)]
         channels = lights[0].directional.irradiance.shape[1]
         images = None if all(one is None for one in environments) else tuple(environments)
-        return cls(None, DirectionalSources.none(channels), tuple(per_frame), environments=images)
+        told = next((light.near for light in lights if light.near is not None), None)
+        near = told and Nearness(
+            np.zeros(0), by_frame(nearness), told.center, told.size, told.stated
+        )
+        none = DirectionalSources.none(channels)
+        return cls(None, none, tuple(per_frame), near=near, environments=images)
 
     @property
     def varies(self) -> bool:
@@ -141,10 +151,10 @@ class KnownLight(eqx.Module):
         if not self.varies:
             return self
         near = self.near
-        if near is not None and self.per_frame is not None:
-            own = np.full(len(self.per_frame[frame].directions), near.of_frames)
-            every = np.concatenate([np.asarray(near.of_sources), own])
-            near = Nearness(every, 0.0, near.center, near.size)
+        if near is not None:
+            near = dataclasses.replace(
+                near, of_sources=self.nearness_of(frame), of_frames=np.zeros((1, 1))
+            )
         turn = self.turn if self.turns is None else np.asarray(self.turns)[frame]
         return KnownLight(self.environment_of(frame), self.sources_of(frame), None, turn, near)
 
@@ -152,8 +162,49 @@ class KnownLight(eqx.Module):
         """Join the sources that all photographs share and those of one photograph, if any."""
         if self.per_frame is None:
             return self.directional
-        channels = self.directional.irradiance.shape[1]
-        return _joined([self.directional, self.per_frame[frame]], channels)
+        return joined_sources([self.directional, self.per_frame[frame]])
+
+    def nearness_of(self, frame: int) -> Float[np.ndarray, "source"]:
+        """How near each of ``sources_of`` is; 0 at infinity."""
+        near, shared = self.near, len(self.directional.directions)
+        own = 0 if self.per_frame is None else len(self.per_frame[frame].directions)
+        if near is None:
+            return np.zeros(shared + own)
+        each = np.asarray(near.of_frames)
+        row = each[frame if len(each) > 1 else 0]
+        row = np.broadcast_to(row, own) if len(row) == 1 else row[:own]
+        return np.concatenate([np.asarray(near.of_sources), row])
+
+    @property
+    def distant(self) -> "KnownLight | None":
+        """All but the sources that have a place; None where nothing else is there."""
+        if self.near is None:
+            return self
+        directional = _some(self.directional, np.asarray(self.near.of_sources) == 0)
+        shared, per_frame = len(self.directional.directions), None
+        if self.per_frame is not None:
+            per_frame = tuple(
+                _some(own, self.nearness_of(frame)[shared:] == 0)
+                for frame, own in enumerate(self.per_frame)
+            )
+        parts = (directional, *(per_frame or ()))
+        if not self.has_environment and not any(np.any(part.irradiance) for part in parts):
+            return None
+        return dataclasses.replace(self, directional=directional, per_frame=per_frame, near=None)
+
+    def far_of(self, frame: int) -> DirectionalSources:
+        """List a photograph's sources that are infinitely far."""
+        return _some(self.sources_of(frame), self.nearness_of(frame) == 0)
+
+    def points_of(self, frame: int) -> PointSources | None:
+        """List a photograph's sources that have a place; None where there are none."""
+        near, nearness = self.near, self.nearness_of(frame)
+        if near is None or not np.any(nearness):
+            return None
+        away = near.size / nearness[nearness > 0, None]
+        seen = _some(self.sources_of(frame), nearness > 0)
+        places = np.asarray(near.center, float) + away * np.asarray(seen.directions, float)
+        return PointSources(places, away**2 * np.asarray(seen.irradiance, float))
 
     def of_frames(self, frames: Sequence[int]) -> "KnownLight":
         """Keep the photographs of these numbers."""
@@ -164,27 +215,13 @@ class KnownLight(eqx.Module):
         if images is not None and not any(images):
             images = None
         turns = None if self.turns is None else np.asarray(self.turns)[list(frames)]
-        return dataclasses.replace(self, per_frame=sources, environments=images, turns=turns)
-
-    @checked
-    def near_parts(
-        self, frame_of_sample: Int[np.ndarray, "sample"], points: Float[np.ndarray, "sample 3"]
-    ) -> list[FrameNodes]:
-        """List near sources as each sample sees them: those of all photographs, and its own."""
-        if self.near is None:
-            return []
-        points, found = self.near.relative(points), []
-        directions, irradiance = (np.asarray(a, float) for a in self.directional.nodes())
-        if len(directions):
-            every = np.broadcast_to(irradiance, (len(points), *irradiance.shape))
-            towards = np.broadcast_to(directions, (len(points), *directions.shape))
-            found.append(near_nodes(points, towards, every, np.asarray(self.near.of_sources)))
-        frames = self.frame_nodes(frame_of_sample)
-        if frames is not None:
-            at = frame_of_sample
-            own = np.asarray(frames.directions)[at], np.asarray(frames.irradiance)[at]
-            found.append(near_nodes(points, *own, np.full(1, self.near.of_frames)))
-        return found
+        near = self.near
+        if near is not None and len(near.of_frames) > 1:
+            kept = np.asarray(near.of_frames)[list(frames)]
+            near = dataclasses.replace(near, of_frames=kept)
+        return dataclasses.replace(
+            self, per_frame=sources, environments=images, turns=turns, near=near
+        )
 
     @property
     def far(self) -> "KnownLight":
@@ -225,102 +262,25 @@ class KnownLight(eqx.Module):
             return self.directional
         return upright.environment + self.directional
 
-    @checked
-    def frame_nodes(self, frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes | None:
-        """Stack the sources of all photographs, with dark ones where a photograph has fewer."""
-        if self.per_frame is None:
-            return None
-        return stacked([source.nodes() for source in self.per_frame], np.asarray(frame_of_sample))
-
     @property
     def diffuse_degrees(self) -> int:
         """The degree to which the environment is followed into the shadows of a concave shape."""
         degrees = [image.grid.band_limit for image in self.images]
         return min(MOST_DIFFUSE_DEGREES, max(degrees, default=0))
 
-    @checked
-    def environment_nodes(
-        self,
-        sigma: float,
-        angle_per_sigma: float | None,
-        frame_of_sample: Int[np.ndarray, "sample"],
-    ) -> LightNodes | FrameNodes | None:
-        """List the point masses of what surrounds the object, for ``exact_nodes``."""
-        found = [_nodes_of(image, sigma, angle_per_sigma) for image in self.images]
-        if self.environment is not None:
-            return found[0] if self.turn is None else _turned(found[0], self.turn)
-        if self.environments is None:
-            return None
-        channels = self.directional.irradiance.shape[1]
-        dark = LightNodes(np.zeros((0, 3)), np.zeros((0, channels)))
-        own = [dark if at < 0 else found[at] for at in self.image_of_frame.tolist()]
-        if self.turns is not None:
-            own = [_turned(nodes, turn) for nodes, turn in zip(own, self.turns)]
-        return stacked(own, np.asarray(frame_of_sample))
+
+def _some(sources: DirectionalSources, which: Bool[np.ndarray, "source"]) -> DirectionalSources:
+    return DirectionalSources(*(np.asarray(part)[which] for part in sources.nodes()))
 
 
-def _joined(sources: list[DirectionalSources], channels: int) -> DirectionalSources:
-    """Put directional sources together; none where there are none."""
-    if not sources:
-        return DirectionalSources.none(channels)
-    return DirectionalSources(
-        np.concatenate([np.asarray(part.directions) for part in sources]),
-        np.concatenate([np.asarray(part.irradiance) for part in sources]),
-    )
-
-
-def exact_nodes(
-    light: KnownLight,
-    frame_of_sample: Int[np.ndarray, "sample"],
-    sigma: float,
-    angle_per_sigma: float | None = None,
-    points: Float[np.ndarray, "sample 3"] | None = None,
-) -> tuple[LightNodes | FrameNodes, ...]:
-    """List the light's point masses: every texel with light in it, and every source.
-
-    Environments of more than 32,768 texels are condensed to cells of sigma / 6, and any to cells
-    of ``angle_per_sigma`` times sigma where that is given.  ``points`` are where the samples lie,
-    which sources that are near ask for.
-    """
-    parts: list[LightNodes | FrameNodes] = []
-    shared = [light.directional.nodes()] if light.near is None else []
-    surrounding = light.environment_nodes(sigma, angle_per_sigma, frame_of_sample)
-    if isinstance(surrounding, LightNodes):
-        shared.append(surrounding)
-    if shared:
-        directions, irradiance = (np.concatenate(arrays) for arrays in zip(*shared))
-        if len(directions):
-            parts.append(LightNodes(directions, irradiance))
-    if isinstance(surrounding, FrameNodes):
-        parts.append(surrounding)
-    if light.near is None:
-        frames = light.frame_nodes(np.asarray(frame_of_sample))
-        return tuple(parts) if frames is None else (*parts, frames)
-    if points is None:
-        raise ValueError("sources that are near need to know where the samples lie: give points")
-    return (*parts, *light.near_parts(np.asarray(frame_of_sample), points))
-
-
-def _nodes_of(image: Environment, sigma: float, angle_per_sigma: float | None) -> LightNodes:
-    """List the texels of an image with light in them, or its cells."""
-    nodes = image.nodes()
-    if angle_per_sigma is not None or nodes.directions.shape[0] > _MOST_NODES:
-        nodes = condensed(image, (angle_per_sigma or _NODE_ANGLE_PER_SIGMA) * sigma)
-    lit = np.any(np.asarray(nodes.irradiance) > 0, axis=1)
-    return LightNodes(np.asarray(nodes.directions)[lit], np.asarray(nodes.irradiance)[lit])
-
-
-def _turned(nodes: LightNodes, turn: Float[AnyArray, "3 3"]) -> LightNodes:
-    return nodes._replace(directions=np.asarray(nodes.directions) @ np.asarray(turn).T)
-
-
-def stacked(nodes: Sequence[LightNodes], frame_of_sample: Int[np.ndarray, "sample"]) -> FrameNodes:
-    """Stack the nodes of all photographs, with dark ones where a photograph has fewer."""
-    most = max(len(own.directions) for own in nodes)
-    channels = nodes[0].irradiance.shape[1]
-    directions = np.tile([0.0, 0.0, 1.0], (len(nodes), most, 1))
-    irradiance = np.zeros((len(nodes), most, channels))
-    for frame, own in enumerate(nodes):
-        directions[frame, : len(own.directions)] = own.directions
-        irradiance[frame, : len(own.directions)] = own.irradiance
-    return FrameNodes(directions, irradiance, frame_of_sample)
+def _channels_of(light: Light, per_frame: Sequence[Light] | None) -> int:
+    """Count the channels of lights, which have as many each; ``ValueError`` where they do not."""
+    counts = set()
+    for part in (part for one in (light, *(per_frame or ())) for part in one.parts):
+        lit = part.intensity if isinstance(part, PointSources) else part.nodes().irradiance
+        counts.add(lit.shape[1])
+    if len(counts) > 1:
+        raise ValueError(
+            f"lights of {' and '.join(map(str, sorted(counts)))} channels; give all alike"
+        )
+    return counts.pop()

@@ -24,6 +24,7 @@ from jaxrender.brdf import WIDTH_BOUNDS, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, real_basis
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import environment_nodes, frame_nodes
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.lighting import condensed
@@ -178,7 +179,7 @@ def _sources(light: KnownLight, samples: int) -> tuple[list[_Source], list[_Sour
     kept = np.argsort(-energy)[:most]
     shared = [_Source(directions[k], energy[k]) for k in kept if energy[k] > 0]
     nowhere = np.zeros(0, int)
-    found = (light.frame_nodes(nowhere), light.environment_nodes(1.0, _CELL, nowhere))
+    found = (frame_nodes(light, nowhere), environment_nodes(light, 1.0, _CELL, nowhere))
     own = [part for part in found if isinstance(part, FrameNodes)]
     if not own:
         return shared, []

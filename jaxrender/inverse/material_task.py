@@ -9,8 +9,9 @@ import numpy as np
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import Shape
 from jaxrender.inverse.elimination import Problem
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import width_range
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.passes import FitSettings, Stop, values_of
@@ -81,10 +82,7 @@ class MaterialTask(NamedTuple):
         """List a light's point masses for a lobe of some width, in cells at least under shadows."""
         if self.shape is not None and cells is None:
             cells = SHADOWED_ANGLE_PER_SIGMA
-        points = None
-        if observations.places is not None:
-            points = np.asarray(observations.places.points, float)
-        return exact_nodes(light, np.asarray(observations.frame), width, cells, points)
+        return exact_nodes(light, observations, width, cells)
 
     def width(self, stop: Stop) -> float:
         """How fine a light the lobe asks for at which a pass has ended."""

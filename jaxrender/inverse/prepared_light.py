@@ -3,13 +3,13 @@
 import math
 from typing import NamedTuple, TypeGuard
 
-import numpy as np
-
 from jaxrender.brdf import Glossy, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import own_sources
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import (
+    DirectionalSources,
     Environment,
     LightSplit,
     candidates,
@@ -73,9 +73,10 @@ def prepare_light(
     or the fraction of the energy to leave in the slow part.  ``transfer`` is how the dual model is
     going to filter that.
     """
-    frames = light.frame_nodes(np.asarray(observations.frame))
+    frames = own_sources(light, observations)
+    shared = _shared_sources(light)
     if light.environment is None:
-        return PreparedLight(dual_light(None, light.directional, 0, frames), None, None)
+        return PreparedLight(dual_light(None, shared, 0, frames), None, None)
     sigma = float(brdf.sigma)
     degrees = band_limit_for(light.environment, sigma) if band_limit is None else band_limit
     degrees = min(degrees, light.environment.grid.band_limit)
@@ -84,7 +85,7 @@ def prepare_light(
         divided, needed = _divide_as_needed(light.environment, observations.samples, brdf, goal)
     else:
         divided, needed = _divide(light.environment, float(brdf.sigma), split), None
-    return PreparedLight(dual_light(divided, light.directional, degrees, frames), divided, needed)
+    return PreparedLight(dual_light(divided, shared, degrees, frames), divided, needed)
 
 
 def undivided(
@@ -94,16 +95,24 @@ def undivided(
 
     Of environments of single photographs the first is taken.
     """
-    frames = light.frame_nodes(np.asarray(observations.frame))
+    frames = own_sources(light, observations)
     image = next((one for one in light.environments or (light.environment,) if one), None)
+    shared = _shared_sources(light)
     if image is None:
-        dual = dual_light(None, light.directional, 0, frames)
+        dual = dual_light(None, shared, 0, frames)
         return PreparedLight(dual, None, None, for_dual=False)
     highest = image.grid.band_limit
     degrees = min(_SHOWN_BAND_LIMIT if band_limit is None else band_limit, highest)
     whole = take(image, candidates(image, _ANY_WIDTH), 0, _ANY_WIDTH)
-    dual = dual_light(whole, light.directional, degrees, frames)
+    dual = dual_light(whole, shared, degrees, frames)
     return PreparedLight(dual, None, None, for_dual=False)
+
+
+def _shared_sources(light: KnownLight) -> DirectionalSources:
+    """List the sources that all samples see in the same directions: none, if they have a place."""
+    if light.near is None:
+        return light.directional
+    return DirectionalSources.none(light.directional.irradiance.shape[1])
 
 
 def band_limit_for(environment: Environment, sigma: float) -> int:

@@ -57,7 +57,7 @@ class Scene(NamedTuple):
     material: UnknownMaterial
     shape: Shape
     light: Light | tuple[Light, ...] | None = None
-    per_frame: tuple[DirectionalSources, ...] | None = None
+    per_frame: tuple[Light, ...] | None = None
     free_exposure: bool = False
     free_scale: bool = False
 
@@ -89,7 +89,7 @@ class Scene(NamedTuple):
         known, first = [], 0
         for light, count in zip(lights, photographs):
             own = None if per_frame is None else per_frame[first : first + count]
-            known.append(KnownLight.of(light, own))
+            known.append(KnownLight.of(light, own, shape=self.shape))
             first += count
         return KnownLight.joined(known, photographs)
 
@@ -183,7 +183,8 @@ def _under_known_light(
         pool=pool,
     )
     first = scene.light[0] if isinstance(scene.light, tuple) else scene.light
-    light = first or known.directional
+    # Sources that have a place are shown as the object's centre sees them.
+    light = known.shared if known.near is not None else first or known.directional
     if found.calibration is not None and _OF_THE_LIGHT & set(found.calibration.free):
         freed = found.calibration.light
         light = (freed if freed.environments is None else freed.of_frame(0)).shared

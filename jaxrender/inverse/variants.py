@@ -17,8 +17,9 @@ from jaxrender.brdf import FRESNEL_ANGLES, MASKINGS, Microfacet, normalised_fres
 from jaxrender.geometry import Components, Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, Uncertain
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import draw, leverage, width_range
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.parameters import Parameters, to_parameters
 from jaxrender.inverse.passes import FitSettings, Stop, descend
@@ -107,8 +108,7 @@ def fit_variants(
     some, index = draw(final.observations, weight, _SAMPLES, settings.seed)
     predicted = np.asarray(final.fit.predicted)[index]
     sigma = float(fit.brdf.sigma)
-    points = None if some.places is None else np.asarray(some.places.points, float)
-    nodes = exact_nodes(light, np.asarray(some.frame), sigma, _CELL_ANGLE_PER_SIGMA, points)
+    nodes = exact_nodes(light, some, sigma, _CELL_ANGLE_PER_SIGMA)
     seen = nodes_seen(concave(shape), some, nodes)
     settings = settings._replace(noise=final.noise)
     # Differences of chi-squared on the subset stand for those on all samples of the fit.

@@ -1,8 +1,10 @@
-"""Directional lights of each photograph, from files.
+"""Sources of light of each photograph, from files.
 
 JSON: a list with one entry for each photograph, or an object ``{frame name: entry}``; an entry is a
 list of ``{"direction": [x, y, z], "irradiance": 1 or [r, g, b]}``, empty for no light.  Irradiance
-is that on a plane facing the source.
+is that on a plane facing the source.  A source that is near has ``{"position": [x, y, z],
+"intensity": 1 or [r, g, b]}``: its place, and the irradiance on a plane that faces it at the
+distance 1.
 
 Text: one direction ``x y z`` a line, one source for each photograph, as photometric stereo data
 sets have it; a first line may state their number.  The irradiance is 1, or that of a second file
@@ -17,7 +19,9 @@ import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.io.jsonfiles import is_count, read_json, read_text
+from jaxrender.lighting.base import Light, LightSum
 from jaxrender.lighting.directional import DirectionalSources
+from jaxrender.lighting.point_sources import PointSources
 
 # Squares of directions up to this length are numbers, also in single precision.
 _LONGEST = 1e18
@@ -25,7 +29,7 @@ _LONGEST = 1e18
 
 def read_per_frame_lights(
     path: str | Path, frame_names: Sequence[str], irradiance: str | Path | None = None
-) -> tuple[DirectionalSources, ...]:
+) -> tuple[Light, ...]:
     """Read the sources of each photograph, in the order of ``frame_names``.
 
     A file whose name ends in .json is read as JSON, any other as text.  ``irradiance`` is the
@@ -40,7 +44,7 @@ def read_per_frame_lights(
     return _from_json(path, list(frame_names))
 
 
-def _from_json(path: Path, names: list[str]) -> tuple[DirectionalSources, ...]:
+def _from_json(path: Path, names: list[str]) -> tuple[Light, ...]:
     document = read_json(path)
     if isinstance(document, dict):
         entries = _by_name(path, document, names)
@@ -69,29 +73,48 @@ def _by_name(path: Path, document: dict[str, Any], names: list[str]) -> list[Any
     return [document[name] for name in names]
 
 
-def _sources(place: str, entry: Any) -> DirectionalSources:
+# How a source is stated: where it is, how strong it is, and what it then is.
+_KINDS = (
+    ("direction", "irradiance", DirectionalSources),
+    ("position", "intensity", PointSources),
+)
+
+
+def _sources(place: str, entry: Any) -> Light:
     if not isinstance(entry, list):
         raise InputError(f"{place}: wanted a list of sources, found {entry!r}")
     if not entry:
         return DirectionalSources.none()
-    pairs = [_source(f"{place}, source {i}", source) for i, source in enumerate(entry)]
-    directions, irradiance = (np.stack(part) for part in zip(*pairs, strict=True))
-    return DirectionalSources(directions, irradiance)
+    rows: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for i, source in enumerate(entry):
+        where, vector, strength = _source(f"{place}, source {i}", source)
+        rows.setdefault(where, []).append((vector, strength))
+    found = [
+        kind(*(np.stack(part) for part in zip(*rows[where], strict=True)))
+        for where, _, kind in _KINDS
+        if where in rows
+    ]
+    return found[0] if len(found) == 1 else LightSum(tuple(found))
 
 
-def _source(place: str, source: Any) -> tuple[np.ndarray, np.ndarray]:
-    keys = {"direction", "irradiance"}
-    if not isinstance(source, dict) or set(source) != keys:
-        raise InputError(f"{place}: wanted the keys direction and irradiance, found {source!r}")
-    direction = _vector(place, "direction", source["direction"])
-    value = source["irradiance"]
-    irradiance = _vector(place, "irradiance", value if isinstance(value, list) else [value] * 3)
-    if not direction.any():
-        raise InputError(f"{place}: the direction is zero")
-    _check_length(place, direction)
-    if (irradiance < 0).any():
-        raise InputError(f"{place}: the irradiance {irradiance.tolist()} is negative")
-    return direction, irradiance
+def _source(place: str, source: Any) -> tuple[str, np.ndarray, np.ndarray]:
+    pairs = [(where, strength) for where, strength, _ in _KINDS]
+    pair = next((p for p in pairs if isinstance(source, dict) and set(source) == {*p}), None)
+    if pair is None:
+        raise InputError(
+            f"{place}: wanted the keys direction and irradiance, or position and intensity; "
+            f"found {source!r}"
+        )
+    where, strength = pair
+    vector, value = _vector(place, where, source[where]), source[strength]
+    strengths = _vector(place, strength, value if isinstance(value, list) else [value] * 3)
+    if where == "direction":
+        if not vector.any():
+            raise InputError(f"{place}: the direction is zero")
+        _check_length(place, vector)
+    if (strengths < 0).any():
+        raise InputError(f"{place}: the {strength} {strengths.tolist()} is negative")
+    return where, vector, strengths
 
 
 def _vector(place: str, key: str, value: Any) -> np.ndarray:

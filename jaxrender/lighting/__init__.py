@@ -2,8 +2,8 @@
 
 ``base``
     what a light is: point masses of irradiance on the sphere of directions
-``directional``
-    sources in single directions
+``directional`` ``point_sources``
+    sources in single directions, and at places
 ``environment``
     radiance on a latitude-longitude grid
 ``function`` ``lobes``
@@ -48,6 +48,7 @@ from jaxrender.lighting.lobes import SmoothLobes
 from jaxrender.lighting.mirror_ball import BallLight, light_of_ball
 from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
 from jaxrender.lighting.photometric import AngularIntensity
+from jaxrender.lighting.point_sources import PointSources
 from jaxrender.lighting.positional import (
     ConeIntensity,
     Flaps,
@@ -89,6 +90,7 @@ __all__ = [
     "MergedViews",
     "OvercastSky",
     "PointLight",
+    "PointSources",
     "Sky",
     "SmoothLobes",
     "SpotIntensity",

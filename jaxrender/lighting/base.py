@@ -25,7 +25,10 @@ class LightNodes(NamedTuple):
 
 
 class Light(eqx.Module):
-    """Distant light: incoming radiance as a function of direction alone."""
+    """Light that reaches an object: incoming radiance as a function of direction.
+
+    All lights are distant but ``PointSources``, which have nodes as seen from a place alone.
+    """
 
     @abc.abstractmethod
     def nodes(self) -> LightNodes:

@@ -5,17 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
-from jaxrender.geometry import Shape, SurfacePlaces, SurfaceSamples, SurfaceView
-from jaxrender.inverse import KnownLight
+from jaxrender.geometry import Shape
 from jaxrender.inverse.calibration import Calibration
 from jaxrender.inverse.misfit import Left
-from jaxrender.inverse.models import columns_under
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.io import Capture, Frame, write_capture
-from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection import radiance, visible_nodes
 from jaxrender.shapes import Float
 
 # The mended cameras of the only capture.
@@ -111,26 +106,3 @@ def write_cameras(
     for at, (key, own) in enumerate(frames.items(), 1):
         name = CAMERAS if len(frames) == 1 else f"capture_{at}.json"
         write_capture(folder / name, Capture(tuple(own), captures[key].source))
-
-
-def near_image(
-    brdf: Parametric, view: SurfaceView, light: KnownLight, number: int, shape: Shape
-) -> Float[np.ndarray, "row column channel"]:
-    """Render what near sources do to a photograph; black where there are none."""
-    image = np.zeros((*view.hit.shape, light.directional.irradiance.shape[1]))
-    if light.near is None:
-        return image
-    places = SurfacePlaces(view.points[view.hit], view.geometric_normals[view.hit])
-    samples = SurfaceSamples(view.normals[view.hit], view.outgoing[view.hit])
-    frame = np.full(len(places.points), number)
-    for nodes in light.near_parts(frame, places.points):
-        seen = None if shape.is_convex() else visible_nodes(shape, places, nodes)
-        image[view.hit] += np.asarray(radiance(brdf, columns_under(brdf, samples, nodes, seen)))
-    return image
-
-
-def far_sources(light: KnownLight, number: int) -> DirectionalSources:
-    """List a photograph's sources that are infinitely far."""
-    if light.near is None:
-        return light.sources_of(number)
-    return DirectionalSources.none(light.directional.irradiance.shape[1])

@@ -44,9 +44,9 @@ class LitCapture(NamedTuple):
         """How pixels become radiance; a measured response is read from its file."""
         return reading_of(self.stated, self.min_cosine)
 
-    def light(self) -> KnownLight:
+    def light(self, shape: Shape) -> KnownLight:
         """Make or read the light."""
-        return known_light(self.lighting, list(self.names))
+        return known_light(self.lighting, list(self.names), shape)
 
     def images(self, listener: Listener) -> list[Image]:
         """Read the pictures."""
@@ -91,12 +91,12 @@ def joined(captures: Sequence[Capture]) -> Capture:
     return Capture(frames, captures[0].source)
 
 
-def light_of_captures(captures: Sequence[LitCapture]) -> KnownLight:
+def light_of_captures(captures: Sequence[LitCapture], shape: Shape) -> KnownLight:
     """Put the lights of all captures together."""
     lights = []
     for at, one in enumerate(captures):
         with fault_of(f"captures[{at - 1}]" if at else "capture"):
-            lights.append(one.light())
+            lights.append(one.light(shape))
     return KnownLight.joined(lights, [len(one.capture.frames) for one in captures])
 
 

@@ -9,10 +9,11 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Camera, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.inverse.nuisances import NUISANCES, Corrections, Told
-from jaxrender.lighting import DirectionalSources, Environment, Light
-from jaxrender.pipelines.calibration import near_image
+from jaxrender.lighting import DirectionalSources, Environment, Light, PointSources
 from jaxrender.pipelines.config import RecipeConfig
+from jaxrender.pipelines.exact_light import with_points
 from jaxrender.pipelines.scene import fault_of, light_for_fit, lights_of
+from jaxrender.reflection import render_view
 from jaxrender.shapes import Float
 
 
@@ -32,11 +33,13 @@ class Planted(NamedTuple):
         return self.corrections.view(camera, number, self.shape)
 
     def light_of(self, told: Light) -> Light:
-        """Correct one of the lights: sources that are near are rendered apart."""
+        """Correct one of the lights: sources that a fault brings near are rendered apart."""
         if isinstance(told, Environment) and self.light.turn is not None:
             return told.turned(np.asarray(self.light.turn))
         if isinstance(told, DirectionalSources):
-            return DirectionalSources.none() if self.light.near else self.light.directional
+            return self.light.far_of(0)
+        if isinstance(told, PointSources):
+            return self.light.points_of(0) or told
         return told
 
     def photographed(
@@ -47,8 +50,11 @@ class Planted(NamedTuple):
         number: int,
     ) -> Float[np.ndarray, "row column channel"]:
         """Add what near sources do, and make pixels of radiance."""
-        whole = radiance + near_image(material, view, self.light, number, self.shape)
-        found = self.corrections.photographed(whole, number, view.hit)
+        points = self.light.points_of(0)
+        if points is not None and "nearness" in self.planted:
+            model = with_points(None, points, self.shape)
+            radiance = radiance + np.asarray(render_view(material, view, model))
+        found = self.corrections.photographed(radiance, number, view.hit)
         return np.where(view.hit[..., None], found, 0)
 
     def truth(self) -> dict[str, Any]:
@@ -64,10 +70,12 @@ def planted(recipe: RecipeConfig, shape: Shape, photographs: int) -> Planted:
     """Draw what is wrong; ``InputError`` where the recipe's light has no such thing."""
     sizes = {name: float(size) for name, size in dict(recipe.faults or {}).items() if size > 0}
     lights = lights_of(recipe.lighting)
-    if not any(isinstance(one, DirectionalSources) for one in lights):
+    if not any(isinstance(one, DirectionalSources | PointSources) for one in lights):
         for name in sizes.keys() & {"lamps", "nearness"}:
             raise InputError(f"faults.{name}: no source is there; give lighting.directional")
-    rest = [one for one in lights if not isinstance(one, DirectionalSources)]
+    if "nearness" in sizes and recipe.lighting.stated().get("point"):
+        raise InputError("faults.nearness: lighting.point states places; remove one of the two")
+    rest = [one for one in lights if not isinstance(one, DirectionalSources | PointSources)]
     if "environment" in sizes and not (rest and all(isinstance(one, Environment) for one in rest)):
         raise InputError(
             "faults.environment turns an image; give lighting.environment, and beside it nothing "
@@ -75,7 +83,7 @@ def planted(recipe: RecipeConfig, shape: Shape, photographs: int) -> Planted:
         )
     if "nearness" in sizes and recipe.texture is not None:
         raise InputError("faults.nearness: near sources light one material; remove texture")
-    told = Told(_nothing(photographs), light_for_fit(recipe), shape)
+    told = Told(_nothing(photographs), light_for_fit(recipe, shape), shape)
     none = Corrections.none(told)
     rng = np.random.default_rng([recipe.seed, 1])
     corrections = none

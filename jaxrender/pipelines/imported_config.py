@@ -6,7 +6,13 @@ import json
 import textwrap
 from pathlib import Path
 
-from jaxrender.io.captures import Contents, StatedEnvironment, StatedLight, StatedSource
+from jaxrender.io.captures import (
+    Contents,
+    StatedEnvironment,
+    StatedLight,
+    StatedPoint,
+    StatedSource,
+)
 
 _WIDTH = 96
 
@@ -24,7 +30,7 @@ def config_text(name: str, contents: Contents, *, images: Path | None, outside: 
             "No light was found, so that light and material are both unknown. Where the light is "
             "known, say `task: brdf` and give `lighting`."
         )
-    lines += [f"task: {'brdf' if light.given else 'factorize'}", "capture:"]
+    lines += [f"task: {_task(contents)}", "capture:"]
     lines += ["  transforms: transforms.json"]
     if images is not None:
         lines += [f"  images: {_text(images)}"]
@@ -34,8 +40,17 @@ def config_text(name: str, contents: Contents, *, images: Path | None, outside: 
     if contents.response is not None:
         lines += [f"  response: {contents.response}"]
     lines += _lighting(light)
+    if contents.square is not None:
+        lines += ["texture:", f"  size: {contents.capture.frames[0].camera.width}"]
     lines += ["brdf: {model: ggx}", f"output: runs/{_run_name(contents)}"]
     return "\n".join(lines) + "\n"
+
+
+def _task(contents: Contents) -> str:
+    """Choose what is found: a flat sample is photographed for its texture."""
+    if contents.square is not None:
+        return "texture"
+    return "brdf" if contents.light.given else "factorize"
 
 
 def _listed(title: str, sentences: tuple[str, ...]) -> list[str]:
@@ -75,8 +90,9 @@ def _lighting(light: StatedLight) -> list[str]:
     lines = ["lighting:"]
     if light.environment is not None:
         lines += [f"  environment: {_panorama(light.environment)}"]
-    if light.directional:
-        lines += ["  directional:"] + [f"    - {_source(one)}" for one in light.directional]
+    for name, sources in (("directional", light.directional), ("point", light.point)):
+        if sources:
+            lines += [f"  {name}:"] + [f"    - {_source(one)}" for one in sources]
     if light.per_frame is not None:
         lines += ["  per_frame: lights.json"]
     return lines
@@ -87,11 +103,9 @@ def _panorama(panorama: StatedEnvironment) -> str:
     return f"{{path: {_text(panorama.path)}, convention: {panorama.convention}{scale}}}"
 
 
-def _source(source: StatedSource) -> str:
-    direction, irradiance = (
-        ", ".join(repr(float(x)) for x in part) for part in (source.direction, source.irradiance)
-    )
-    return f"{{direction: [{direction}], irradiance: [{irradiance}]}}"
+def _source(source: StatedSource | StatedPoint) -> str:
+    keys = source._asdict().items()
+    return f"{{{', '.join(f'{key}: {[float(x) for x in value]}' for key, value in keys)}}}"
 
 
 def _run_name(contents: Contents) -> str:

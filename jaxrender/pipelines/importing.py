@@ -97,13 +97,13 @@ def _shaped(contents: Contents, place: Path, options: ImportOptions) -> Contents
     if options.mesh is not None and options.sphere is not None:
         raise InputError(f"{place}: a mesh and a sphere are told; give one of --mesh, --sphere")
     if options.mesh is not None:
-        contents = contents._replace(mesh=options.mesh, mesh_placed=None, sphere=None)
+        contents = contents._replace(mesh=options.mesh, mesh_placed=None, sphere=None, square=None)
     elif options.sphere is not None:
-        contents = contents._replace(mesh=None, sphere=options.sphere)
+        contents = contents._replace(mesh=None, sphere=options.sphere, square=None)
     elif contents.mesh is not None:
         said = f"the shape is {contents.mesh.name}, which lies beside the cameras"
         contents = contents._replace(found=(*contents.found, said))
-    elif contents.sphere is None:
+    elif contents.sphere is None and contents.square is None:
         raise InputError(
             f"{place}: the shape of the object is not known; give --mesh FILE (.obj, .ply, .glb, "
             ".stl), or --sphere X,Y,Z,RADIUS in world units"
@@ -135,6 +135,9 @@ def _write(folder: Path, name: str, contents: Contents, options: ImportOptions, 
         root = folder
     if mesh is not None:
         mesh = _shape_file(folder, mesh, contents.mesh_placed, options.copy)
+    elif contents.square is not None:
+        mesh = Path("shape.obj")
+        write_mesh(folder / mesh, _square(contents.square.side))
     write_capture(folder / _CAMERAS, Capture(frames, root / _CAMERAS))
     if light.per_frame is not None:
         _write_lights(folder / _LIGHTS, contents)
@@ -181,6 +184,14 @@ def _shape_file(
     return mesh.resolve()
 
 
+def _square(side: float) -> Mesh:
+    """Make a flat square, with the texture as its pictures show it."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    vertices = np.column_stack([side * (corners - 0.5), np.zeros(4)])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(vertices, faces, texture_coordinates=corners[faces])
+
+
 def _inside(frame: Frame, root: Path) -> bool:
     paths = (frame.image_path, frame.mask_path)
     return all(p is None or p.resolve().is_relative_to(root.resolve()) for p in paths)
@@ -189,10 +200,7 @@ def _inside(frame: Frame, root: Path) -> bool:
 def _write_lights(path: Path, contents: Contents) -> None:
     assert contents.light.per_frame is not None
     entries = {
-        frame.name: [
-            {"direction": list(one.direction), "irradiance": list(one.irradiance)}
-            for one in sources
-        ]
+        frame.name: [{key: list(value) for key, value in one._asdict().items()} for one in sources]
         for frame, sources in zip(contents.capture.frames, contents.light.per_frame)
     }
     path.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")

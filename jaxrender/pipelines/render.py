@@ -18,7 +18,7 @@ from jaxrender.lighting import DirectionalSources
 from jaxrender.pipelines.captures import captures_of, joined, light_of_captures
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.deviation import MaterialCovariance, image_deviation, read_covariance
-from jaxrender.pipelines.exact_light import exact_forward
+from jaxrender.pipelines.exact_light import exact_forward, with_points
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import ARRAYS, RESULT, FinishedRun, read_run
@@ -109,7 +109,7 @@ def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
-def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
+def _light_of(run: FinishedRun, scene: Scene, shape: Shape) -> KnownLight:
     """Find the light: that of the scene, the recovered one, or the given one."""
     config = run.config
     if scene.environment is not None:
@@ -126,7 +126,7 @@ def _light_of(run: FinishedRun, scene: Scene) -> KnownLight:
             directions = np.array([source["direction"] for source in found])
             sources = DirectionalSources(directions, energies)
         return KnownLight(read_environment(run.folder / "lighting_slow.exr"), sources)
-    return light_of_captures(captures_of(config, require_images=False))
+    return light_of_captures(captures_of(config, require_images=False), shape)
 
 
 def renderings(
@@ -140,9 +140,10 @@ def renderings(
 
     Raises ``InputError`` for a light that the cameras or the model cannot use.
     """
-    config, light = run.config, _light_of(run, scene)
+    config = run.config
     assert config.capture.geometry is not None
     shape = shape_of(config.capture.geometry)
+    light = _light_of(run, scene, shape)
     subject = task_named(run.config.task).subject(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(
@@ -164,8 +165,7 @@ def renderings(
         radiance, deviation = np.zeros((*view.hit.shape, 3)), None
         if lit and view.hit.any():
             if light.varies or shared is None:
-                own = KnownLight(environment, sources)
-                shared = _forward(own, subject, model, shape, view)
+                shared = _forward(light.of_frame(number), subject, model, shape, view)
             gain = float(gains.get(frame.name, 1.0))
             image = subject.image(view, shared)
             radiance = scale * gain * image
@@ -210,6 +210,11 @@ def _forward(
     """Prepare one photograph's light for either model."""
     if model == "integral":
         return exact_forward(light, subject.width, shape)
+    points = light.points_of(0)
+    if points is not None:
+        others = light.distant
+        rest = others and _forward(others, subject, model, shape, view)
+        return with_points(rest, points, shape)
     samples = camera_samples(view)
     observed = Observations(samples, np.zeros((len(samples.normals), 3)), np.zeros(0, int))
     assert isinstance(subject.lobe, Glossy)

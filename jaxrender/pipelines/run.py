@@ -176,7 +176,7 @@ def _load(
     with clock.stage("load"):
         assert config.capture.geometry is not None
         shape = shape_of(config.capture.geometry)
-        light = light_of_captures(captures) if config.knows_light else None
+        light = light_of_captures(captures, shape) if config.knows_light else None
         listener = Listener(progress.note, progress.advance)
         images = [one.images(listener) for one in captures]
     with clock.stage("trace"):

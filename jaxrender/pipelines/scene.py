@@ -168,8 +168,10 @@ def lights_of(lighting: CaptureLightingConfig | RecipeLightingConfig) -> tuple[L
     return tuple(found)
 
 
-def known_light(lighting: CaptureLightingConfig, frame_names: list[str]) -> KnownLight:
-    """Make or read the light that a config names."""
+def known_light(
+    lighting: CaptureLightingConfig, frame_names: list[str], shape: Shape
+) -> KnownLight:
+    """Make or read the light that a config names; ``shape`` says how near its sources are."""
     per_frame = None
     if lighting.per_frame is not None:
         per_frame = read_per_frame_lights(
@@ -179,10 +181,10 @@ def known_light(lighting: CaptureLightingConfig, frame_names: list[str]) -> Know
     environment = lighting.environment and lighting.environment.path
     files = ", ".join(str(path) for path in (environment, lighting.per_frame) if path)
     with fault_of(f"lighting ({files})" if files else "lighting"):
-        return KnownLight.of(LightSum(lights), per_frame)
+        return KnownLight.of(LightSum(lights), per_frame, shape=shape)
 
 
-def light_for_fit(recipe: RecipeConfig) -> KnownLight:
+def light_for_fit(recipe: RecipeConfig, shape: Shape) -> KnownLight:
     """Make the light that a fit of a recipe's photographs is given: sources and a coarser image."""
     height = recipe.environment_height
     lights = [
@@ -192,7 +194,7 @@ def light_for_fit(recipe: RecipeConfig) -> KnownLight:
         for light in lights_of(recipe.lighting)
     ]
     with fault_of("lighting"):
-        return KnownLight.of(LightSum(tuple(lights)), height=height)
+        return KnownLight.of(LightSum(tuple(lights)), height=height, shape=shape)
 
 
 def input_files(config: RunConfig | RecipeConfig) -> list[Path]:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from ruamel.yaml import YAML
 
-from jaxrender.catalogue import MODELS
+from jaxrender.catalogue import LIGHTS, MODELS
 from jaxrender.errors import InputError
 from jaxrender.geometry import (
     Mesh,
@@ -34,11 +34,13 @@ from jaxrender.lighting import (
     FunctionLight,
     Light,
     LightNodes,
+    PointSources,
     SmoothLobes,
     condensed,
 )
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
+from jaxrender.pipelines.exact_light import with_points
 from jaxrender.pipelines.faults import Planted, planted
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.paint import render_painted
@@ -51,7 +53,14 @@ from jaxrender.pipelines.scene import (
     shape_of,
     true_material,
 )
-from jaxrender.reflection import ExactForward, ShadowedForward, render_view
+from jaxrender.reflection import (
+    ExactForward,
+    ForwardModel,
+    NearForward,
+    ShadowedForward,
+    ShadowedModel,
+    render_view,
+)
 from jaxrender.shapes import Float
 
 # Directions at which light is sampled that is a function, less those that carry next to nothing.
@@ -156,7 +165,7 @@ def _write_capture(
     _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
     truth = recipe.written_out()
     _write_json(folder / "truth.json", truth if wrong is None else truth | wrong.truth())
-    lighting = _write_light(recipe, folder)
+    lighting = _write_light(recipe, shape, folder)
     _write_config(recipe, recipe_path, folder, shape, lighting)
 
 
@@ -179,18 +188,21 @@ def _photograph(
 
 def _light_of(
     recipe: RecipeConfig, shape: Shape, wrong: Planted | None = None
-) -> ExactForward | ShadowedForward:
-    concave, lobes = not shape.is_convex(), None
+) -> ExactForward | ShadowedForward | NearForward:
+    concave, lobes, points = not shape.is_convex(), None, None
     parts = [DirectionalSources.none().nodes()]
     for light in lights_of(recipe.lighting):
         if wrong is not None:
             light = wrong.light_of(light)
-        if isinstance(light, SmoothLobes) and not concave:
+        if isinstance(light, PointSources):
+            points = light
+        elif isinstance(light, SmoothLobes) and not concave:
             lobes = light
         else:
             parts.append(_nodes_of(light, concave))
     nodes = LightNodes(*(jnp.concatenate([jnp.asarray(a) for a in part]) for part in zip(*parts)))
-    return ShadowedForward(shape, nodes) if concave else ExactForward(nodes, lobes)
+    others = ShadowedForward(shape, nodes) if concave else ExactForward(nodes, lobes)
+    return others if points is None else with_points(others, points, shape)
 
 
 def _nodes_of(light: Light, concave: bool) -> LightNodes:
@@ -213,22 +225,25 @@ def _sampled(light: FunctionLight) -> LightNodes:
     return LightNodes(directions[lit], 4 * np.pi / _NODES * radiance[lit])
 
 
-def _energies(light: ExactForward | ShadowedForward) -> list:
+def _energies(light: ForwardModel | ShadowedModel | None) -> list:
+    if isinstance(light, NearForward):
+        return [light.sources.intensity, *_energies(light.others)]
+    assert isinstance(light, ExactForward | ShadowedForward)
     lobes = light.lobes if isinstance(light, ExactForward) else None
     return [light.nodes.irradiance] + ([] if lobes is None else [lobes.middle])
 
 
-def _write_light(recipe: RecipeConfig, folder: Path) -> dict:
+def _write_light(recipe: RecipeConfig, shape: Shape, folder: Path) -> dict:
     """Write the environment image that a fit is given, and return the config's lighting section."""
     lighting: dict = {}
-    environment = light_for_fit(recipe).environment
+    environment = light_for_fit(recipe, shape).environment
     if environment is not None:
         write_environment(folder / "environment.exr", environment)
         lighting["environment"] = {"path": "environment.exr", "convention": "z-up"}
-    if recipe.lighting.directional:
-        lighting["directional"] = [
-            {"direction": list(source.direction), "irradiance": list(source.irradiance)}
-            for source in recipe.lighting.directional
+    stated = recipe.lighting.stated()
+    for name in (name for name in stated if not LIGHTS[name].is_image):
+        lighting[name] = [
+            {key: list(value) for key, value in entry.items()} for entry in stated[name]
         ]
     return lighting
 

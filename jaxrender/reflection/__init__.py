@@ -26,8 +26,9 @@
     light and BRDF as wavelet trees (L 6.3)
 ``tracing``
     paths, luminaires nearby, the virtual gonioreflectometer (L 3, 5, 8)
-``render`` ``lit`` ``sensitivity``
-    camera to image with either model; under any light, exactly; its derivatives by the material
+``render`` ``near`` ``lit`` ``sensitivity``
+    camera to image with either model; under sources with a place; under any light, exactly; its
+    derivatives by the material
 ``three_spheres``
     two lights compared by the pictures of a diffuse, a matte silver and a mirror sphere
 
@@ -85,6 +86,7 @@ from jaxrender.reflection.irradiance import (
     quadratic_irradiance,
 )
 from jaxrender.reflection.lit import forward_of, render_lit
+from jaxrender.reflection.near import NearForward
 from jaxrender.reflection.polar_nodes import polar_nodes_for
 from jaxrender.reflection.prefilter import reflection_map_by_sum, reflection_maps
 from jaxrender.reflection.render import (
@@ -185,6 +187,7 @@ __all__ = [
     "reflection_map_by_sum",
     "reflection_maps",
     "IrradianceError",
+    "NearForward",
     "PrincipalComponents",
     "RecoveredBasis",
     "basis_from_photographs",

@@ -6,7 +6,8 @@ from jax.core import Tracer
 
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Camera, Shape, observe
-from jaxrender.lighting import Light, LightNodes, LightSum, SmoothLobes
+from jaxrender.lighting import Light, LightNodes, LightSum, PointSources, SmoothLobes
+from jaxrender.reflection.near import NearForward
 from jaxrender.reflection.render import (
     ExactForward,
     ForwardModel,
@@ -21,7 +22,17 @@ def forward_of(light: Light, shape: Shape) -> ForwardModel | ShadowedModel:
     """Choose how a light is reflected exactly: its point masses summed, smooth lobes integrated.
 
     A concave shape hides parts of the light from itself; the lobes are then point masses, too.
+    Point sources are seen from each place.
     """
+    points = [part for part in light.parts if isinstance(part, PointSources)]
+    if points:
+        others = tuple(part for part in light.parts if not isinstance(part, PointSources))
+        sources = PointSources(
+            jnp.concatenate([part.positions for part in points]),
+            jnp.concatenate([part.intensity for part in points]),
+        )
+        rest = forward_of(LightSum(others), shape) if others else None
+        return NearForward(sources, rest, None if shape.is_convex() else shape)
     if not shape.is_convex():
         return ShadowedForward(shape, _lit(light.nodes()))
     lobes = [part for part in light.parts if isinstance(part, SmoothLobes)]

@@ -16,7 +16,7 @@ from inverse_problems import SOURCES, ball_samples, known_light, material
 
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.inverse import KnownLight, Observations
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes, frame_nodes
 from jaxrender.inverse.prepared_light import band_limit_for, prepare_light
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.spectra import light_coefficients
@@ -72,13 +72,13 @@ def test_light_of_one_photograph_joins_shared_and_own():
 
 def test_sources_of_frames_are_stacked_with_dark_ones():
     frame = np.array([1, 0, 1])
-    nodes = moving_light().frame_nodes(frame)
+    nodes = frame_nodes(moving_light(), frame)
     assert nodes is not None
     assert nodes.directions.shape == (2, 2, 3)
     np.testing.assert_array_equal(nodes.irradiance[:, :, 0], [[1, 0], [2, 2]])
     np.testing.assert_array_equal(nodes.directions[1], np.eye(3)[:2])
     np.testing.assert_array_equal(nodes.frame_of_sample, frame)
-    assert known_light(8).frame_nodes(frame) is None
+    assert frame_nodes(known_light(8), frame) is None
 
 
 @pytest.mark.parametrize("angle_per_sigma", [None, 0.5])

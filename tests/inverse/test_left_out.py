@@ -13,8 +13,8 @@ from inverse_problems import ball_samples, known_light, material, photograph, wi
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, Stated, fit_brdf, unknowns_of
-from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.left_out import predicted_left_out
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 
 TRUTH = material()

@@ -27,8 +27,8 @@ from jaxrender.inverse import (
 from jaxrender.inverse.bounds import checked_at_bound, lost
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.factorization import FactorSettings
-from jaxrender.inverse.known_light import exact_nodes
 from jaxrender.inverse.leverage import _of_columns, draw, leverage, sharpness
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import as_pixels
 from jaxrender.inverse.passes import Begin, descend

@@ -30,7 +30,7 @@ from jaxrender.inverse import (
     unknowns_of,
 )
 from jaxrender.inverse.forecast import Situation, Supposed, forecast_material, foresee
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.lighting import DirectionalSources, HarmonicLight
 

@@ -27,7 +27,8 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh, SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.texture import (

@@ -15,7 +15,7 @@ from texture_problems import IMAGE, MU, SIGMA, noisy, textured_ball
 
 from jaxrender.brdf import Microfacet
 from jaxrender.inverse import KnownLight, Outcome
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.texture import (
     TextureSettings,

@@ -16,7 +16,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfacePlaces
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome, Unknown
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.texture import TextureSettings, by_site, exact_forward, fit_texture
 from jaxrender.inverse.texture.examination import Painted, examined
 from jaxrender.inverse.texture.forward import Forward

@@ -13,7 +13,7 @@ from texture_problems import samples_of, views
 
 from jaxrender.brdf import Lambertian, Microfacet
 from jaxrender.inverse import Observations
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.texture import SigmaField, TextureSettings, recover_texture

@@ -80,6 +80,21 @@ def test_every_reader_is_tried():
     assert tried >= set(READERS) - {"diligent"}
 
 
+def test_point_sources_of_a_scene_of_mitsuba(tmp_path):
+    FORMATS["mitsuba"].write(tmp_path)
+    scene = tmp_path / "scene.xml"
+    near = (
+        '<emitter type="point"><point name="position" value="1, 2, 3"/>'
+        '<rgb name="intensity" value="4, 5, 6"/></emitter>'
+        '<emitter type="point"><transform name="to_world"><translate z="7"/></transform>'
+        '<rgb name="intensity" value="1, 1, 1"/></emitter></scene>'
+    )
+    scene.write_text(scene.read_text().replace("</scene>", near))
+    first, second = read_contents(recognise(tmp_path), Looking(tmp_path)).light.point
+    assert (first.position, first.intensity) == ((1, 2, 3), (4, 5, 6))
+    assert (second.position, second.intensity) == ((0, 0, 7), (1, 1, 1))
+
+
 def test_a_scene_of_mitsuba_has_shape_and_light(tmp_path):
     FORMATS["mitsuba"].write(tmp_path)
     contents = contents_of(tmp_path)

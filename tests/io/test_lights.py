@@ -12,6 +12,7 @@ import pytest
 
 from jaxrender.errors import InputError
 from jaxrender.io.lights import read_per_frame_lights
+from jaxrender.lighting import PointSources
 
 LIGHTS_TXT = Path(__file__).parents[3] / "shared" / "data" / "photos" / "lights.txt"
 
@@ -35,6 +36,17 @@ def check(lights) -> None:
 
 def test_json_by_position(tmp_path):
     check(read_per_frame_lights(write(tmp_path, [[], [UP, SIDE]]), ["a", "b"]))
+
+
+def test_sources_with_a_place(tmp_path):
+    near = {"position": [0, 0, 2], "intensity": [4, 5, 6]}
+    alone, mixed = read_per_frame_lights(write(tmp_path, [[near], [near, UP, near]]), ["a", "b"])
+    assert isinstance(alone, PointSources)
+    np.testing.assert_array_equal(alone.positions, [[0, 0, 2]])
+    np.testing.assert_array_equal(alone.intensity, [[4, 5, 6]])
+    far, close = mixed.parts
+    np.testing.assert_array_equal(far.directions, [[0, 0, 1]])
+    assert len(close.positions) == 2
 
 
 def test_json_by_name(tmp_path):
@@ -69,6 +81,9 @@ def test_the_lights_of_real_photographs():
         ([[], UP], r"entry 1 \(b\): wanted a list of sources"),
         ([[], [UP, 3]], r"entry 1 \(b\), source 1: wanted the keys direction and irradiance"),
         ([[], [{"direction": [0, 0, 1]}]], r"wanted the keys direction and irradiance"),
+        ([[], [{"position": [0, 0, 1], "irradiance": 1}]], r"or position and intensity; found"),
+        ([[], [{"position": [0, 1], "intensity": 1}]], r"`position` is \[0, 1\]; wanted three"),
+        ([[], [{"position": [0, 1, 0], "intensity": -1}]], r"the intensity \[-1\.0.* is negative"),
         ([[], [{**UP, "colour": 1}]], r"wanted the keys direction and irradiance"),
         ([[], [{**UP, "direction": [0, 0, 0]}]], r"source 0: the direction is zero"),
         ([[], [{**UP, "direction": [0, 1]}]], r"`direction` is \[0, 1\]; wanted three finite"),

@@ -11,6 +11,8 @@ RUNS = {
     **{name: f"task: {name}\n{_LIT if task.dark is None else ''}" for name, task in TASKS.items()},
     "brdf of sources": "task: brdf\nlighting: {directional: [{direction: [0, 0, 1], "
     "irradiance: 1}]}\n",
+    "brdf of point sources": "task: brdf\nlighting: {point: [{position: [0, 0, 5], "
+    "intensity: 9}]}\n",
     "brdf under skies": "task: brdf\nlighting: {clear_sky: {sun: [0, 1, 1], zenith: 1}, "
     "overcast_sky: {zenith: 0.1}, harmonic: {coefficients: [1, 0.1, 0, 0.2]}}\n",
     "brdf of moving sources": "task: brdf\nlighting: {per_frame: lights.txt}\n",
@@ -115,6 +117,7 @@ OTHER = {
     "lighting.environment.scale": "2",
     "lighting.environment.height": "14",
     "lighting.directional": "[{direction: [1, 0, 0], irradiance: 2}]",
+    "lighting.point": "[{position: [1, 0, 4], intensity: 2}]",
     "lighting.area": "[{direction: [1, 0, 0], width_degrees: 20, radiance: 2}]",
     "lighting.overcast_sky.zenith": "0.2",
     "lighting.clear_sky.sun": "[1, 0, 1]",

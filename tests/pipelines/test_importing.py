@@ -23,7 +23,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Sphere, observe
 from jaxrender.io import read_capture, read_mesh, read_per_frame_lights, write_image
 from jaxrender.io.captures import StatedSphere
-from jaxrender.pipelines.captures import capture_of
+from jaxrender.pipelines.captures import capture_of, captures_of
 from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.importing import ImportOptions, import_capture
 
@@ -66,6 +66,31 @@ def test_a_scene_of_mitsuba_is_fitted_under_its_light(tmp_path):
     assert source.irradiance == (1, 2, 3)
     assert config.capture.geometry.sphere.center == (0.1, 0, 0)
     assert "the light of the scene: 1 distant source(s)" in text
+
+
+def test_a_flat_sample_under_a_flash_is_a_texture(tmp_path):
+    places = [[0.5, 0.25, 9.0], [-1.0, 0.0, 8.0]]
+    stated = {"image_size": 4.0, "camera_pos": places, "light_pos": places}
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs/parameters.json").write_text(json.dumps(stated | {"light_pow": [9, 8, 7]}))
+    for number in range(2):
+        write_image(tmp_path / f"theirs/{number:02d}.png", np.full((6, 6, 3), 0.4))
+    import_capture(tmp_path / "theirs", tmp_path / "ours", ImportOptions())
+    config = load_run_config(tmp_path / "ours/capture.yaml")
+    assert (config.task, config.texture.size) == ("texture", 6)
+    (capture,) = captures_of(config)
+    shape = read_mesh(config.capture.geometry.mesh)
+    light = capture.light(shape)
+    for number, place in enumerate(places):
+        points = light.points_of(number)
+        np.testing.assert_allclose(points.positions, [place], atol=1e-6)
+        np.testing.assert_allclose(points.intensity, [[9, 8, 7]], rtol=1e-6)
+    # Texels are where the picture shows them: the upper left corner is (0, 1).
+    view = observe(capture.capture.frames[0].camera, shape)
+    assert view.hit.all()
+    found = shape.texture_coordinates[view.face[0, 0]]
+    middle = np.einsum("k,ki->i", view.barycentric[0, 0], found)
+    np.testing.assert_allclose(middle, [1 / 12, 11 / 12], atol=1e-6)
 
 
 def test_a_shape_that_a_scene_has_moved_is_written_where_it_lies(tmp_path):

@@ -14,16 +14,23 @@ from pydantic import ValidationError
 
 from jaxrender.catalogue import LIGHTS
 from jaxrender.errors import InputError
-from jaxrender.geometry import observe
+from jaxrender.geometry import Sphere, observe
 from jaxrender.harmonics import explicit_basis
 from jaxrender.io import read_capture, read_environment, read_image
-from jaxrender.lighting import ClearSky, DirectionalSources, SmoothLobes, light_of
-from jaxrender.pipelines.config import LightingConfig, RecipeConfig, RecipeLightingConfig
+from jaxrender.lighting import ClearSky, DirectionalSources, PointSources, SmoothLobes, light_of
+from jaxrender.pipelines.config import (
+    LightingConfig,
+    RecipeConfig,
+    RecipeLightingConfig,
+    load_run_config,
+)
 from jaxrender.pipelines.scene import known_light, light_for_fit, lights_of, shape_of
 from jaxrender.pipelines.synth import synthesise
 
+BALL = Sphere()
 TYPICAL = {
     "direction": [0.3, -0.2, 0.9],
+    "position": [1.5, -2.0, 3.0],
     "colour": [0.9, 1.0, 1.1],
     "colours": [3.0, 0.2, [0.3, 0.4, 0.5], -0.1],
     "angle": 40.0,
@@ -40,7 +47,9 @@ def section_of(name):
 
 
 def total(light):
-    """Sum the irradiance of a light's point masses, of each channel."""
+    """Sum the irradiance of a light's point masses, of each channel, as the origin sees them."""
+    if isinstance(light, PointSources):
+        light = light.seen_from(np.zeros(3))
     return np.asarray(light.nodes().irradiance).sum(axis=0)
 
 
@@ -54,7 +63,8 @@ def recipe_of(lighting, **given):
         "noise": {"relative": 0.0},
         "environment_height": 32,
     }
-    return RecipeConfig.model_validate(sections | given)
+    stated = {key: value for key, value in (sections | given).items() if value is not None}
+    return RecipeConfig.model_validate(stated)
 
 
 @pytest.mark.parametrize("name", LIGHTS)
@@ -68,7 +78,7 @@ def test_a_section_makes_the_class_of_the_catalogue(name):
     assert lighting.has_image == kind.is_image
     (true,) = lights_of(RecipeLightingConfig.model_validate({name: section}))
     np.testing.assert_array_equal(total(light), total(true))
-    known = known_light(lighting, [])
+    known = known_light(lighting, [], BALL)
     assert (known.environment is not None) == kind.is_image
     assert (known.directional.directions.shape[0] > 0) == (not kind.is_image)
     if kind.many:
@@ -109,9 +119,9 @@ def test_values_and_units():
 def test_kinds_add_up():
     both = ("overcast_sky", "harmonic", "directional")
     lighting = LightingConfig.model_validate({name: section_of(name) for name in both})
-    known, alone = known_light(lighting, []), {}
+    known, alone = known_light(lighting, [], BALL), {}
     for name in both:
-        alone[name] = known_light(LightingConfig.model_validate({name: section_of(name)}), [])
+        alone[name] = known_light(LightingConfig.model_validate({name: section_of(name)}), [], BALL)
     images = [np.asarray(alone[name].environment.radiance) for name in both[:2]]
     np.testing.assert_allclose(known.environment.radiance, sum(images), rtol=1e-6)
     sources = alone["directional"].directional
@@ -137,7 +147,9 @@ def test_photographs_under_light_of_degree_1(tmp_path):
     irradiance = harmonics @ (coefficients * [np.pi, *[2 * np.pi / 3] * 3])
     np.testing.assert_allclose(values, irradiance[:, None] * [0.1, 0.2, 0.3], rtol=2e-3)
     image = read_environment(tmp_path / "made" / "environment.exr")
-    np.testing.assert_allclose(image.radiance, light_for_fit(recipe).environment.radiance, 1e-6)
+    np.testing.assert_allclose(
+        image.radiance, light_for_fit(recipe, BALL).environment.radiance, 1e-6
+    )
     assert image.grid.shape[0] == 32
 
 
@@ -152,9 +164,25 @@ def test_photographs_under_the_overcast_sky(tmp_path):
     assert np.all(values[normals[:, 2] < -0.99] < 0.02 * expected)
 
 
+def test_photographs_under_a_lamp_that_is_near(tmp_path):
+    place, intensity = np.array([2.0, 1.0, 1.5]), np.array([3.0, 2.0, 1.0])
+    lamp = {"position": place.tolist(), "intensity": intensity.tolist()}
+    recipe = recipe_of({"point": [lamp]}, environment_height=None)
+    normals, values = photographs(recipe, tmp_path / "made")
+    # The ball has the radius 1 about the origin.
+    arrow = place - normals
+    distance = np.linalg.norm(arrow, axis=1)
+    cosine = np.maximum(np.sum(normals * arrow, axis=1) / distance, 0)
+    expected = [0.1, 0.2, 0.3] * intensity * (cosine / distance**2)[:, None]
+    np.testing.assert_allclose(values, expected, rtol=2e-3, atol=1e-5)
+    config = load_run_config(tmp_path / "made/config.yaml")
+    assert config.lighting.stated()["point"] == ({k: tuple(v) for k, v in lamp.items()},)
+
+
 @pytest.mark.parametrize(
     ("section", "message"),
     [
+        ({"point": [{"position": [0.5, 0, 0], "intensity": 1}]}, r"lighting: a source lies 0\.5 "),
         ({"clear_sky": {"sun": [0, 0, -1], "zenith": 1}}, r"lighting.clear_sky: sun="),
         ({"harmonic": {"coefficients": [1, 2, 3]}}, r"lighting.harmonic: 3 .*coefficients"),
         ({"harmonic": {"coefficients": [1, 5, 0, 0]}}, r"lighting: .*negative"),
@@ -163,7 +191,7 @@ def test_photographs_under_the_overcast_sky(tmp_path):
 )
 def test_what_a_class_refuses_is_reported_with_the_section(section, message):
     with pytest.raises(InputError, match=message):
-        known_light(LightingConfig.model_validate(section), [])
+        known_light(LightingConfig.model_validate(section), [], BALL)
 
 
 def test_no_sky_has_that_name():

@@ -154,11 +154,13 @@ def test_sources_of_photographs_are_added_to_the_shared_ones(tmp_path):
     lighting = LightingConfig.model_validate(
         {"directional": [UP], "per_frame": tmp_path / "lights.txt"}
     )
-    light = known_light(lighting, ["a", "b"])
+    light = known_light(lighting, ["a", "b"], Sphere())
     sources = light.sources_of(1)
     np.testing.assert_array_equal(sources.directions, [[0, 0, 1], [0, 1, 0]])
     np.testing.assert_array_equal(sources.irradiance, [[1, 2, 3], [1, 1, 1]])
-    shared = known_light(LightingConfig.model_validate({"directional": [UP, TO_X]}), ["a"])
+    shared = known_light(
+        LightingConfig.model_validate({"directional": [UP, TO_X]}), ["a"], Sphere()
+    )
     np.testing.assert_array_equal(shared.sources_of(0).directions, shared.directional.directions)
     # A photograph in the dark is no mistake.
     dark = light.__class__(None, DirectionalSources.none(), (DirectionalSources.none(), sources))

@@ -181,10 +181,15 @@ def estimate_spectrum(
     photographs that no fit can use.
     """
     settings = settings or SpectrumSettings()
-    known = light if isinstance(light, KnownLight) else KnownLight.of(light)
+    known = light if isinstance(light, KnownLight) else KnownLight.of(light, shape=shape)
     if known.varies:
         raise ValueError(
             "each photograph has a light of its own; coefficients need one that all share"
+        )
+    if known.near is not None:
+        raise ValueError(
+            "sources that have a place look different from every point; coefficients need a light "
+            "that is far away"
         )
     if not shape.is_convex():
         raise ValueError(

@@ -21,8 +21,9 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.brdf import BRDFFit
 from jaxrender.inverse.brdf_table.cell_sums import cell_sums
 from jaxrender.inverse.brdf_table.smoothness import smooth_functions
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.material_task import MaterialTask, Stage
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import Observations
@@ -169,7 +170,7 @@ def correct_by_table(
         fit.final.problem, model, observations, light, settings, concave(shape), stage
     )
     with stage("table"):
-        nodes = exact_nodes(light.far, np.zeros(0, int), float(model.width))
+        nodes = exact_nodes(light, None, float(model.width))
         pairs = sum(part.directions.shape[-2] for part in nodes)
         count = int(np.clip(_MOST_PAIRS / max(pairs, 1), _FEWEST_SAMPLES, _SAMPLES))
         weight = leverage(observations, light, (float(model.width), 1.0))

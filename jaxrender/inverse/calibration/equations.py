@@ -87,7 +87,10 @@ NO_ROOM = {
     "environment": "the light has no environment",
     "lamps": "the light has no sources",
     "blur": "nobody says which pixels the samples are, or where they lie, or they are too few",
-    "nearness": "the light has no source that stands alone, or nobody says where the samples lie",
+    "nearness": (
+        "the light has no source that stands alone, or the places of the sources are given, or "
+        "nobody says where the samples lie"
+    ),
 }
 
 

@@ -22,7 +22,8 @@ from jaxrender.geometry import (
     visible,
     world_from_local,
 )
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave, nodes_seen, places_of
 from jaxrender.lighting import LightNodes
@@ -170,12 +171,12 @@ def _under(
     light: KnownLight,
     lobes: tuple[Parametric, ...],
 ) -> Float[np.ndarray, "lobe sample channel"]:
-    frame = np.asarray(observations.frame)
     found = np.zeros((1 + len(lobes), *observations.radiance.shape))
-    for nodes in exact_nodes(light, frame, min(_WIDTHS), 0.5):
+    for nodes in exact_nodes(light, observations, min(_WIDTHS), 0.5):
         directions, irradiance = np.asarray(nodes.directions), np.asarray(nodes.irradiance)
         if not isinstance(nodes, LightNodes):
-            directions, irradiance = directions[frame], irradiance[frame]
+            own = np.asarray(nodes.frame_of_sample)
+            directions, irradiance = directions[own], irradiance[own]
         values = transfers(lobes, observations.samples, directions)
         seen = nodes_seen(concave(shape), observations, (nodes,))
         if seen is not None:

@@ -111,7 +111,10 @@ def _lamps(grounds: Grounds) -> Columns | None:
 
 
 def _nearness(grounds: Grounds) -> Columns | None:
-    """Bring every source from infinity to a distance."""
+    """Bring every source from infinity to a distance, unless it is known where they are."""
+    told = grounds.light.told
+    if told is not None and told.near is not None and told.near.stated:
+        return None
     found = [part.nearer() for part in grounds.sources]
     if not any(column is not None for column in found):
         return None

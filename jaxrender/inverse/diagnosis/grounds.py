@@ -23,7 +23,7 @@ from jaxrender.inverse.rays import Rays, center_of, size_of
 from jaxrender.inverse.shadowing import concave, nodes_seen
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FrameNodes
-from jaxrender.shapes import Bool, Float, Int
+from jaxrender.shapes import AnyArray, Bool, Float, Int
 
 # Cells of the environment, in widths of the lobe.
 _CELL_PER_WIDTH = 0.7
@@ -206,25 +206,29 @@ class Grounds:
         """What each group of sources does: those that turn together (``source_groups``)."""
         found = []
         for nodes, nearness in self.light.sources(self.frame):
-            count = nodes.directions.shape[-2]
-            single = np.asarray(nodes.directions, float)[..., 0, :]
-            if isinstance(nodes, FrameNodes):
-                single = single[np.asarray(nodes.frame_of_sample)]
-            every = np.broadcast_to(single, (len(self.frame), 3))
+            at = np.asarray(nodes.frame_of_sample) if isinstance(nodes, FrameNodes) else None
+            every = self._at_each(nodes.directions, at)
             lamp = None
-            if count == 1:
+            if every.shape[1] == 1:
                 points = self.points if self.placed else None
-                lamp = Lamp(every, every, np.ones((len(every), 1)), points)
-                if points is not None and np.any(nearness):
-                    seen = seen_from(points, every[:, None], nearness)
+                lamp = Lamp(every[:, 0], every[:, 0], np.ones((len(every), 1)), points)
+            if self.placed and np.any(nearness):
+                near = self._at_each(nearness[..., None], at)[..., 0]
+                energy = self._at_each(nodes.irradiance, at)
+                if lamp is not None:
+                    seen = seen_from(self.points, every, near)
                     lamp = lamp._replace(towards=seen.towards[:, 0], distance=seen.distance[:, 0])
-                    energy = np.asarray(nodes.irradiance, float)
-                    if isinstance(nodes, FrameNodes):
-                        energy = energy[np.asarray(nodes.frame_of_sample)]
-                    energy = np.broadcast_to(energy, (len(every), 1, energy.shape[-1]))
-                    nodes = near_nodes(points, every[:, None], energy, nearness)
+                nodes = near_nodes(self.points, every, energy, near)
             found.append(self._part(nodes, lamp))
         return tuple(found)
+
+    def _at_each(
+        self, values: Float[AnyArray, "*frame node k"], at: Int[np.ndarray, "sample"] | None
+    ) -> Float[np.ndarray, "sample node k"]:
+        """Give each sample the values of its photograph, or those that all photographs share."""
+        own = np.asarray(values, float)
+        own = own if at is None else own[at]
+        return np.broadcast_to(own, (len(self.frame), *own.shape[-2:]))
 
     def _part(self, nodes: LightNodes | FrameNodes, lamp: Lamp | None = None) -> Part:
         traced = nodes_seen(concave(self.shape), self.observations, (nodes,))

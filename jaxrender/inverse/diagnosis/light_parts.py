@@ -8,6 +8,7 @@ import numpy as np
 
 from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import environment_nodes
 from jaxrender.inverse.nuisances import source_groups
 from jaxrender.lighting import DirectionalSources, HarmonicLight, LightNodes
 from jaxrender.reflection import FrameNodes
@@ -23,7 +24,7 @@ class SourceNodes(NamedTuple):
     """Point masses of sources that turn together, and how near they are: 0 at infinity."""
 
     nodes: LightNodes | FrameNodes
-    nearness: Float[np.ndarray, "source"]
+    nearness: Float[np.ndarray, "*#frame source"]
 
 
 class LightParts(NamedTuple):
@@ -44,7 +45,7 @@ class LightParts(NamedTuple):
         """Take apart a light that was told."""
 
         def surrounding(cell: float, frame: Int[np.ndarray, "sample"]) -> LightNodes | FrameNodes:
-            nodes = light.environment_nodes(1.0, cell, frame)
+            nodes = environment_nodes(light, 1.0, cell, frame)
             assert nodes is not None
             return filled(nodes) if isinstance(nodes, LightNodes) else nodes
 

@@ -150,7 +150,7 @@ def _evidence(
     assert isinstance(brdf, Glossy)
     observations = Observations(samples, foreseen.data.radiance, frame)
     lobe = brdf.with_roughness(float(brdf.sigma), None).as_metal()
-    dual = prepare_light(light, observations, lobe, split, None).dual.for_frames(frame)
+    dual = prepare_light(light.far, observations, lobe, split, None).dual.for_frames(frame)
     spectral = DualModel(kind_of(brdf), samples, dual, transfer="gaussian")
     return width_evidence(problem, foreseen.model, spectral, foreseen.data, fit)
 

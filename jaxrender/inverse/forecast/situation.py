@@ -15,13 +15,16 @@ from jaxrender.brdf import Microfacet, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.elimination import Data, Problem
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import Columns, ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
+from jaxrender.lighting import LightNodes
+from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
 # What is supposed of a material that nothing is known of: a glossy plastic, photographed well.
@@ -34,7 +37,10 @@ Kind = TypeVar("Kind", bound=Parametric)
 
 
 class Situation(NamedTuple):
-    """What the cameras of each photograph see of the object, and the light it is in."""
+    """What the cameras of each photograph see of the object, and the light it is in.
+
+    Sources that have a place are taken as the object's centre sees them.
+    """
 
     samples: SurfaceSamples
     frame: Int[np.ndarray, "sample"]
@@ -119,9 +125,18 @@ def _linearised(
 ) -> LinearisedModel:
     """Linearise the integral about the supposed material."""
     brdf = supposed.brdf
-    nodes = exact_nodes(situation.light, situation.frame, float(brdf.width), angle_per_sigma)
+    nodes = _nodes(situation, float(brdf.width), angle_per_sigma)
     model = ExactModel(kind_of(brdf), situation.samples, nodes)
     return LinearisedModel.about(model, numbers_of(brdf))
+
+
+def _nodes(
+    situation: Situation, width: float, angle_per_sigma: float | None
+) -> tuple[LightNodes | FrameNodes, ...]:
+    """List the light's point masses, sources as the object's centre sees them."""
+    blank = np.zeros((len(situation.frame), 0))
+    seen = Observations(situation.samples, blank, situation.frame)
+    return exact_nodes(situation.light.far, seen, width, angle_per_sigma)
 
 
 def kind_of(brdf: Kind) -> Kind:
@@ -214,10 +229,9 @@ def thinned(situation: Situation, most: int) -> Thinned:
 
 def radiance_of(situation: Situation, supposed: Supposed) -> Float[np.ndarray, "sample channel"]:
     """Predict radiance alone, well enough to weigh and to choose samples by."""
-    samples, frame, light = situation
     brdf = supposed.brdf
-    nodes = exact_nodes(light, frame, float(brdf.width), _COARSE)
-    model = ExactModel(kind_of(brdf), samples, nodes)
+    nodes = _nodes(situation, float(brdf.width), _COARSE)
+    model = ExactModel(kind_of(brdf), situation.samples, nodes)
     columns = _columns(model, numbers_of(brdf))
     return columns.times_on_host(_amplitudes(brdf))
 

@@ -264,6 +264,7 @@ class Corrections(NamedTuple):
         directions = np.array(directional.directions, float)
         irradiance = np.array(directional.irradiance, float)
         per_frame, nearness, of_frames = light.per_frame, np.zeros(len(directions)), 0.0
+        stated = light.near is not None and light.near.stated
         for group, lamp, near in zip(source_groups(light), self.lamps, self.nearness):
             turn, bright = rotation(lamp[:3]), np.exp(lamp[3])
             if group.index is not None:
@@ -285,10 +286,12 @@ class Corrections(NamedTuple):
                 turn = each[0]
             else:
                 turns = each[light.image_of_frame]
-        near = None
-        if np.any(self.nearness):
+        # Lamps that have a place turn about the object's centre, and stay as far as they are.
+        near = light.near if stated else None
+        if not stated and np.any(self.nearness):
             assert told.shape is not None
-            near = Nearness(nearness, of_frames, center_of(told.shape), size_of(told.shape))
+            every = np.full((1, 1), of_frames)
+            near = Nearness(nearness, every, center_of(told.shape), size_of(told.shape))
         sources = DirectionalSources(directions, irradiance)
         return dataclasses.replace(
             light, directional=sources, per_frame=per_frame, turn=turn, turns=turns, near=near

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import frame_nodes
 from jaxrender.lighting import LightNodes
 from jaxrender.reflection import FrameNodes
 from jaxrender.shapes import Float, Int
@@ -20,12 +21,13 @@ class SourceGroup(NamedTuple):
 
     def nodes(
         self, light: KnownLight, frame: Int[np.ndarray, "sample"]
-    ) -> tuple[LightNodes | FrameNodes, Float[np.ndarray, "source"]]:
+    ) -> tuple[LightNodes | FrameNodes, Float[np.ndarray, "*#frame source"]]:
         """List their point masses as the object's centre sees them, and how near they are."""
         if self.index is None:
-            own = light.frame_nodes(frame)
+            own = frame_nodes(light, frame)
             assert own is not None
-            return own, np.full(1, 0.0 if light.near is None else light.near.of_frames)
+            near = np.zeros((1, 1)) if light.near is None else np.asarray(light.near.of_frames)
+            return own, np.broadcast_to(near, np.asarray(own.directions).shape[:2])
         directions, irradiance = (np.asarray(a)[self.index] for a in light.directional.nodes())
         near = np.zeros(len(self.index))
         if light.near is not None:

@@ -14,7 +14,8 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.calibration import Columns, Pull, Weighing
 from jaxrender.inverse.calibration.search import Capture, Corrected
 from jaxrender.inverse.diagnosis.grounds import Grounds
-from jaxrender.inverse.known_light import KnownLight, exact_nodes
+from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import DiffuseModel, ExactModel, LinearisedModel, Model
 from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.observations import Observations
@@ -83,7 +84,7 @@ class FreePaint(Capture[Repainted]):
     def fitted(self, corrections: Corrections, start: Float[AnyArray, "unknown"]) -> Repainted:
         """Fit both from a start of the lobe."""
         observed, light = corrections.observations(self.told), corrections.light(self.told)
-        nodes = exact_nodes(light, np.asarray(observed.frame), self.width, _CELLS)
+        nodes = exact_nodes(light, observed, self.width, _CELLS)
         seen = nodes_seen(concave(self.told.shape), observed, nodes)
         model: Model = ExactModel(self.painted.variant, observed.samples, nodes, seen)
         if isinstance(self.some.model, DiffuseModel):

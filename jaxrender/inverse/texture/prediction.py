@@ -24,6 +24,7 @@ from jaxrender.reflection import (
     ExactForward,
     ForwardModel,
     FrameNodes,
+    NearForward,
     ShadowedDual,
     ShadowedModel,
     dual_light,
@@ -104,20 +105,36 @@ class LitTexture(NamedTuple):
         if field is None and self.exact:
             # As the sites were solved.
             most = most_cells(self.observations.count, maps)
-            cells = site_cells(light, np.zeros(1, int), float(brdf.sigma), most)
-            if cells is not None:
-                return lambda number: _integral(cells, number)
+            if site_cells(light, None, float(brdf.sigma), most) is not None:
+                far, finest = light.distant, float(brdf.sigma)
+                cells = None if far is None else site_cells(far, None, finest, most)
+
+                def exact(number: int) -> ForwardModel | ShadowedModel:
+                    others = None if cells is None else _integral(cells, number)
+                    return self._beside_points(others, number)
+
+                return exact
             transfer = FACETS
         prepared = prepare_light(light, self.observations, brdf, "auto", None, transfer=transfer)
 
         def model(number: int) -> ForwardModel | ShadowedModel:
-            sources = light.sources_of(number)
+            sources = light.far_of(number)
             dual = dual_light(prepared.split, sources, prepared.dual.band_limit)
             if field is None:
-                return DualForward(dual, transfer)
-            return ShadowedDual(field.shape, dual, field.at)
+                return self._beside_points(DualForward(dual, transfer), number)
+            return self._beside_points(ShadowedDual(field.shape, dual, field.at), number)
 
         return model
+
+    def _beside_points(
+        self, others: ForwardModel | ShadowedModel | None, number: int
+    ) -> ForwardModel | ShadowedModel:
+        """Add the sources of a photograph that have a place, if there are any."""
+        points = None if self.light is None else self.light.points_of(number)
+        if points is None:
+            assert others is not None
+            return others
+        return NearForward(points, others, None if self.transfer is None else self.transfer.shape)
 
     def _widths(self, site: Int[np.ndarray, "sample"]) -> Float[np.ndarray, "sample"] | None:
         """Look up sigma where it varies; the mean where it is not known, which nothing uses."""

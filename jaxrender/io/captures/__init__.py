@@ -14,6 +14,8 @@
     calibrations of OpenCV with poses; its files of named values
 ``diligent``
     photometric stereo: one camera, one distant light a photograph
+``flash``
+    rectified photographs of a flat sample, with the places of camera and flash
 ``mitsuba`` ``mitsuba_values``
     scenes of Mitsuba 3 in XML; their named values
 ``metashape``
@@ -27,8 +29,10 @@ from jaxrender.io.captures.contents import (
     Contents,
     StatedEnvironment,
     StatedLight,
+    StatedPoint,
     StatedSource,
     StatedSphere,
+    StatedSquare,
 )
 from jaxrender.io.captures.paths import Looking
 from jaxrender.io.captures.photo_headers import PhotoHeader, read_photo_header
@@ -51,8 +55,10 @@ __all__ = [
     "Recognised",
     "StatedEnvironment",
     "StatedLight",
+    "StatedPoint",
     "StatedSource",
     "StatedSphere",
+    "StatedSquare",
     "read_capture",
     "read_contents",
     "read_mask",

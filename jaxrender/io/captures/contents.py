@@ -16,6 +16,13 @@ class StatedSource(NamedTuple):
     irradiance: tuple[float, ...]
 
 
+class StatedPoint(NamedTuple):
+    """A source with a place, and the irradiance in each channel on a plane facing it at 1."""
+
+    position: tuple[float, ...]
+    intensity: tuple[float, ...]
+
+
 class StatedEnvironment(NamedTuple):
     """A panorama, its convention, and the factor from its values to radiance.
 
@@ -34,12 +41,13 @@ class StatedLight(NamedTuple):
 
     environment: StatedEnvironment | None = None
     directional: tuple[StatedSource, ...] = ()
-    per_frame: tuple[tuple[StatedSource, ...], ...] | None = None
+    point: tuple[StatedPoint, ...] = ()
+    per_frame: tuple[tuple[StatedSource | StatedPoint, ...], ...] | None = None
 
     @property
     def given(self) -> bool:
         """Whether there is any light."""
-        return bool(self.environment or self.directional or self.per_frame)
+        return bool(self.environment or self.directional or self.point or self.per_frame)
 
 
 class StatedSphere(NamedTuple):
@@ -49,13 +57,20 @@ class StatedSphere(NamedTuple):
     radius: float
 
 
+class StatedSquare(NamedTuple):
+    """A flat square about the origin, z = 0, with its front towards +z."""
+
+    side: float
+
+
 class Contents(NamedTuple):
     """A capture as another program has it.
 
-    ``mesh`` or ``sphere`` is the shape, where the format brings one; ``mesh_placed`` takes it to
-    the world (a rotation, a shift and one scale; None: it is there).  ``response`` is what it says
-    of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and ``assumed``
-    are sentences for whoever reads the capture: what the folder says, and what it leaves open.
+    ``mesh``, ``sphere`` or ``square`` is the shape, where the format brings one; ``mesh_placed``
+    takes it to the world (a rotation, a shift and one scale; None: it is there).  ``response`` is
+    what it says of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and
+    ``assumed`` are sentences for whoever reads the capture: what the folder says, and what it
+    leaves open.
     """
 
     capture: Capture
@@ -63,6 +78,7 @@ class Contents(NamedTuple):
     mesh: Path | None = None
     mesh_placed: Float[np.ndarray, "4 4"] | None = None
     sphere: StatedSphere | None = None
+    square: StatedSquare | None = None
     light: StatedLight = StatedLight()
     response: str | None = None
     found: tuple[str, ...] = ()

@@ -53,7 +53,7 @@ def read_diligent(path: Path, looking: Looking) -> Contents:
     per_frame = tuple(
         tuple(
             StatedSource(tuple(map(float, direction)), tuple(map(float, irradiance)))
-            for direction, irradiance in zip(np.asarray(one.directions), np.asarray(one.irradiance))
+            for direction, irradiance in zip(*(np.asarray(part) for part in one.nodes()))
         )
         for one in lights
     )

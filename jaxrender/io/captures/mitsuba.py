@@ -17,6 +17,7 @@ from jaxrender.io.captures.contents import (
     Contents,
     StatedEnvironment,
     StatedLight,
+    StatedPoint,
     StatedSource,
     StatedSphere,
 )
@@ -141,22 +142,26 @@ def _with_shape(contents: Contents, scene: Plugin, looking: Looking) -> Contents
 
 def _with_light(contents: Contents, scene: Plugin, looking: Looking) -> Contents:
     """Add the light, if all of it can be read."""
-    environment, sources, unread = None, [], []
+    environment, sources, points, unread = None, [], [], []
     shining = [one for shape in scene.inner("shape") for one in shape.inner("emitter")]
     for emitter in (*scene.inner("emitter"), *shining):
         if emitter.kind == "envmap" and environment is None:
             environment = _panorama(emitter, looking)
         elif emitter.kind == "directional":
             sources.append(_source(emitter))
+        elif emitter.kind == "point":
+            points.append(_point(emitter))
         else:
             unread.append(emitter.kind)
     if unread:
         said = f"emitters that are not read ({', '.join(unread)}): the light is taken as unknown"
         return contents._replace(assumed=(*contents.assumed, said))
-    light = StatedLight(environment, tuple(sources))
+    light = StatedLight(environment, tuple(sources), tuple(points))
     if not light.given:
         return contents
-    parts = ["an environment"] * (environment is not None) + [f"{len(sources)} distant source(s)"]
+    parts = ["an environment"] * (environment is not None)
+    counts = ((len(sources), "distant source(s)"), (len(points), "point source(s)"))
+    parts += [f"{count} {words}" for count, words in counts if count]
     said = f"the light of the scene: {', '.join(parts)}"
     return contents._replace(light=light, found=(*contents.found, said))
 
@@ -182,3 +187,11 @@ def _source(emitter: Plugin) -> StatedSource:
         raise InputError(f"{emitter.place}: `direction` is {along.tolist()}: no direction")
     colour = emitter.colour("irradiance")
     return StatedSource(tuple(float(x) for x in -along / length), colour)
+
+
+def _point(emitter: Plugin) -> StatedPoint:
+    """Read a point source: its place, or where its transform puts the origin."""
+    place = emitter.transform()[:3, 3]
+    if emitter.has("position"):
+        place = np.array(emitter.numbers("position", (3,)))
+    return StatedPoint(tuple(map(float, place)), emitter.colour("intensity"))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxrender.errors import InputError
-from jaxrender.io.captures import colmap, diligent, metashape, mitsuba, opencv, transforms
+from jaxrender.io.captures import colmap, diligent, flash, metashape, mitsuba, opencv, transforms
 from jaxrender.io.captures.capture import Capture
 from jaxrender.io.captures.contents import Contents
 from jaxrender.io.captures.paths import Looking
@@ -26,6 +26,7 @@ FORMATS: dict[str, Format] = {
     "colmap": Format(colmap.LOOKED_FOR, colmap.find_colmap, colmap.read_colmap),
     "opencv": Format(opencv.LOOKED_FOR, opencv.find_opencv, opencv.read_opencv),
     "diligent": Format(diligent.LOOKED_FOR, diligent.find_diligent, diligent.read_diligent),
+    "flash": Format(flash.LOOKED_FOR, flash.find_flash, flash.read_flash),
     "mitsuba": Format(mitsuba.LOOKED_FOR, mitsuba.find_mitsuba, mitsuba.read_mitsuba),
     "metashape": Format(metashape.LOOKED_FOR, metashape.find_metashape, metashape.read_metashape),
 }

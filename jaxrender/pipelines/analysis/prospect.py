@@ -74,7 +74,7 @@ def prospect_of(config: RunConfig, progress: Progress) -> Prospect:
     stated = (config.capture, *config.captures)
     told = [_cameras(one) for one in stated]
     given = config.lighting.given or recipe is not None
-    light, captures = _light(config, told), numbered(told)
+    light, captures = _light(config, told, shape), numbered(told)
     photographs = []
     for one, capture in zip(stated, captures):
         reading = Reading(Linear(), erode=one.erode, min_cosine=config.samples.min_cosine)
@@ -85,6 +85,8 @@ def prospect_of(config: RunConfig, progress: Progress) -> Prospect:
     kept = [photograph.frame for photograph in photographs]
     with fault_of("lighting.per_frame"):
         light = light.of_frames(joined(captures).numbers_of(frame.name for frame in kept))
+    if light.near is not None:
+        progress.note("point sources are taken to be as far as the middle of the object says")
     every = observations_of(photographs)
     observations = random_subset(every, config.sample_count, config.samples.seed)
     _check(config, observations, len(kept))
@@ -126,24 +128,24 @@ def _without_missing_mask(frame: Frame) -> Frame:
     return frame._replace(mask_path=None) if missing else frame
 
 
-def _light(config: RunConfig, captures: list[Capture]) -> KnownLight:
+def _light(config: RunConfig, captures: list[Capture], shape: Shape) -> KnownLight:
     """Make the light of all captures."""
     stated = [(config.lighting, config.capture.recipe)]
     stated += [(one.lighting, one.recipe) for one in config.captures]
-    lights = [_one_light(*one, capture) for one, capture in zip(stated, captures)]
+    lights = [_one_light(*one, capture, shape) for one, capture in zip(stated, captures)]
     return KnownLight.joined(lights, [len(capture.frames) for capture in captures])
 
 
 def _one_light(
-    lighting: CaptureLightingConfig, recipe: Path | None, capture: Capture
+    lighting: CaptureLightingConfig, recipe: Path | None, capture: Capture, shape: Shape
 ) -> KnownLight:
     """Make the light that is stated, or that of a recipe, or one that is typical."""
     if lighting.given:
-        return known_light(lighting, [frame.name for frame in capture.frames])
+        return known_light(lighting, [frame.name for frame in capture.frames], shape)
     if recipe is None:
         return KnownLight(_WINDOW_AND_SKY.to_environment(_ROWS), _SOURCE)
     with fault_of(f"{recipe}: lighting"):
-        return light_for_fit(load_recipe(recipe))
+        return light_for_fit(load_recipe(recipe), shape)
 
 
 def _blank(camera: Camera) -> Image:

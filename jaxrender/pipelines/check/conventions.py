@@ -187,7 +187,7 @@ def oriented(config: RunConfig, raw: RawCapture, framing: Framing) -> FoundOrien
     given = lighting.environment
     picture = float(given.scale) * np.asarray(read_image(given.path, remedy=MEND).pixels, float)
     told = Orientation(given.convention, given.mirrored, float(given.yaw))
-    known = Known(_other_lights(lighting, raw, photographs), lobe_of(config.brdf))
+    known = Known(_other_lights(lighting, raw, photographs, shape), lobe_of(config.brdf))
     with fault_of(f"{given.path}"):
         return find_orientation(observations_of(photographs), shape, picture, told, known)
 
@@ -204,14 +204,17 @@ def _lighting_place(raw: RawCapture) -> Place:
 
 
 def _other_lights(
-    lighting: CaptureLightingConfig, raw: RawCapture, photographs: list[Photograph]
+    lighting: CaptureLightingConfig,
+    raw: RawCapture,
+    photographs: list[Photograph],
+    shape: Shape,
 ) -> KnownLight | None:
     rest = lighting.model_copy(update={"environment": None})
     if not rest.given:
         return None
     names = [frame.name for frame in raw.capture.frames]
     kept = [names.index(photograph.frame.name) for photograph in photographs]
-    return known_light(rest, names).of_frames(kept)
+    return known_light(rest, names, shape).of_frames(kept)
 
 
 def moved_geometry(geometry: GeometryConfig, framing: Framing) -> GeometryConfig:

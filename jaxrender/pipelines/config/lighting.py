@@ -23,12 +23,14 @@ from jaxrender.pipelines.config.values import (
     Section,
     SignedRgb,
     Switch,
+    Vector,
 )
 
 Convention = Literal["z-up", "y-up", "angular", "cross", "mirror-ball"]
 
 _KINDS: dict[str, Any] = {
     "direction": Direction,
+    "position": Vector,
     "colour": Rgb,
     "colours": Annotated[tuple[SignedRgb, ...], Field(min_length=1)],
     "angle": LobeWidth,

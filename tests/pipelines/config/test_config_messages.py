@@ -142,6 +142,9 @@ VALUES = {
     ("lighting.directional", "{direction: [0, 0, 1]}"): (
         "found {direction: [0, 0, 1]}, accepted: a list of {direction, irradiance}"
     ),
+    ("lighting.point", "{position: [0, 0, 1]}"): (
+        "found {position: [0, 0, 1]}, accepted: a list of {position, intensity}"
+    ),
     ("lighting.split", ".nan"): "found nan, accepted: 'off', 'auto' or a number from 0 to 1",
     ("samples.min_cosine", ".nan"): "found nan, accepted: a number between 0 and 1, both excluded",
     ("lighting.split", "1.5"): "found 1.5, accepted: 'off', 'auto' or a number from 0 to 1",

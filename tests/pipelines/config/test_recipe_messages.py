@@ -38,7 +38,8 @@ RECIPES = {
     ),
     ("directional: [{direction: [0, 0, 1], irradiance: 3}]", "area: []"): (
         "bad.yaml:3:1: lighting: no light given; "
-        "give at least one of environment, directional, area, overcast_sky, clear_sky, harmonic"
+        "give at least one of environment, directional, point, area, "
+        "overcast_sky, clear_sky, harmonic"
     ),
     (
         "directional: [{direction: [0, 0, 1], irradiance: 3}]",

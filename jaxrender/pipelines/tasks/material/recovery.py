@@ -17,10 +17,10 @@ from jaxrender.inverse.prepared_light import PreparedLight, prepare_light
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group
-from jaxrender.pipelines.calibration import far_sources, mended, near_image, write_cameras
+from jaxrender.pipelines.calibration import mended, write_cameras
 from jaxrender.pipelines.clock import Clock
 from jaxrender.pipelines.config import RunConfig
-from jaxrender.pipelines.exact_light import exact_forward
+from jaxrender.pipelines.exact_light import exact_forward, with_points
 from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.ranking import sentence_of
 from jaxrender.pipelines.result import Result
@@ -114,7 +114,12 @@ class MaterialRecovery(Recovery):
         views = [photograph.view for photograph in finding.photographs]
 
         def light_of(number: int, part: BRDF) -> ForwardModel | ShadowedModel:
-            own = far_sources(finding.light, number)
+            points = finding.light.points_of(number)
+            others = far_light_of(number, part)
+            return others if points is None else with_points(others, points, finding.shape)
+
+        def far_light_of(number: int, part: BRDF) -> ForwardModel | ShadowedModel:
+            own = finding.light.far_of(number)
             if not isinstance(part, Glossy):
                 environment = finding.light.environment_of(number)
                 if environment is None and not np.any(own.irradiance):
@@ -152,9 +157,7 @@ class MaterialRecovery(Recovery):
         if calibration is None:
             return images
         for k, view in enumerate(views):
-            near = near_image(material, view, finding.light, k, finding.shape)
-            whole = images[k] + scale * gain[k] * near
-            found = calibration.corrections.photographed(whole, k, view.hit)
+            found = calibration.corrections.photographed(images[k], k, view.hit)
             images[k] = np.where(view.hit[..., None], found, 0)
         return images
 
