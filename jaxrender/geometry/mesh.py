@@ -151,7 +151,7 @@ class Mesh(Shape):
         return convexity.is_closed(self.vertices, self.faces)
 
     def is_convex(self) -> bool:
-        """Whether the mesh is closed and fills its convex hull; found out once."""
+        """Whether no part hides another from its front; found out once."""
         return self._tracer.is_convex
 
     def _hits(self, origins: np.ndarray, directions: np.ndarray, found: FaceHits) -> Hits:

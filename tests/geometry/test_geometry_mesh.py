@@ -11,6 +11,7 @@ import pickle
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from jaxrender.geometry import Mesh
 
@@ -91,6 +92,21 @@ def test_a_dented_and_an_open_mesh_are_not_convex():
     opened = Mesh(mesh.vertices, mesh.faces[1:])
     assert not opened.is_closed()
     assert not opened.is_convex()
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix()])
+def test_a_flat_sheet_hides_nothing_from_its_front(turn):
+    corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [-1, 2, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+    moved = corners @ turn.T + [3.0, 2.0, 1.0]
+    assert Mesh(moved, faces).is_convex()
+    assert not Mesh(moved, faces).is_closed()
+    # With a front on either side, or bent, it may.
+    twisted = np.array([*faces[:2], faces[2, ::-1]])
+    assert not Mesh(moved, twisted).is_convex()
+    bent = moved.copy()
+    bent[4] += 0.1 * turn[:, 2]
+    assert not Mesh(bent, faces).is_convex()
 
 
 def test_inconsistent_winding_is_not_closed():
