@@ -56,6 +56,7 @@ def test_help_imports_nothing_heavy():
         "check",
         "compress",
         "evaluate",
+        "export",
         "fit",
         "import",
         "light",

@@ -28,8 +28,8 @@
     measured reflectance: tables and series over two directions
 ``wavelet`` ``scattering_trees``
     a coefficient tree over pairs of directions; four of them, where light passes too
-``isotropic_mean``
-    the isotropic part of any BRDF
+``isotropic_mean`` ``exchanged``
+    the isotropic part of any BRDF; the BRDF with its two directions exchanged
 ``textures``
     texels that are BRDFs, bump maps, and their pyramids (L 7)
 ``samplers`` ``tree_sampler``
@@ -50,6 +50,7 @@ from jaxrender.brdf.distributions import (
     Gaussian,
     TrowbridgeReitz,
 )
+from jaxrender.brdf.exchanged import Exchanged
 from jaxrender.brdf.free_facets import FreeDistribution, FreeFacets
 from jaxrender.brdf.fresnel import (
     FRESNEL_ANGLES,
@@ -121,6 +122,7 @@ from jaxrender.brdf.tables.polar_isotropic import PolarIsotropicTable
 from jaxrender.brdf.tables.polar_nodes import PolarNodesTable
 from jaxrender.brdf.tables.reconstruction import RECONSTRUCTIONS
 from jaxrender.brdf.tables.rgl import RglBRDF
+from jaxrender.brdf.tables.rgl_tabulation import RglSize, tabulate_rgl
 from jaxrender.brdf.tables.scattered import ScatteredFit, fit_isotropic_table
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.brdf.tables.zernike import ZernikeBRDF
@@ -155,6 +157,7 @@ __all__ = [
     "CosineSampler",
     "DirectionSampler",
     "Distribution",
+    "Exchanged",
     "Gaussian",
     "Glossy",
     "HalfDifference",
@@ -183,6 +186,7 @@ __all__ = [
     "PoulinFournier",
     "Principled",
     "RglBRDF",
+    "RglSize",
     "Samples",
     "ScatteredFit",
     "ScatteringTrees",
@@ -226,5 +230,6 @@ __all__ = [
     "smith_facet_masking",
     "smith_masking",
     "tabulate",
+    "tabulate_rgl",
     "v_groove_masking",
 ]

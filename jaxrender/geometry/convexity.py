@@ -1,4 +1,4 @@
-"""Whether a triangle mesh is closed, and whether it casts no shadow on itself.  Host side, float64."""
+"""Whether a mesh is closed, and whether it casts no shadow on itself.  Host side, float64."""
 
 import numpy as np
 from jaxtyping import Float, Int

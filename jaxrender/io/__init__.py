@@ -8,6 +8,8 @@
     camera RAW as linear values, by the extra ``raw``
 ``captures``
     photographs with their cameras, masks and exposures, as this and other programs write them
+``exports``
+    results for other programs: Mitsuba, glTF, light
 ``curves``
     the response curve of a camera
 ``environments``
@@ -51,7 +53,7 @@ from jaxrender.io.merl import MerlTable, read_merl, write_merl
 from jaxrender.io.meshes import read_mesh, write_mesh
 from jaxrender.io.photometric import Photometry, read_ies
 from jaxrender.io.raw import RawPhotograph, read_raw
-from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors
+from jaxrender.io.rgl import RglMaterial, read_rgl, read_tensors, write_rgl, write_tensors
 from jaxrender.io.tables import BRDFTable, read_table, write_table
 from jaxrender.io.tree_layout import TreeAbout
 from jaxrender.io.trees import TreeFile, read_tree, write_tree
@@ -98,6 +100,8 @@ __all__ = [
     "write_image",
     "write_merl",
     "write_mesh",
+    "write_rgl",
     "write_table",
+    "write_tensors",
     "write_tree",
 ]

@@ -8,11 +8,12 @@ A material has the incoming directions' ``theta_i`` and ``phi_i``, ``ndf`` and `
 polar], ``vndf`` and ``luminance`` [phi_i, theta_i, row, column], ``rgb`` or ``spectra`` [phi_i,
 theta_i, channel, row, column] with their ``wavelengths`` in nm, ``description`` (letters) and
 ``jacobian`` (whether samples are scaled).  ``RglBRDF`` says what they mean; the luminance is for
-drawing samples alone and is not used.
+drawing samples alone: it is written, and not read.
 """
 
 import math
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from jaxrender.brdf.tables.rgl import RglBRDF, RglTables
 from jaxrender.errors import InputError
+from jaxrender.io.atomic import replacing
 from jaxrender.shapes import Float
 
 _MAGIC = b"tensor_file\0"
@@ -127,6 +129,66 @@ def read_rgl(path: str | Path) -> RglMaterial:
         described.tobytes().decode("utf-8", "replace"),
         int(np.sum(fields[kind] < 0)),
     )
+
+
+def write_tensors(path: str | Path, fields: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as a container, whole or not at all.
+
+    Raises InputError where the folder is missing, ``ValueError`` for a type that it has none for.
+    """
+    arrays = {name: _stored(name, array) for name, array in fields.items()}
+    names = {name: name.encode() for name in arrays}
+    head = len(_MAGIC) + struct.calcsize("<BBI")
+    start = head + sum(
+        struct.calcsize(f"<H{len(names[name])}sHBQ{array.ndim}Q") for name, array in arrays.items()
+    )
+    with replacing(Path(path)) as aside, aside.open("wb") as file:
+        file.write(_MAGIC + struct.pack("<BBI", *_VERSION, len(arrays)))
+        for name, array in arrays.items():
+            kind = _TYPES.index(array.dtype) + 1
+            file.write(struct.pack(f"<H{len(names[name])}s", len(names[name]), names[name]))
+            file.write(struct.pack(f"<HBQ{array.ndim}Q", array.ndim, kind, start, *array.shape))
+            start += array.nbytes
+        for array in arrays.values():
+            file.write(array.tobytes())
+
+
+def write_rgl(path: str | Path, tables: RglTables, description: str = "") -> None:
+    """Write an RGB material, with samples scaled as ``RglBRDF.of`` takes them.
+
+    Raises InputError where the folder is missing, ``ValueError`` for samples without three
+    channels.
+    """
+    channels = tables.samples.shape[2]
+    if channels != 3:
+        raise ValueError(f"the tables have {channels} channels; give three, RGB")
+    luminance = tables.samples.mean(axis=2)
+    # Every sample must be drawn now and then.
+    least = 1e-3 * luminance.max(axis=(2, 3), keepdims=True)
+    fields = {
+        "theta_i": tables.theta_i,
+        "phi_i": tables.phi_i,
+        "ndf": tables.ndf,
+        "sigma": tables.sigma,
+        "vndf": tables.vndf,
+        "luminance": np.maximum(luminance, np.maximum(least, np.finfo(np.float32).tiny)),
+        "rgb": tables.samples,
+    }
+    letters = np.frombuffer(description.encode() or b" ", np.uint8)
+    write_tensors(
+        path,
+        {name: np.asarray(array, np.float32) for name, array in fields.items()}
+        | {"description": letters, "jacobian": np.ones(1, np.uint8)},
+    )
+
+
+def _stored(name: str, array: np.ndarray) -> np.ndarray:
+    """Bring an array into the file's order of bytes and numbers."""
+    found = np.asarray(array)
+    own = found.dtype.newbyteorder("<")
+    if own not in _TYPES:
+        raise ValueError(f"{name!r} holds {found.dtype}; a container has no type for it")
+    return found.astype(own, order="C")
 
 
 def _refuse_shapes(path: Path, fields: dict[str, np.ndarray], kind: str, channels: int) -> None:

@@ -7,6 +7,8 @@
     compared with photographs
 ``importing`` ``photographs_found`` ``imported_config``
     the capture of another program as one of ours, with its config
+``exporting``
+    a result in the files of other programs
 ``light_probe`` ``probe_views``
     light from photographs of a mirror ball
 ``tasks``

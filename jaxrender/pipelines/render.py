@@ -109,7 +109,7 @@ def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
-def _light_of(run: FinishedRun, scene: Scene, shape: Shape) -> KnownLight:
+def light_of(run: FinishedRun, scene: Scene, shape: Shape) -> KnownLight:
     """Find the light: that of the scene, the recovered one, or the given one."""
     config = run.config
     if scene.environment is not None:
@@ -143,7 +143,7 @@ def renderings(
     config = run.config
     assert config.capture.geometry is not None
     shape = shape_of(config.capture.geometry)
-    light = _light_of(run, scene, shape)
+    light = light_of(run, scene, shape)
     subject = task_named(run.config.task).subject(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(

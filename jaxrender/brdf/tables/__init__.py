@@ -10,8 +10,9 @@
     any BRDF as means over cells, for a coefficient tree
 ``nearest``
     the nearest table that is reciprocal, isotropic, separable or conserves energy
-``polar_nodes`` ``rgl`` ``bilinear_warp``
-    tables at the nodes of polar angles; tables over warped half vectors (Dupuy and Jakob 2018)
+``polar_nodes`` ``rgl`` ``bilinear_warp`` ``rgl_tabulation``
+    tables at the nodes of polar angles; tables over warped half vectors (Dupuy and Jakob 2018),
+    and any BRDF as one
 ``zernike`` ``zernike_fit``
     products of Zernike polynomials (T 5.7.2), fitted to scattered measurements
 """

@@ -24,7 +24,9 @@ EXCEPTIONS = {
     **dict.fromkeys(("BRDF", "Glossy", "Parametric", "WithoutIndex", "ByOwnNumber"), _BASE),
     "Distribution": "what a distribution is: its rows are those of the four",
     **dict.fromkeys(("fit_isotropic_table", "fit_zernike"), _FIT),
-    **dict.fromkeys(("masked", "tabulate"), _SETS),
+    **dict.fromkeys(("masked", "tabulate", "tabulate_rgl"), _SETS),
+    "RglSize": "numbers of nodes",
+    "Exchanged": "another BRDF at the pair exchanged: its rows are that one's",
     **dict.fromkeys(
         (
             "nearest_energy_conserving",

@@ -1,0 +1,54 @@
+"""The command about other programs' files: ``export``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from jaxrender.cli import process
+from jaxrender.cli.app import DONE, app
+
+
+@app.command
+def export(
+    result: Path,
+    /,
+    *,
+    to: str,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    lossy: bool = False,
+    force: bool = False,
+) -> int:
+    """Write a result for other programs: material, shape, light and cameras.
+
+    README.txt in the new folder says what each file is, and what was lost.
+
+    Examples: ``jaxrender export runs/cat --to mitsuba``;
+    ``jaxrender export runs/cat --to all --lossy --out cat_files``.
+
+    Parameters
+    ----------
+    result
+        The folder of a finished fit.
+    to
+        gltf, glb, mitsuba, rgl, merl, environment, harmonics, or all. The README says what each
+        keeps.
+    out
+        Folder to write; by default RESULT_FORMAT beside the result.
+    lossy
+        Go on where the format cannot hold all of the result. The losses are printed.
+    force
+        Replace an earlier export of something else.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines.exporting import export as run_export
+    from jaxrender.pipelines.progress import choose
+
+    done = run_export(result, to, out, lossy, force, choose(sys.stderr))
+    for sentence in done.sentences:
+        process.say(sentence)
+    process.say(f"export: {done.folder}")
+    return DONE

@@ -1,0 +1,44 @@
+"""What was recovered, for other programs: one module for each format.
+
+``contents``
+    what leaves, and what a written file is
+``mitsuba`` ``mitsuba_materials``
+    a scene of Mitsuba 3, its materials, and RGL's tables for all that Mitsuba lacks
+``gltf`` ``gltf_material``
+    glTF 2.0 and GLB, and what they hold of a material, as a BRDF
+``environments`` ``harmonics``
+    the light alone, as pictures and as coefficients
+
+Each writer says by ``..._losses`` what its format cannot hold, before anything is written.
+"""
+
+from jaxrender.io.exports.contents import Contents, MaterialMaps, Part, mesh_of, plain_name
+from jaxrender.io.exports.environments import (
+    cube_faces,
+    environment_losses,
+    write_environment_pictures,
+)
+from jaxrender.io.exports.gltf import GltfTextures, gltf_losses, srgb, write_gltf
+from jaxrender.io.exports.gltf_material import GltfMaterial
+from jaxrender.io.exports.harmonics import write_harmonics
+from jaxrender.io.exports.mitsuba import mitsuba_losses, mitsuba_panorama, write_mitsuba
+
+__all__ = [
+    "Contents",
+    "GltfMaterial",
+    "GltfTextures",
+    "MaterialMaps",
+    "Part",
+    "cube_faces",
+    "environment_losses",
+    "gltf_losses",
+    "mesh_of",
+    "mitsuba_losses",
+    "mitsuba_panorama",
+    "plain_name",
+    "srgb",
+    "write_environment_pictures",
+    "write_gltf",
+    "write_harmonics",
+    "write_mitsuba",
+]

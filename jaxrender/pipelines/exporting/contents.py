@@ -1,0 +1,119 @@
+"""The material, shape, light and cameras of a finished run, for any format to write."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender import brdf as brdfs
+from jaxrender.brdf import BRDF
+from jaxrender.errors import InputError
+from jaxrender.geometry import Shape
+from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
+from jaxrender.io.captures import Frame
+from jaxrender.io.exports import Contents, MaterialMaps
+from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.pipelines.captures import captures_of, joined
+from jaxrender.pipelines.render import OWN_SCENE, light_of
+from jaxrender.pipelines.result import RESULT, FinishedRun
+from jaxrender.pipelines.scene import shape_of
+from jaxrender.pipelines.tasks import task_named
+from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
+
+_CHANNELS = 3
+
+
+class Held(NamedTuple):
+    """The contents of a run, and what every format loses of it."""
+
+    contents: Contents
+    losses: tuple[str, ...]
+
+
+def contents_of(run: FinishedRun) -> Held:
+    """Gather what a run holds.
+
+    Raises ``InputError`` for files that have gone, and for a summary that lacks what this version
+    writes.
+    """
+    try:
+        return _contents(run)
+    except KeyError as error:
+        made = run.summary.get("provenance")
+        version = made.get("jaxrender") if isinstance(made, dict) else None
+        raise InputError(
+            f"{run.folder / RESULT}: no key {error}; it is of an older version "
+            f"({version or 'unknown'}), or damaged: make the result anew with fit --force"
+        ) from None
+
+
+def _contents(run: FinishedRun) -> Held:
+    geometry = run.config.capture.geometry
+    shape: Shape | None = None if geometry is None else shape_of(geometry)
+    losses: list[str] = []
+    environment, sources = _light(run, losses)
+    cameras: tuple[Frame, ...] = joined(
+        [one.capture for one in captures_of(run.config, require_images=False)]
+    ).frames
+    if run.summary.get("gains"):
+        losses.append("the gains of single photographs: one exposure serves all cameras")
+    maps = None
+    if run.config.task == "texture" and shape is not None:
+        maps = _maps(run, shape, losses)
+    name = run.folder.resolve().name
+    return Held(
+        Contents(name, _material(run), shape, environment, sources, cameras, maps), tuple(losses)
+    )
+
+
+def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | None:
+    """Read a texture of texels; None for one of vertices."""
+    subject = TexturedSubject(run, shape)
+    if subject.size == (1, 1):
+        return None
+    if subject.normals is not None:
+        losses.append("the normals of single texels: the shape's own are kept")
+    if len(subject.lobes) > 1 and subject.sigma is None:
+        losses.append("the index of each region: that of the sharpest serves all")
+    sharpest, seen = subject.lobe, np.any(subject.kd > 0, axis=1)
+    assert isinstance(sharpest, brdfs.Microfacet)
+    mean = sharpest.with_amplitudes(
+        subject.kd[seen].mean(axis=0), np.full(_CHANNELS, subject.ks[seen].mean())
+    )
+    sigma = subject.sigma
+    if sigma is None and len(subject.lobes) > 1:
+        widths = np.array([float(lobe.sigma) for lobe in subject.lobes])
+        sigma = widths[np.maximum(subject.region, 0)]
+    if sigma is not None:
+        mean = mean.with_roughness(float(np.median(sigma[seen])), mean.mu)
+        sigma = sigma.reshape(subject.size)
+    kd = subject.kd.reshape(*subject.size, -1)
+    return MaterialMaps(mean, kd, subject.ks.reshape(subject.size), sigma)
+
+
+def _material(run: FinishedRun) -> BRDF | None:
+    if run.config.task == "texture":
+        return None
+    brdf = task_named(run.config.task).brdf(run)
+    channels = len(brdf.coupling) if isinstance(brdf, HarmonicBRDF) else brdf.amplitudes.shape[1]
+    if channels != _CHANNELS:
+        raise InputError(
+            f"{run.folder}: the material has {channels} channels; only RGB can be exported"
+        )
+    if isinstance(brdf, brdfs.Microfacet) and not np.any(brdf.ks):
+        return brdfs.Lambertian(np.asarray(brdf.kd))
+    return brdf
+
+
+def _light(run: FinishedRun, losses: list[str]) -> tuple[Environment | None, DirectionalSources]:
+    """Find the light that the photographs were rendered by, its scale applied."""
+    light = light_of(run, OWN_SCENE).upright
+    if light.near is not None:
+        losses.append("the places of near sources: they shine from infinity")
+    if light.varies:
+        losses.append("the light of all photographs but the first: it differs between them")
+    scale = float(run.summary.get("scale", 1.0))
+    environment, sources = light.environment_of(0), light.sources_of(0)
+    if environment is not None:
+        environment = Environment(scale * np.asarray(environment.radiance))
+    scaled = scale * np.asarray(sources.irradiance)
+    return environment, DirectionalSources(np.asarray(sources.directions), scaled)

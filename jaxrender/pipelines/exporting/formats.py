@@ -1,0 +1,234 @@
+"""Every format by its name: what it needs, what it loses of the contents, and who writes it."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxrender.brdf import BRDF, Exchanged, IsotropicMean, tabulate_rgl
+from jaxrender.errors import InputError
+from jaxrender.io.exports import (
+    Contents,
+    MaterialMaps,
+    Part,
+    environment_losses,
+    gltf_losses,
+    mitsuba_losses,
+    write_environment_pictures,
+    write_gltf,
+    write_harmonics,
+    write_mitsuba,
+)
+from jaxrender.io.exports.mitsuba_materials import TABLE
+from jaxrender.io.merl import MerlTable, write_merl
+from jaxrender.io.rgl import read_rgl, write_rgl
+from jaxrender.lighting import Light, LightSum
+from jaxrender.pipelines.exporting.differences import difference
+from jaxrender.pipelines.exporting.nearest_gltf import (
+    described,
+    nearest_gltf,
+    nearest_textured,
+    own_gltf,
+)
+from jaxrender.spectra import light_coefficients
+
+ALL = "all"
+MATERIAL, _SHAPE, _LIGHT = "single material", "shape", "light"
+_ENVIRONMENT, _MERL = "environment", "material.binary"
+# The largest degree of exported harmonics.
+_DEGREE = 10
+# A material, or one for every texel.
+_MAPPED = "material or texture of texels"
+_LACKED = "the model of the material, which the format lacks"
+
+
+class Written(NamedTuple):
+    """The files of an export, and remarks on their accuracy."""
+
+    parts: tuple[Part, ...]
+    remarks: tuple[str, ...] = ()
+
+
+class Prepared(NamedTuple):
+    """An export that may begin: what would be lost, and what writes it."""
+
+    losses: tuple[str, ...]
+    write: Callable[[Path], Written]
+
+
+class ExportFormat(NamedTuple):
+    """A format: a line on it, what the contents must have, and what prepares it."""
+
+    about: str
+    needs: tuple[str, ...]
+    prepare: Callable[[Contents], Prepared]
+
+
+def format_named(name: str) -> ExportFormat:
+    """Look a format up; ``InputError`` lists those that there are."""
+    if name not in FORMATS:
+        raise InputError(f"--to {name}: no such format; known are {', '.join((*FORMATS, ALL))}")
+    return FORMATS[name]
+
+
+def missing_of(contents: Contents, kind: ExportFormat) -> tuple[str, ...]:
+    """Name what a format needs and the contents lack."""
+    has = {
+        MATERIAL: contents.material is not None,
+        _MAPPED: contents.material is not None or contents.maps is not None,
+        _SHAPE: contents.shape is not None,
+        _LIGHT: contents.is_lit,
+        _ENVIRONMENT: contents.environment is not None,
+    }
+    return tuple(need for need in kind.needs if not has[need])
+
+
+def _isotropic(brdf: BRDF) -> BRDF:
+    return brdf if brdf.isotropic else IsotropicMean(brdf)
+
+
+def _mitsuba(contents: Contents) -> Prepared:
+    assert contents.material is not None
+    material = _isotropic(contents.material)
+
+    def write(folder: Path) -> Written:
+        parts = write_mitsuba(contents._replace(material=material), folder)
+        if not (folder / TABLE).exists():
+            return Written(parts, ("the material is a plugin of Mitsuba's own, by its definition",))
+        return Written(parts, (_of_table(folder, material, contents, "outgoing"),))
+
+    return Prepared(mitsuba_losses(contents), write)
+
+
+def _rgl(contents: Contents) -> Prepared:
+    assert contents.material is not None
+    material = _isotropic(contents.material)
+    losses = () if contents.material.isotropic else ("how the surface differs with its turning",)
+
+    def write(folder: Path) -> Written:
+        write_rgl(folder / TABLE, tabulate_rgl(material), "exported by jaxrender")
+        about = "BRDF times cosine in RGL's format, by the direction of the light; linear RGB"
+        return Written((Part(TABLE, about),), (_of_table(folder, material, contents, "incoming"),))
+
+    return Prepared(losses, write)
+
+
+def _gltf(contents: Contents, *, binary: bool) -> Prepared:
+    """Write glTF's own material, or prepare to lose what the nearest one misses."""
+    if contents.maps is not None:
+        return _textured(contents, contents.maps, binary=binary)
+    assert contents.material is not None
+    material, losses = own_gltf(contents.material), gltf_losses(contents)
+    remark = "the material is glTF's own, by its definition"
+    if material is None:
+        if not contents.material.isotropic:
+            losses += ("how the surface differs with its turning",)
+        target = _isotropic(contents.material)
+        material = nearest_gltf(target)
+        apart = difference(target, material, contents).sentence
+        losses += (f"{_LACKED}; the nearest that it has is {apart} away",)
+        remark = f"the nearest material of glTF has {described(material)}"
+
+    def write(folder: Path) -> Written:
+        return Written(write_gltf(contents, folder, material, binary=binary), (remark,))
+
+    return Prepared(losses, write)
+
+
+def _textured(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepared:
+    """Prepare a texture: the model is always lost."""
+    found = nearest_textured(maps)
+    apart = difference(maps.mean, found.mean, contents).sentence
+    losses = (
+        *gltf_losses(contents),
+        f"{_LACKED}; for the mean texel the nearest that it has is {apart} away",
+        "steps finer than a 256th of a texture's range",
+    )
+    if found.too_bright:
+        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
+
+    def write(folder: Path) -> Written:
+        parts = write_gltf(contents, folder, found.material, found.textures, binary=binary)
+        remark = "textures: base colour and specular colour in sRGB, roughness linear in green"
+        return Written(parts, (remark, "texels that no photograph shows are black"))
+
+    return Prepared(losses, write)
+
+
+def _merl(contents: Contents) -> Prepared:
+    assert contents.material is not None
+    material = _isotropic(contents.material)
+    losses = () if contents.material.isotropic else ("how the surface differs with its turning",)
+    if not contents.material.reciprocal:
+        losses += (
+            "that the material is not reciprocal: one value serves a pair of directions and its "
+            "exchange",
+        )
+
+    def write(folder: Path) -> Written:
+        table = MerlTable.of(material)
+        write_merl(folder / _MERL, table)
+        apart = difference(material, table.brdf(), contents).sentence
+        about = "BRDF over theta_h, theta_d and phi_d as the MERL database has it; linear RGB"
+        return Written((Part(_MERL, about),), (f"the table differs from the material by {apart}",))
+
+    return Prepared(losses, write)
+
+
+def _environment(contents: Contents) -> Prepared:
+    return Prepared(
+        environment_losses(contents),
+        lambda folder: Written(write_environment_pictures(contents, folder)),
+    )
+
+
+def _harmonics(contents: Contents) -> Prepared:
+    """Prepare all of the light, sources too, to the degree that its image determines."""
+    parts: list[Light] = [contents.sources]
+    degree = _DEGREE
+    if contents.environment is not None:
+        parts.append(contents.environment)
+        degree = min(degree, contents.environment.grid.band_limit)
+    coefficients = light_coefficients(LightSum(tuple(parts)), max(degree, 2))
+    remark = f"harmonics are the light to degree {max(degree, 2)}, and no finer"
+    return Prepared(
+        (), lambda folder: Written(write_harmonics(np.asarray(coefficients), folder), (remark,))
+    )
+
+
+def _of_table(folder: Path, material: BRDF, contents: Contents, first: str) -> str:
+    """Say how exact the table of a material is, from the file itself."""
+    table: BRDF = read_rgl(folder / TABLE).brdf
+    if first == "outgoing":
+        table = Exchanged(table)
+    found = difference(material, table, contents)
+    return f"the table {TABLE} differs from the recovered material by {found.sentence}"
+
+
+FORMATS: dict[str, ExportFormat] = {
+    "gltf": ExportFormat(
+        "a scene of glTF 2.0 as text", (_MAPPED, _SHAPE), partial(_gltf, binary=False)
+    ),
+    "glb": ExportFormat(
+        "a scene of glTF 2.0 in one binary file", (_MAPPED, _SHAPE), partial(_gltf, binary=True)
+    ),
+    "mitsuba": ExportFormat(
+        "a scene of Mitsuba 3, as XML and as a dictionary",
+        (MATERIAL, _SHAPE, _LIGHT),
+        _mitsuba,
+    ),
+    "merl": ExportFormat(
+        "the material as a file of the MERL database (.binary)", (MATERIAL,), _merl
+    ),
+    "environment": ExportFormat(
+        "the light around the object as EXR, Radiance HDR and six faces of a cube",
+        (_ENVIRONMENT,),
+        _environment,
+    ),
+    "harmonics": ExportFormat(
+        "the light as spherical harmonics: JSON, C header, GLSL", (_LIGHT,), _harmonics
+    ),
+    "rgl": ExportFormat("the material as a table in RGL's format (.bsdf)", (MATERIAL,), _rgl),
+}

@@ -1,0 +1,125 @@
+"""The material of glTF that is nearest to any isotropic BRDF.
+
+Minimised is int int (rho - rho')^2 (cos t_i cos t_o)^2 dw_i dw_o, over pairs that are dense about
+the highlight.  A dielectric has a base colour, a coloured reflectance head-on and a roughness; a
+metal a base colour and a roughness.  The better of the two is taken.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from jaxrender.brdf import BRDF, MetallicRoughness, Microfacet
+from jaxrender.io.exports import GltfMaterial, GltfTextures, MaterialMaps
+from jaxrender.pipelines.exporting.differences import Pairs, dense_pairs
+from jaxrender.shapes import Float
+
+_ROUGHNESSES = (0.25, 0.6)
+_LEAST_ROUGHNESS, _LEAST_HEAD_ON, _MOST_HEAD_ON = 0.05, 1e-4, 0.95
+_EVALUATIONS, _TINY = 40, 1e-12
+
+
+def own_gltf(brdf: BRDF) -> GltfMaterial | None:
+    """Translate a BRDF whose definition is glTF's; None for all others."""
+    if not isinstance(brdf, MetallicRoughness):
+        return None
+    color = np.asarray(brdf.base_color, float)
+    # A reflectance that a fit has scaled has no place in glTF.
+    if not np.allclose(np.asarray(brdf.interface), 1) or np.any(color > 1) or color.shape != (3,):
+        return None
+    return GltfMaterial(color, float(brdf.metallic), float(brdf.roughness), float(brdf.ior))
+
+
+def nearest_gltf(brdf: BRDF, metals: bool = True) -> GltfMaterial:
+    """Fit glTF's material to an isotropic BRDF of three channels; ``metals`` are tried, too."""
+    pairs = dense_pairs()
+    wanted, root = pairs.values(brdf), np.sqrt(pairs.weights)[:, None]
+    found = [
+        _fitted(pairs, root, wanted, start, metal)
+        for metal in ((False, True) if metals else (False,))
+        for start in _ROUGHNESSES
+    ]
+    return min(found, key=lambda one: float(np.sum((root * (pairs.values(one) - wanted)) ** 2)))
+
+
+class TexturedGltf(NamedTuple):
+    """Textures, what they multiply, and the share of texels that are brighter than white.
+
+    ``mean`` is the material nearest to that of the mean texel.
+    """
+
+    mean: GltfMaterial
+    material: GltfMaterial
+    textures: GltfTextures
+    too_bright: float
+
+
+def nearest_textured(maps: MaterialMaps) -> TexturedGltf:
+    """Find the material nearest to the mean, and scale its numbers for every texel.
+
+    Colours change by kd and ks over the mean's, the roughness by the root of sigma over the mean's.
+    """
+    nearest = nearest_gltf(maps.mean, metals=False)
+    amplitudes = np.asarray(maps.mean.amplitudes, float)
+    kd, ks = amplitudes[0], float(amplitudes[-1, 0])
+    base = np.asarray(nearest.base_color) * maps.kd / np.maximum(kd, _TINY)
+    index = float(nearest.ior)
+    head_on = ((index - 1) / (index + 1)) ** 2 * np.asarray(nearest.specular_color)
+    specular = None
+    if ks > 0:
+        of_texel = head_on * (maps.ks / ks)[..., None]
+        brightest = min(float(of_texel.max()), _MOST_HEAD_ON)
+        specular = np.minimum(of_texel / brightest, 1)
+        root = np.sqrt(brightest)
+        index = (1 + root) / (1 - root)
+    roughness = None
+    if maps.sigma is not None:
+        assert isinstance(maps.mean, Microfacet)
+        ratio = np.sqrt(np.maximum(maps.sigma, 0) / float(maps.mean.sigma))
+        roughness = np.clip(float(nearest.roughness) * ratio, 0, 1)
+    material = GltfMaterial(np.ones(3), 0.0, float(nearest.roughness), index)
+    textures = GltfTextures(np.minimum(base, 1), specular, roughness)
+    return TexturedGltf(nearest, material, textures, float(np.mean(np.any(base > 1, axis=-1))))
+
+
+def described(material: GltfMaterial) -> str:
+    """Say what a material's numbers are."""
+    color = " ".join(f"{x:.3f}" for x in np.asarray(material.base_color))
+    tint = " ".join(f"{x:.3f}" for x in np.asarray(material.specular_color))
+    said = f"base colour {color}, roughness {float(material.roughness):.3f}"
+    if float(material.metallic) == 1:
+        return f"{said}, metallic 1"
+    return f"{said}, metallic 0, index {float(material.ior):.3f}, specular colour {tint}"
+
+
+def _fitted(
+    pairs: Pairs,
+    root: Float[np.ndarray, "pair 1"],
+    wanted: Float[np.ndarray, "pair 3"],
+    start: float,
+    metal: bool,
+) -> GltfMaterial:
+    colors = [0.5, 0.5, 0.5] if metal else [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]
+    low = [0.0] * 3 + [_LEAST_HEAD_ON] * (len(colors) - 3) + [_LEAST_ROUGHNESS]
+    high = [1.0] * 3 + [_MOST_HEAD_ON] * (len(colors) - 3) + [1.0]
+
+    def residuals(numbers: np.ndarray) -> np.ndarray:
+        return np.ravel(root * (pairs.values(_material(numbers)) - wanted))
+
+    done = least_squares(
+        residuals, [*colors, start], bounds=(low, high), x_scale="jac", max_nfev=_EVALUATIONS
+    )
+    return _material(done.x)
+
+
+def _material(numbers: np.ndarray) -> GltfMaterial:
+    """Make a metal of four numbers, a dielectric of seven."""
+    color, rough = numbers[:3], numbers[-1]
+    if len(numbers) == 4:
+        return GltfMaterial(color, 1.0, rough)
+    head_on = numbers[3:6]
+    # The index that the brightest channel asks for, so that no colour is above one.
+    index = np.sqrt(head_on.max())
+    ior = (1 + index) / (1 - index)
+    return GltfMaterial(color, 0.0, rough, ior, 1.0, head_on / head_on.max())
