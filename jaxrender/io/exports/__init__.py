@@ -8,6 +8,8 @@
     glTF 2.0 and GLB, and what they hold of a material, as a BRDF
 ``environments`` ``harmonics``
     the light alone, as pictures and as coefficients
+``materialx``
+    OpenPBR's material, and glTF's, as MaterialX has them
 
 Each writer says by ``..._losses`` what its format cannot hold, before anything is written.
 """
@@ -21,6 +23,7 @@ from jaxrender.io.exports.environments import (
 from jaxrender.io.exports.gltf import GltfTextures, gltf_losses, srgb, write_gltf
 from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.exports.harmonics import write_harmonics
+from jaxrender.io.exports.materialx import materialx_library, openpbr_losses, write_materialx
 from jaxrender.io.exports.mitsuba import mitsuba_losses, mitsuba_panorama, write_mitsuba
 
 __all__ = [
@@ -32,13 +35,16 @@ __all__ = [
     "cube_faces",
     "environment_losses",
     "gltf_losses",
+    "materialx_library",
     "mesh_of",
     "mitsuba_losses",
     "mitsuba_panorama",
+    "openpbr_losses",
     "plain_name",
     "srgb",
     "write_environment_pictures",
     "write_gltf",
     "write_harmonics",
+    "write_materialx",
     "write_mitsuba",
 ]

@@ -1,6 +1,6 @@
 """Light around the object as pictures: EXR, Radiance HDR, and the six faces of a cube.
 
-The panoramas are latitude-longitude with z up, seen from within: -x in the middle, +y right of it.
+The panoramas are latitude-longitude with z up, seen from within: +x in the middle, +y left of it.
 Faces are those of OpenGL and Vulkan with y up, where (x, y, z) of the world is (x, z, -y): ``px``
 shows +x, ``nx`` -x and so on; row 0 is the top.  A texel is the light at its centre, interpolated
 bilinearly; nothing is filtered, so a face has as many rows as half of the panorama.
@@ -27,7 +27,7 @@ FACES = {
     "pz": ((1, 0, 0), (0, -1, 0), (0, 0, 1)),
     "nz": ((-1, 0, 0), (0, -1, 0), (0, 0, -1)),
 }
-_LATLONG = "latitude-longitude with z up, -x in the middle and +y to the right of it; linear RGB"
+_LATLONG = "latitude-longitude with z up, +x in the middle and +y to the left of it; linear RGB"
 
 
 def environment_losses(contents: Contents) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ from jaxrender.shapes import AnyArray, Float
 
 ENVIRONMENT = "environment.exr"
 _ABOUT_ENVIRONMENT = (
-    "radiance around the object, linear RGB, latitude-longitude with z up, -x in the middle and +y "
-    "to the right of it, as Blender's environment texture has it"
+    "radiance around the object, linear RGB, latitude-longitude with z up, +x in the middle and +y "
+    "to the left of it, as Blender's environment texture and three.js have it"
 )
 _FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _FLOAT, _UNSIGNED = 5126, 5125
@@ -97,8 +97,9 @@ def write_gltf(
 
 
 def facing_panorama(environment: Environment) -> Float[np.ndarray, "row column channel"]:
-    """Lay an environment out as who stands within it sees it: azimuth runs to the left."""
-    return np.asarray(environment.radiance)[:, ::-1]
+    """Lay an environment out as who looks along +x within it sees it: azimuth runs to the left."""
+    mirrored = np.asarray(environment.radiance)[:, ::-1]
+    return np.roll(mirrored, mirrored.shape[1] // 2, axis=1)
 
 
 class _Writer:

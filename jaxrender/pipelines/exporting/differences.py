@@ -33,20 +33,34 @@ class Pairs(NamedTuple):
         """Evaluate a BRDF in 1/sr."""
         return np.asarray(_evaluate(brdf, self.incoming, self.outgoing), float)
 
+    def roots(self, brdf: BRDF) -> Float[np.ndarray, "pair channel"]:
+        """Evaluate square roots of rho cos t_i cos t_o, times the roots of the weights."""
+        cosines = (self.incoming[:, 2] * self.outgoing[:, 2])[:, None]
+        seen = np.sqrt(np.maximum(self.values(brdf), 0) * cosines)
+        return np.sqrt(self.weights)[:, None] * seen
+
 
 class Difference(NamedTuple):
-    """Two materials apart: rms over the first's own, and the mean difference of their pictures."""
+    """Two materials apart: rms over the first's own, and how far their pictures are.
+
+    ``picture`` is the mean absolute difference over the mean, ``median`` that of pixels over their
+    own values; None where there is no light.
+    """
 
     relative_rms: float
-    picture: float | None
+    picture: float | None = None
+    median: float | None = None
 
     @property
     def sentence(self) -> str:
         """Say how far they are apart."""
         said = f"{100 * self.relative_rms:.2g} % rms in the BRDF"
-        if self.picture is None:
+        if self.picture is None or self.median is None:
             return said
-        return f"{said}, {100 * self.picture:.2g} % in a picture of a ball in the result's light"
+        return (
+            f"{said}, {100 * self.picture:.2g} % in a picture of a ball in the result's light "
+            f"(median of its pixels {100 * self.median:.2g} %)"
+        )
 
 
 def dense_pairs() -> Pairs:
@@ -76,14 +90,17 @@ def difference(material: BRDF, exported: BRDF, contents: Contents) -> Difference
     rms = float(np.sqrt(np.sum(weights * (own - other) ** 2) / np.sum(weights * own**2)))
     light = light_of_contents(contents)
     if light is None:
-        return Difference(rms, None)
+        return Difference(rms)
     pose = look_at(np.array([0.0, -4.0, 1.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     camera = Pinhole(_PICTURE, _PICTURE, pose, fl_x=1.8 * _PICTURE)
     pictures = [
         np.asarray(render_lit(one, light, Sphere(), camera)) for one in (material, exported)
     ]
-    off = float(np.sum(np.abs(pictures[1] - pictures[0])) / max(np.sum(pictures[0]), 1e-300))
-    return Difference(rms, off)
+    own, apart = pictures[0], np.abs(pictures[1] - pictures[0])
+    lit = own > 0
+    if not lit.any():
+        return Difference(rms)
+    return Difference(rms, float(apart.sum() / own.sum()), float(np.median(apart[lit] / own[lit])))
 
 
 def light_of_contents(contents: Contents) -> Light | None:

@@ -84,7 +84,12 @@ def _prepared(name: str, held: Held, result: Path, lossy: bool, *, alone: bool) 
             "choose another format"
         )
     else:
-        asked = kind.prepare(contents)
+        try:
+            asked = kind.prepare(contents)
+        except InputError as error:
+            if alone:
+                raise
+            return str(error)
         of_all = () if kind.needs == (MATERIAL,) else held.losses
         asked = asked._replace(losses=(*of_all, *asked.losses))
         if asked.losses and not lossy:

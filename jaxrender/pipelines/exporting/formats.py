@@ -7,18 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF, Exchanged, IsotropicMean, tabulate_rgl
+from jaxrender.brdf import BRDF, Exchanged, IsotropicMean, OpenPBR, tabulate_rgl
 from jaxrender.errors import InputError
 from jaxrender.io.exports import (
     Contents,
+    GltfMaterial,
     MaterialMaps,
     Part,
     environment_losses,
     gltf_losses,
+    materialx_library,
     mitsuba_losses,
+    openpbr_losses,
     write_environment_pictures,
     write_gltf,
     write_harmonics,
+    write_materialx,
     write_mitsuba,
 )
 from jaxrender.io.exports.mitsuba_materials import TABLE
@@ -41,6 +45,7 @@ _ENVIRONMENT, _MERL = "environment", "material.binary"
 _DEGREE = 10
 # A material, or one for every texel.
 _MAPPED = "material or texture of texels"
+_TURNING = "how the surface differs with its turning"
 _LACKED = "the model of the material, which the format lacks"
 
 
@@ -105,7 +110,7 @@ def _mitsuba(contents: Contents) -> Prepared:
 def _rgl(contents: Contents) -> Prepared:
     assert contents.material is not None
     material = _isotropic(contents.material)
-    losses = () if contents.material.isotropic else ("how the surface differs with its turning",)
+    losses = () if contents.material.isotropic else (_TURNING,)
 
     def write(folder: Path) -> Written:
         write_rgl(folder / TABLE, tabulate_rgl(material), "exported by jaxrender")
@@ -115,26 +120,53 @@ def _rgl(contents: Contents) -> Prepared:
     return Prepared(losses, write)
 
 
+class _Chosen(NamedTuple):
+    """glTF's material that is written, what is lost with it, and a remark."""
+
+    material: GltfMaterial
+    losses: tuple[str, ...]
+    remark: str
+
+
+def _chosen(contents: Contents) -> _Chosen:
+    """Choose glTF's own material, or the nearest one with what it misses."""
+    assert contents.material is not None
+    own = own_gltf(contents.material)
+    if own is not None:
+        return _Chosen(own, (), "the material is glTF's own, by its definition")
+    target = _isotropic(contents.material)
+    near = nearest_gltf(target)
+    apart = difference(target, near, contents).sentence
+    losses = (f"{_LACKED}; the nearest that it has is {apart} away",)
+    if not contents.material.isotropic:
+        losses += (_TURNING,)
+    return _Chosen(near, losses, f"the nearest material of glTF has {described(near)}")
+
+
 def _gltf(contents: Contents, *, binary: bool) -> Prepared:
-    """Write glTF's own material, or prepare to lose what the nearest one misses."""
+    """Prepare a scene; a texture's numbers are those of the nearest material, texel by texel."""
     if contents.maps is not None:
         return _textured(contents, contents.maps, binary=binary)
-    assert contents.material is not None
-    material, losses = own_gltf(contents.material), gltf_losses(contents)
-    remark = "the material is glTF's own, by its definition"
-    if material is None:
-        if not contents.material.isotropic:
-            losses += ("how the surface differs with its turning",)
-        target = _isotropic(contents.material)
-        material = nearest_gltf(target)
-        apart = difference(target, material, contents).sentence
-        losses += (f"{_LACKED}; the nearest that it has is {apart} away",)
-        remark = f"the nearest material of glTF has {described(material)}"
+    found = _chosen(contents)
 
     def write(folder: Path) -> Written:
-        return Written(write_gltf(contents, folder, material, binary=binary), (remark,))
+        parts = write_gltf(contents, folder, found.material, binary=binary)
+        return Written(parts, (found.remark,))
 
-    return Prepared(losses, write)
+    return Prepared((*gltf_losses(contents), *found.losses), write)
+
+
+def _materialx(contents: Contents) -> Prepared:
+    materialx_library()
+    material = contents.material
+    if isinstance(material, OpenPBR):
+        losses, remark = openpbr_losses(material), "the numbers are OpenPBR's own"
+    else:
+        material, losses, remark = _chosen(contents)
+    return Prepared(
+        losses,
+        lambda folder: Written(write_materialx(material, contents.name, folder), (remark,)),
+    )
 
 
 def _textured(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepared:
@@ -160,7 +192,7 @@ def _textured(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepar
 def _merl(contents: Contents) -> Prepared:
     assert contents.material is not None
     material = _isotropic(contents.material)
-    losses = () if contents.material.isotropic else ("how the surface differs with its turning",)
+    losses = () if contents.material.isotropic else (_TURNING,)
     if not contents.material.reciprocal:
         losses += (
             "that the material is not reciprocal: one value serves a pair of directions and its "
@@ -218,6 +250,9 @@ FORMATS: dict[str, ExportFormat] = {
         "a scene of Mitsuba 3, as XML and as a dictionary",
         (MATERIAL, _SHAPE, _LIGHT),
         _mitsuba,
+    ),
+    "materialx": ExportFormat(
+        "the material as MaterialX, by OpenPBR or glTF's shading model", (MATERIAL,), _materialx
     ),
     "merl": ExportFormat(
         "the material as a file of the MERL database (.binary)", (MATERIAL,), _merl

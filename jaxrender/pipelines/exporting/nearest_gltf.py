@@ -1,8 +1,9 @@
 """The material of glTF that is nearest to any isotropic BRDF.
 
-Minimised is int int (rho - rho')^2 (cos t_i cos t_o)^2 dw_i dw_o, over pairs that are dense about
-the highlight.  A dielectric has a base colour, a coloured reflectance head-on and a roughness; a
-metal a base colour and a roughness.  The better of the two is taken.
+Compared are square roots of rho cos t_i cos t_o, with weights (cos t_i cos t_o)^2 dw_i dw_o, over
+pairs that are dense about the highlight.  Without the root, a model without masking would be
+compared at grazing alone.  A dielectric has a base colour, a coloured reflectance head-on and a
+roughness; a metal a base colour and a roughness.  The better of the two is taken.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from jaxrender.io.exports import GltfMaterial, GltfTextures, MaterialMaps
 from jaxrender.pipelines.exporting.differences import Pairs, dense_pairs
 from jaxrender.shapes import Float
 
-_ROUGHNESSES = (0.25, 0.6)
+_FIRST_ROUGHNESS = 0.4
 _LEAST_ROUGHNESS, _LEAST_HEAD_ON, _MOST_HEAD_ON = 0.05, 1e-4, 0.95
 _EVALUATIONS, _TINY = 40, 1e-12
 
@@ -34,13 +35,9 @@ def own_gltf(brdf: BRDF) -> GltfMaterial | None:
 def nearest_gltf(brdf: BRDF, metals: bool = True) -> GltfMaterial:
     """Fit glTF's material to an isotropic BRDF of three channels; ``metals`` are tried, too."""
     pairs = dense_pairs()
-    wanted, root = pairs.values(brdf), np.sqrt(pairs.weights)[:, None]
-    found = [
-        _fitted(pairs, root, wanted, start, metal)
-        for metal in ((False, True) if metals else (False,))
-        for start in _ROUGHNESSES
-    ]
-    return min(found, key=lambda one: float(np.sum((root * (pairs.values(one) - wanted)) ** 2)))
+    wanted = pairs.roots(brdf)
+    found = [_fitted(pairs, wanted, metal) for metal in ((False, True) if metals else (False,))]
+    return min(found, key=lambda one: float(np.sum((pairs.roots(one) - wanted) ** 2)))
 
 
 class TexturedGltf(NamedTuple):
@@ -93,23 +90,16 @@ def described(material: GltfMaterial) -> str:
     return f"{said}, metallic 0, index {float(material.ior):.3f}, specular colour {tint}"
 
 
-def _fitted(
-    pairs: Pairs,
-    root: Float[np.ndarray, "pair 1"],
-    wanted: Float[np.ndarray, "pair 3"],
-    start: float,
-    metal: bool,
-) -> GltfMaterial:
+def _fitted(pairs: Pairs, wanted: Float[np.ndarray, "pair 3"], metal: bool) -> GltfMaterial:
     colors = [0.5, 0.5, 0.5] if metal else [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]
     low = [0.0] * 3 + [_LEAST_HEAD_ON] * (len(colors) - 3) + [_LEAST_ROUGHNESS]
     high = [1.0] * 3 + [_MOST_HEAD_ON] * (len(colors) - 3) + [1.0]
 
     def residuals(numbers: np.ndarray) -> np.ndarray:
-        return np.ravel(root * (pairs.values(_material(numbers)) - wanted))
+        return np.ravel(pairs.roots(_material(numbers)) - wanted)
 
-    done = least_squares(
-        residuals, [*colors, start], bounds=(low, high), x_scale="jac", max_nfev=_EVALUATIONS
-    )
+    start = [*colors, _FIRST_ROUGHNESS]
+    done = least_squares(residuals, start, bounds=(low, high), x_scale="jac", max_nfev=_EVALUATIONS)
     return _material(done.x)
 
 
