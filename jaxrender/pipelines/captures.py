@@ -44,7 +44,7 @@ class LitCapture(NamedTuple):
         """How pixels become radiance; a measured response is read from its file."""
         return reading_of(self.stated, self.min_cosine)
 
-    def light(self, shape: Shape) -> KnownLight:
+    def light(self, shape: Shape | None) -> KnownLight:
         """Make or read the light."""
         return known_light(self.lighting, list(self.names), shape)
 
@@ -91,7 +91,7 @@ def joined(captures: Sequence[Capture]) -> Capture:
     return Capture(frames, captures[0].source)
 
 
-def light_of_captures(captures: Sequence[LitCapture], shape: Shape) -> KnownLight:
+def light_of_captures(captures: Sequence[LitCapture], shape: Shape | None) -> KnownLight:
     """Put the lights of all captures together."""
     lights = []
     for at, one in enumerate(captures):

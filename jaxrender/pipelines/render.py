@@ -109,8 +109,11 @@ def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
-def light_of(run: FinishedRun, scene: Scene, shape: Shape) -> KnownLight:
-    """Find the light: that of the scene, the recovered one, or the given one."""
+def light_of(run: FinishedRun, scene: Scene, shape: Shape | None) -> KnownLight:
+    """Find the light: that of the scene, the recovered one, or the given one.
+
+    Sources that have a place ask for the ``shape``.
+    """
     config = run.config
     if scene.environment is not None:
         with fault_of(f"{scene.environment}"):

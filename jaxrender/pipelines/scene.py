@@ -169,7 +169,7 @@ def lights_of(lighting: CaptureLightingConfig | RecipeLightingConfig) -> tuple[L
 
 
 def known_light(
-    lighting: CaptureLightingConfig, frame_names: list[str], shape: Shape
+    lighting: CaptureLightingConfig, frame_names: list[str], shape: Shape | None
 ) -> KnownLight:
     """Make or read the light that a config names; ``shape`` says how near its sources are."""
     per_frame = None

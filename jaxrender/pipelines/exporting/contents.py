@@ -50,7 +50,7 @@ def _contents(run: FinishedRun) -> Held:
     geometry = run.config.capture.geometry
     shape: Shape | None = None if geometry is None else shape_of(geometry)
     losses: list[str] = []
-    environment, sources = _light(run, losses)
+    environment, sources = _light(run, shape, losses)
     cameras: tuple[Frame, ...] = joined(
         [one.capture for one in captures_of(run.config, require_images=False)]
     ).frames
@@ -104,9 +104,11 @@ def _material(run: FinishedRun) -> BRDF | None:
     return brdf
 
 
-def _light(run: FinishedRun, losses: list[str]) -> tuple[Environment | None, DirectionalSources]:
+def _light(
+    run: FinishedRun, shape: Shape | None, losses: list[str]
+) -> tuple[Environment | None, DirectionalSources]:
     """Find the light that the photographs were rendered by, its scale applied."""
-    light = light_of(run, OWN_SCENE).upright
+    light = light_of(run, OWN_SCENE, shape).upright
     if light.near is not None:
         losses.append("the places of near sources: they shine from infinity")
     if light.varies:
