@@ -1,6 +1,7 @@
 """How Sphinx builds the manual: pages in MyST, whose cells are executed and kept in a cache."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -14,6 +15,12 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 # Tables of the command line are as wide as a page.
 os.environ.update(COLUMNS="92", TERM="dumb", NO_COLOR="1")
 
+# Kernels begin with what lies there: cells of the shell print once, when they have ended.
+os.environ["IPYTHONDIR"] = str(HERE / "_build" / "ipython")
+startup = HERE / "_build" / "ipython" / "profile_default" / "startup"
+startup.mkdir(parents=True, exist_ok=True)
+shutil.copy(HERE / "extensions" / "shell_cells.py", startup)
+
 import jaxrender  # noqa: E402
 
 project = "jaxrender"
@@ -24,13 +31,14 @@ version = release = jaxrender.__version__
 extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
-    "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "manual",
+    "mathml",
 ]
 exclude_patterns = ["_build", "extensions", "build"]
 html_theme = "furo"
 html_title = f"jaxrender {release}"
+html_math_renderer = "mathml"
 html_static_path = ["static"]
 html_css_files = ["manual.css"]
 html_show_sphinx = False
@@ -45,7 +53,6 @@ nb_execution_timeout = 1200
 nb_execution_in_temp = True
 # What libraries say of the machine is no part of a page.
 nb_output_stderr = "remove"
-nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"

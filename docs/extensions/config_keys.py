@@ -19,6 +19,13 @@ class Key(NamedTuple):
     meaning: str
     tasks: str
 
+    @property
+    def stands(self) -> str:
+        """What may stand there, and what is taken where nothing does."""
+        if self.default in ("none", "required"):
+            return f"{self.kind}; {self.default}" if self.default == "required" else self.kind
+        return f"{self.kind}; else {self.default}"
+
 
 def keys_of(schema: dict[str, Any]) -> list[Key]:
     """List the keys of a schema, sections before what is inside them."""
@@ -115,9 +122,9 @@ def _shown(default: Any) -> str:
 
 def table_of(keys: list[Key]) -> str:
     """Lay the keys out as a table in MyST."""
-    head = "| key | what may stand there | default | meaning | tasks |\n|---|---|---|---|---|"
+    head = "| key | what may stand there | meaning | tasks |\n|---|---|---|---|"
     rows = (
-        f"| `{key.name}` | {_cell(key.kind)} | {_cell(key.default)} | {_cell(key.meaning)} "
+        f"| `{key.name}` | {_cell(key.stands)} | {_cell(key.meaning)} "
         f"| {_cell(key.tasks or 'all')} |"
         for key in keys
     )

@@ -75,7 +75,7 @@ class ModelTables(_Generated):
 
 
 def _model(model: Model) -> str:
-    lines = [f"## {model.name}", "", f"{model.surface[0].upper()}{model.surface[1:]}.", ""]
+    lines = [f"### {model.name}", "", f"{model.surface[0].upper()}{model.surface[1:]}.", ""]
     lines += [
         "| number | symbol | meaning | where | found or stated | else |",
         "|---|---|---|---|---|---|",

@@ -107,7 +107,8 @@ def _whole_literals(lines: list[str]) -> list[str]:
 def _plain(line: str) -> str:
     parts = re.split(r"(``[^`]*``)", line)
     parts[::2] = [re.sub(r"([*|\\`])|(_)(?=\W|$)", _escaped, part) for part in parts[::2]]
-    return "".join(parts)
+    # A literal ends only where something other than a word follows.
+    return re.sub(r"(``[^`]*``)(?=[\w^])", r"\1\\ ", "".join(parts))
 
 
 def _escaped(found: re.Match[str]) -> str:
