@@ -117,7 +117,7 @@ class Experiments(_Generated):
         picture = next(
             (
                 path
-                for folder in ("experiments", "docs/gallery")
+                for folder in ("experiments", "docs/gallery", "experiments/out")
                 for path in [_SOURCES / folder / f"{script.stem}.png"]
                 if path.exists()
             ),
