@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from config_keys import keys_of, table_of
 from docutils import nodes
 from docutils.parsers.rst import directives
-from public_doors import guarded, page_of, signature_of
+from public_doors import guarded, map_of, page_of, signature_of
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -56,6 +56,14 @@ class CommandHelp(_Generated):
         help_of = [sys.executable, "-m", "jaxrender", *command, "--help"]
         done = subprocess.run(help_of, capture_output=True, text=True, check=True)
         return self.parsed(f"```{{code-block}} text\n{done.stdout.rstrip()}\n```")
+
+
+class PackageMap(_Generated):
+    """``{package-map} brdf``: what lives in a package, as it says itself."""
+
+    def run(self) -> list[nodes.Node]:
+        """Ask the package."""
+        return self.parsed(f"````{{code-block}} text\n{map_of(self.arguments[0])}\n````")
 
 
 class PackageDoor(_Generated):
@@ -185,6 +193,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Make the directives known."""
     app.add_directive("config-keys", ConfigKeys)
     app.add_directive("command-help", CommandHelp)
+    app.add_directive("package-map", PackageMap)
     app.add_directive("package-door", PackageDoor)
     app.add_directive("model-tables", ModelTables)
     app.add_directive("experiments", Experiments)

@@ -23,10 +23,15 @@ def door_of(package: str) -> dict[str, list[str]]:
     return dict(sorted(nouns.items(), key=lambda item: (item[0] == "", item[0])))
 
 
+def map_of(package: str) -> str:
+    """Take the map of a package, which is its docstring."""
+    return inspect.getdoc(importlib.import_module(f"jaxrender.{package}")) or ""
+
+
 def page_of(package: str) -> str:
-    """Write the page of a package in MyST: its map, then a section for each noun."""
+    """Write the page of a package in MyST: a section for each noun."""
     module = importlib.import_module(f"jaxrender.{package}")
-    parts = ["```{code-block} text", inspect.getdoc(module) or "", "```", ""]
+    parts: list[str] = []
     for noun, names in door_of(package).items():
         parts += [f"## {noun or 'values'}", ""]
         if noun:
@@ -108,7 +113,10 @@ def _plain(line: str) -> str:
     parts = re.split(r"(``[^`]*``)", line)
     parts[::2] = [re.sub(r"([*|\\`])|(_)(?=\W|$)", _escaped, part) for part in parts[::2]]
     # A literal ends only where something other than a word follows.
-    return re.sub(r"(``[^`]*``)(?=[\w^])", r"\1\\ ", "".join(parts))
+    for at in range(2, len(parts), 2):
+        if re.match(r"[\w^]", parts[at]):
+            parts[at] = f"\\ {parts[at]}"
+    return "".join(parts)
 
 
 def _escaped(found: re.Match[str]) -> str:
