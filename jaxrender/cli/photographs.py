@@ -1,4 +1,4 @@
-"""The commands about photographs: ``fit``, ``render``, ``evaluate``, ``synth``, ``check``."""
+"""Commands about photographs: ``fit``, ``render``, ``view``, ``evaluate``, ``synth``, ``check``."""
 
 from __future__ import annotations
 
@@ -95,6 +95,33 @@ def render(
         result.resolve(), out=into, model=model, force=force, progress=progress, scene=scene
     )
     process.say(f"images: {out if folder is None else folder}")
+    return DONE
+
+
+@app.command
+def view(result: Path, /, *, out: Path | None = None, force: bool = False) -> int:
+    """Make a page of a finished result: the object to turn and to light in a browser.
+
+    The page is one HTML file that works without a network.  It shows the material under the light
+    of the result or another, photographs beside predictions, and the reflectance.
+
+    Parameters
+    ----------
+    result
+        Result folder of a fit.
+    out
+        The page to write; by default view.html in the result folder.
+    force
+        Replace the page of another result.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines.progress import choose
+    from jaxrender.pipelines.view import view_result
+
+    page = view_result(
+        result.resolve(), None if out is None else out.resolve(), force, choose(sys.stderr)
+    )
+    process.say(f"page: {page}")
     return DONE
 
 

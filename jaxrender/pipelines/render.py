@@ -109,8 +109,8 @@ def capture_of_scene(config: RunConfig, scene: Scene) -> Capture:
     return joined([one.capture for one in captures_of(config, require_images=False)])
 
 
-def light_of(run: FinishedRun, scene: Scene, shape: Shape | None) -> KnownLight:
-    """Find the light: that of the scene, the recovered one, or the given one.
+def light_of_run(run: FinishedRun, shape: Shape | None, scene: Scene = OWN_SCENE) -> KnownLight:
+    """Find the light of a finished run: that of the scene, the recovered one, or the given one.
 
     Sources that have a place ask for the ``shape``.
     """
@@ -138,15 +138,17 @@ def renderings(
     capture: Capture,
     progress: Progress,
     model: str = "integral",
+    step: int = 1,
 ) -> Iterator[Rendering]:
     """Render every view of a finished result, in its own light or that of the scene.
 
+    ``step``: of every so many rows and columns one is rendered, the first, and the others left out.
     Raises ``InputError`` for a light that the cameras or the model cannot use.
     """
     config = run.config
     assert config.capture.geometry is not None
     shape = shape_of(config.capture.geometry)
-    light = light_of(run, scene, shape)
+    light = light_of_run(run, shape, scene)
     subject = task_named(run.config.task).subject(run, shape)
     if model == "dual" and not isinstance(subject.lobe, Glossy):
         raise InputError(
@@ -162,7 +164,7 @@ def renderings(
     scale, gains = float(run.summary.get("scale", 1.0)), run.summary.get("gains", {})
     shared: ForwardModel | ShadowedModel | None = None
     for number, frame in enumerate(capture.frames):
-        view = observe(frame.camera, shape)
+        view = SurfaceView(*(part[::step, ::step] for part in observe(frame.camera, shape)))
         environment, sources = light.environment_of(number), light.sources_of(number)
         lit = environment is not None or bool(np.any(np.asarray(sources.irradiance) > 0))
         radiance, deviation = np.zeros((*view.hit.shape, 3)), None

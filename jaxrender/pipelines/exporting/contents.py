@@ -13,7 +13,7 @@ from jaxrender.io.captures import Frame
 from jaxrender.io.exports import Contents, MaterialMaps
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines.captures import captures_of, joined
-from jaxrender.pipelines.render import OWN_SCENE, light_of
+from jaxrender.pipelines.render import light_of_run
 from jaxrender.pipelines.result import RESULT, FinishedRun
 from jaxrender.pipelines.scene import shape_of
 from jaxrender.pipelines.tasks import task_named
@@ -108,7 +108,7 @@ def _light(
     run: FinishedRun, shape: Shape | None, losses: list[str]
 ) -> tuple[Environment | None, DirectionalSources]:
     """Find the light that the photographs were rendered by, its scale applied."""
-    light = light_of(run, OWN_SCENE, shape).upright
+    light = light_of_run(run, shape).upright
     if light.near is not None:
         losses.append("the places of near sources: they shine from infinity")
     if light.varies:

@@ -1,0 +1,21 @@
+"""The page of a result: an object to turn and to light in a browser, without a network.
+
+``material_table`` ``light`` ``surface``
+    what the shaders are given: lobes as a table, point masses, triangles
+``packing``
+    arrays as text, and directions in 32 bits
+``sliders`` ``pictures``
+    numbers with their bands; photographs beside predictions
+``page`` ``view``
+    the template filled with all of it, under a strict content policy; the command
+``shaders`` ``scripts``
+    the page's own GLSL and JavaScript
+
+The viewer is distant, so that what a convex object sends to him depends on its normal alone (T
+2.12).  The page sums the light at the normals of a disc, the reflection map, and looks the pixels
+up in it; single sources are evaluated at every pixel.
+"""
+
+from jaxrender.pipelines.view.view import view_result
+
+__all__ = ["view_result"]

@@ -1,0 +1,77 @@
+// The material: its table at any width, for the shader and for the plots.
+
+class Material {
+  constructor(stored) {
+    this.nodes = stored.nodes;
+    this.middle = stored.middle;
+    this.weighted = stored.weighted;
+    this.widths = stored.widths;
+    this.floor = stored.floor;
+    this.parts = stored.parts;
+    const numbers = unpacked(stored.logarithms);
+    this.size = this.nodes[0] * this.nodes[1] * this.nodes[2];
+    this.tables = this.widths.map((_, k) =>
+      numbers.subarray(k * this.size * this.parts, (k + 1) * this.size * this.parts));
+    this.at(this.widths[stored.fitted]);
+  }
+
+  // Interpolate the logarithms between the tables of two widths: rows of azimuth, difference, u.
+  at(width) {
+    const last = this.widths.length - 1;
+    let k = 0;
+    while (k < last - 1 && this.widths[k + 1] < width) ++k;
+    const next = Math.min(k + 1, last);
+    const span = Math.log(this.widths[next] / this.widths[k]);
+    const share = span > 0 ? Math.log(width / this.widths[k]) / span : 0;
+    const [nu, nd, na] = this.nodes, a = this.tables[k], b = this.tables[next];
+    const found = new Float32Array(4 * this.size);
+    const grey = this.parts === 2;
+    for (let u = 0; u < nu; ++u)
+      for (let d = 0; d < nd; ++d)
+        for (let z = 0; z < na; ++z) {
+          const from = this.parts * ((u * nd + d) * na + z), to = 4 * ((z * nd + d) * nu + u);
+          for (let c = 0; c < 4; ++c) {
+            const own = from + (grey ? (c < 3 ? 0 : 1) : c);
+            found[to + c] = (1 - share) * a[own] + share * b[own];
+          }
+        }
+    this.width = width;
+    this.logarithms = found;
+    return found;
+  }
+
+  // Evaluate lobe (three channels) and base in 1/sr, as the shader does.
+  evaluate(half, difference, turned, incoming, outgoing) {
+    const ratio = Math.tan(half) / this.width;
+    const places = [ratio / (ratio + this.middle), difference, 0.5 + 0.5 * turned];
+    const first = [], share = [];
+    places.forEach((place, k) => {
+      const at = Math.min(Math.max(place, 0), 1) * (this.nodes[k] - 1);
+      first.push(Math.min(Math.floor(at), this.nodes[k] - 2));
+      share.push(at - first[k]);
+    });
+    const total = [0, 0, 0, 0];
+    for (let corner = 0; corner < 8; ++corner) {
+      const bits = [corner & 1, (corner >> 1) & 1, corner >> 2];
+      let weight = 1;
+      bits.forEach((bit, k) => { weight *= bit ? share[k] : 1 - share[k]; });
+      const [u, d, z] = bits.map((bit, k) => first[k] + bit);
+      const row = 4 * ((z * this.nodes[1] + d) * this.nodes[0] + u);
+      for (let c = 0; c < 4; ++c) total[c] += weight * this.logarithms[row + c];
+    }
+    const values = total.map((one) => (one <= this.floor + 0.01 ? 0 : 2 ** one));
+    const factor = this.weighted ? 1 / (4 * Math.max(incoming * outgoing, 1e-4)) : 1;
+    return { lobe: values.slice(0, 3).map((one) => one * factor), base: values[3] };
+  }
+
+  // Evaluate a pair of directions [x, y, z] about the normal +z.
+  ofPair(towards, away) {
+    const sum = towards.map((x, k) => x + away[k]), length = Math.hypot(...sum);
+    const h = sum.map((x) => x / length);
+    const difference = Math.min(towards[0] * h[0] + towards[1] * h[1] + towards[2] * h[2], 1);
+    const half = Math.acos(Math.min(h[2], 1));
+    const sines = Math.sqrt(Math.max((1 - difference ** 2) * (1 - h[2] ** 2), 1e-14));
+    const turned = Math.min(Math.max((towards[2] - difference * h[2]) / sines, -1), 1);
+    return this.evaluate(half, difference, turned, towards[2], away[2]);
+  }
+}

@@ -1,0 +1,12 @@
+uniform mat3 view_from_world;
+uniform vec3 center;
+uniform float extent;
+uniform float depth;
+in vec3 position;
+in vec3 direction;
+out vec3 normal;
+void main() {
+  normal = view_from_world * direction;
+  vec3 seen = view_from_world * (position - center);
+  gl_Position = vec4(seen.xy / extent, -seen.z / depth, 1.0);
+}

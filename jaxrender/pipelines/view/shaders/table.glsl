@@ -1,0 +1,26 @@
+// The material as a table: red, green and blue are the lobe, alpha is the base, all as log2.
+uniform highp sampler3D table;
+uniform vec3 table_nodes;
+uniform float width;
+uniform float middle;
+uniform bool weighted;
+uniform bool has_base;
+
+const float FLOOR = -23.99;
+
+// Reflect a source of unit irradiance.  `incoming` and `outgoing` are cosines to the normal,
+// `difference` is the cosine between either direction and the half vector.  Where the lobe is
+// weighted, it comes times the outgoing cosine.
+void reflected(float incoming, float outgoing, float difference, out vec3 lobe, out float base) {
+  float half_cosine = min((incoming + outgoing) / (2.0 * difference), 1.0);
+  float half_sine2 = max(1.0 - half_cosine * half_cosine, 0.0);
+  float difference_sine2 = max(1.0 - difference * difference, 0.0);
+  float turned = (incoming - difference * half_cosine)
+    / sqrt(max(half_sine2 * difference_sine2, 1e-14));
+  float ratio = sqrt(half_sine2) / (max(half_cosine, 1e-6) * width);
+  vec3 place = vec3(ratio / (ratio + middle), difference, clamp(0.5 + 0.5 * turned, 0.0, 1.0));
+  vec4 logarithm = texture(table, (place * (table_nodes - 1.0) + 0.5) / table_nodes);
+  vec4 value = mix(exp2(logarithm), vec4(0.0), lessThanEqual(logarithm, vec4(FLOOR)));
+  lobe = value.rgb * (weighted ? 0.25 : incoming);
+  base = has_base ? value.a * incoming : 0.0;
+}
