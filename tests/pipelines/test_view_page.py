@@ -11,6 +11,7 @@
 
 import base64
 import hashlib
+import itertools
 import json
 import math
 import re
@@ -196,7 +197,7 @@ def test_nodes_lie_in_their_cells():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     fine, cells, first = gathered(LightNodes(directions, random.uniform(size=(900, 3))))
     assert (first[0], first[-1]) == (0, 900)
-    for k, (start, end) in enumerate(zip(first[:-1], first[1:])):
+    for k, (start, end) in enumerate(itertools.pairwise(first)):
         own = np.asarray(fine.directions)[start:end]
         # The shader takes this for granted.
         assert (own @ np.asarray(cells.directions)[k] > np.cos(0.3)).all()

@@ -18,6 +18,8 @@ from jaxrender.shapes import Float, Int
 
 # Sources that are evaluated at every pixel, the brightest ones; the rest is summed with the nodes.
 MOST_SOURCES = 8
+# Point masses are cells of so many widths of a lobe, or the texels where these are coarser.
+_ANGLE_PER_WIDTH = 0.5
 # Rows of the cells, and the fewest columns in a row: about 300 of them, of 11 degrees.
 _ROWS, _FEWEST_COLUMNS = 16, 4
 # The degree of the harmonics that a page has sliders for.
@@ -82,7 +84,7 @@ def page_light(light: KnownLight, width: float) -> PageLight:
     fine = rest
     if upright.environment is not None:
         around = KnownLight(upright.environment, DirectionalSources.none())
-        (nodes,) = exact_nodes(around, np.zeros(0, int), width)
+        (nodes,) = exact_nodes(around, np.zeros(0, int), width, _ANGLE_PER_WIDTH)
         assert isinstance(nodes, LightNodes)
         fine = _together(_plain(nodes), rest)
     fine, cells, first = gathered(fine)

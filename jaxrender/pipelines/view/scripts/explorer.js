@@ -17,7 +17,8 @@ function explorer(viewer) {
   for (const slider of document.querySelectorAll("[data-material]"))
     slider.addEventListener("input", later);
   byId("fitted").addEventListener("click", later);
-  draw();
+  // After the first picture of the object.
+  setTimeout(draw, 50);
 }
 
 function reflectance(viewer, values) {

@@ -1,7 +1,7 @@
 // The picture: a reflection map of what every normal sends to the viewer, then the object.
 
 // Their sides in texels; a fine one has some texels for the width of a lobe.
-const QUICK = 64, LEAST_FINE = 112, MOST_FINE = 256, TEXELS_PER_WIDTH = 3;
+const QUICK = 44, LEAST_FINE = 112, MOST_FINE = 256, TEXELS_PER_WIDTH = 3;
 // Normals this far from the view are still in the map, in radians: a little beyond the rim.
 const REACH = 0.5 * Math.PI * 1.08;
 const TILE_SECONDS = 0.05;

@@ -1,6 +1,7 @@
 // What is shown, and when: a quick picture at once, the exact one when nothing changes any more.
 
-const SETTLE_MILLISECONDS = 120;
+// At least so long after the last change, and not while a slow machine draws a few more frames.
+const SETTLE_MILLISECONDS = 120, SETTLE_FRAMES = 3;
 // A slower machine than this draws no more pixels than it must.
 const SLOW_SECONDS = 0.08, FEWEST_PIXELS = 512, MOST_PIXELS = 1024;
 
@@ -159,7 +160,13 @@ class Viewer {
     this.show(state, this.renderer.quick);
     this.measure(start);
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.refine(), SETTLE_MILLISECONDS);
+    const pause = Math.max(SETTLE_MILLISECONDS, 1000 * SETTLE_FRAMES * this.usual());
+    this.timer = setTimeout(() => this.refine(), pause);
+  }
+
+  // The usual seconds of a frame.
+  usual() {
+    return [...this.frames].sort((a, b) => a - b)[this.frames.length >> 1] || 0;
   }
 
   show(state, map) {
@@ -180,8 +187,7 @@ class Viewer {
       gl.deleteSync(fence);
       if (!this.frames.length) performance.mark("first-image");
       this.frames = [...this.frames.slice(-7), (performance.now() - start) / 1000];
-      const middle = [...this.frames].sort((a, b) => a - b)[this.frames.length >> 1];
-      if (this.frames.length >= 4 && middle > SLOW_SECONDS) this.limit = FEWEST_PIXELS;
+      if (this.frames.length >= 4 && this.usual() > SLOW_SECONDS) this.limit = FEWEST_PIXELS;
     };
     wait();
   }
