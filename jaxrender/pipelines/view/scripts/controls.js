@@ -66,13 +66,20 @@ function lightControls(viewer) {
     byId("lamp-settings").hidden = !on;
   };
   lamp.addEventListener("change", () => { setLamp(lamp.checked); viewer.changed(false); });
+  const followers = [];
   for (const [name, factor] of [["azimuth", Math.PI / 180], ["elevation", Math.PI / 180],
     ["strength", 1]]) {
-    const slider = byId(`lamp-${name}`);
+    const slider = byId(`lamp-${name}`), output = byId(`value-lamp-${name}`);
     slider.addEventListener("input", () => {
       state.lamp[name] = Number(slider.value) * factor;
-      byId(`value-lamp-${name}`).textContent = slider.value;
       viewer.changed(false);
+    });
+    // A lamp that is dragged takes its sliders along.
+    followers.push(() => {
+      const value = state.lamp[name] / factor;
+      const turned = name === "azimuth" ? value - 360 * Math.round(value / 360) : value;
+      slider.value = turned;
+      output.textContent = shown(turned);
     });
   }
   byId("upright").addEventListener("click", () => {
@@ -87,6 +94,7 @@ function lightControls(viewer) {
   });
   viewer.onDraw = () => {
     const value = Math.log2(state.exposure / viewer.scene.exposure);
+    followers.forEach((follow) => follow());
     stops.value = value;
     byId("value-exposure").textContent = `${value >= 0 ? "+" : ""}${value.toFixed(1)}`;
   };

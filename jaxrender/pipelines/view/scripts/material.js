@@ -8,6 +8,7 @@ class Material {
     this.widths = stored.widths;
     this.floor = stored.floor;
     this.parts = stored.parts;
+    this.grey = stored.parts === 2;
     const numbers = unpacked(stored.logarithms);
     this.size = this.nodes[0] * this.nodes[1] * this.nodes[2];
     this.tables = this.widths.map((_, k) =>
@@ -25,13 +26,12 @@ class Material {
     const share = span > 0 ? Math.log(width / this.widths[k]) / span : 0;
     const [nu, nd, na] = this.nodes, a = this.tables[k], b = this.tables[next];
     const found = new Float32Array(4 * this.size);
-    const grey = this.parts === 2;
     for (let u = 0; u < nu; ++u)
       for (let d = 0; d < nd; ++d)
         for (let z = 0; z < na; ++z) {
           const from = this.parts * ((u * nd + d) * na + z), to = 4 * ((z * nd + d) * nu + u);
           for (let c = 0; c < 4; ++c) {
-            const own = from + (grey ? (c < 3 ? 0 : 1) : c);
+            const own = from + (this.grey ? (c < 3 ? 0 : 1) : c);
             found[to + c] = (1 - share) * a[own] + share * b[own];
           }
         }

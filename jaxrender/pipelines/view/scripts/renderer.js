@@ -90,8 +90,10 @@ class Renderer {
     const gl = this.gl, [u, d, z] = this.material.nodes;
     gl.bindTexture(gl.TEXTURE_3D, this.table);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    gl.texImage3D(gl.TEXTURE_3D, 0, gl.RGBA16F, u, d, z, 0, gl.RGBA, gl.FLOAT,
-      this.material.logarithms);
+    const { grey, logarithms } = this.material;
+    const kinds = grey ? [gl.RG16F, gl.RG] : [gl.RGBA16F, gl.RGBA];
+    const texels = grey ? logarithms.filter((_, k) => k % 4 === 0 || k % 4 === 3) : logarithms;
+    gl.texImage3D(gl.TEXTURE_3D, 0, kinds[0], u, d, z, 0, kinds[1], gl.FLOAT, texels);
     for (const name of ["TEXTURE_MIN_FILTER", "TEXTURE_MAG_FILTER"])
       gl.texParameteri(gl.TEXTURE_3D, gl[name], gl.LINEAR);
     for (const name of ["TEXTURE_WRAP_S", "TEXTURE_WRAP_T", "TEXTURE_WRAP_R"])
@@ -166,7 +168,7 @@ class Renderer {
     gl.uniform1f(places.width, this.material.width);
     gl.uniform1f(places.middle, this.material.middle);
     gl.uniform1i(places.weighted, this.material.weighted ? 1 : 0);
-    gl.uniform1i(places.has_base, 1);
+    gl.uniform1i(places.grey, this.material.grey ? 1 : 0);
     gl.uniform1f(places.reach, REACH);
   }
 

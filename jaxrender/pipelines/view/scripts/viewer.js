@@ -122,7 +122,6 @@ class Viewer {
   // Something changed: the map too, unless it is colours, exposure or the lamp alone.
   changed(map = true) {
     if (map) this.change += 1;
-    this.again = true;
     if (!this.waiting) {
       this.waiting = true;
       requestAnimationFrame(() => { this.waiting = false; this.frame(); });
@@ -135,22 +134,21 @@ class Viewer {
     this.changed();
   }
 
-  resize() {
+  // A slow machine draws a quarter of the pixels while something moves.
+  resize(moving) {
     const css = this.canvas.clientWidth || FEWEST_PIXELS;
     const wanted = Math.round(css * (window.devicePixelRatio || 1));
-    const size = this.fixedSize || Math.max(64, Math.min(wanted, this.limit));
-    if (this.canvas.width !== size) {
-      this.canvas.width = this.canvas.height = size;
-      return true;
-    }
-    return false;
+    const whole = Math.max(64, Math.min(wanted, this.limit));
+    const slow = moving && this.limit === FEWEST_PIXELS;
+    const size = this.fixedSize || (slow ? whole >> 1 : whole);
+    if (this.canvas.width !== size) this.canvas.width = this.canvas.height = size;
   }
 
   frame() {
     const start = performance.now(), state = this.drawn();
-    this.resize();
-    this.again = false;
-    if (this.mapped === this.change) {
+    const moving = this.mapped !== this.change;
+    this.resize(moving);
+    if (!moving) {
       this.show(state, this.renderer.fine);
       this.settled();
       return;
@@ -196,6 +194,7 @@ class Viewer {
     const change = this.change, { view } = this.drawn();
     this.renderer.drawFine(this.surrounding(), view, () => this.change !== change, () => {
       this.mapped = change;
+      this.resize(false);
       this.show(this.drawn(), this.renderer.fine);
       this.settled();
     });

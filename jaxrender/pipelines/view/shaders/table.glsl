@@ -1,10 +1,11 @@
-// The material as a table: red, green and blue are the lobe, alpha is the base, all as log2.
+// The material as a table of log2: red, green and blue are the lobe, alpha is the base.  Of a grey
+// one red is the lobe and green the base.
 uniform highp sampler3D table;
 uniform vec3 table_nodes;
 uniform float width;
 uniform float middle;
 uniform bool weighted;
-uniform bool has_base;
+uniform bool grey;
 
 const float FLOOR = -23.99;
 
@@ -20,7 +21,13 @@ void reflected(float incoming, float outgoing, float difference, out vec3 lobe, 
   float ratio = sqrt(half_sine2) / (max(half_cosine, 1e-6) * width);
   vec3 place = vec3(ratio / (ratio + middle), difference, clamp(0.5 + 0.5 * turned, 0.0, 1.0));
   vec4 logarithm = texture(table, (place * (table_nodes - 1.0) + 0.5) / table_nodes);
-  vec4 value = mix(exp2(logarithm), vec4(0.0), lessThanEqual(logarithm, vec4(FLOOR)));
+  vec4 value;
+  if (grey) {
+    vec2 both = mix(exp2(logarithm.rg), vec2(0.0), lessThanEqual(logarithm.rg, vec2(FLOOR)));
+    value = both.rrrg;
+  } else {
+    value = mix(exp2(logarithm), vec4(0.0), lessThanEqual(logarithm, vec4(FLOOR)));
+  }
   lobe = value.rgb * (weighted ? 0.25 : incoming);
-  base = has_base ? value.a * incoming : 0.0;
+  base = value.a * incoming;
 }
