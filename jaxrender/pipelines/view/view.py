@@ -121,7 +121,7 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
     try:
         subject = task.subject(run, shape)
         brdf = task.brdf(run) if isinstance(subject, CorrectedSubject) else subject.lobe
-        light = light_of_run(run)
+        light = light_of_run(run, shape)
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -137,6 +137,8 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
         )
     if light.varies:
         progress.note("the light differs between photographs; the page shows that of the first")
+    if light.near is not None:
+        progress.note("point sources shine from infinity on the page, as the middle sees them")
     own = light.of_frame(0) if light.varies else light
     width = float(subject.width)
     scale = float(run.summary.get("scale", 1.0))
