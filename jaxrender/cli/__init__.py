@@ -7,16 +7,24 @@ commands import JAX themselves, so that ``--help`` is quick.
     the application that commands register with, exit codes, ``main``
 ``process``
     the process of a command: output, bundled examples, JAX, the end
-``photographs`` ``captures`` ``sweeps`` ``probes`` ``reflectance`` ``exports``
-    the commands: fit, render, evaluate, synth, check; import; batch, schema; prefilter, analyze,
-    light; measure, compress; export
+``photographs`` ``captures`` ``sweeps`` ``probes`` ``reflectance`` ``exports`` ``installation``
+    the commands: fit, render, view, evaluate, synth, check; import; batch, schema; prefilter,
+    analyze, light; measure, compress; export; doctor, demo
 
-Exit codes: 0 done; 1 not converged or not identifiable (with ``--strict``); 2 bad input;
-130 interrupted; 141 the output was closed.
+Exit codes: 0 done; 1 not converged or not identifiable (with ``--strict``), or something that
+``doctor`` found broken; 2 bad input; 130 interrupted; 141 the output was closed.
 """
 
 # To import the commands is to register them.
-from jaxrender.cli import captures, exports, photographs, probes, reflectance, sweeps  # noqa: F401
+from jaxrender.cli import (  # noqa: F401
+    captures,
+    exports,
+    installation,
+    photographs,
+    probes,
+    reflectance,
+    sweeps,
+)
 from jaxrender.cli.app import main
 from jaxrender.cli.process import console
 

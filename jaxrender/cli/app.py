@@ -18,8 +18,8 @@ _NAMED = Parameter(negative=())
 app = App(
     name="jaxrender",
     help="Recover materials and lighting from photographs of objects of known shape.\n\n"
-    "Exit codes: 0 done; 1 not converged or not identifiable (with --strict); 2 bad input; "
-    "130 interrupted; 141 the output was closed.",
+    "Exit codes: 0 done; 1 not converged or not identifiable (with --strict), or something that "
+    "doctor found broken; 2 bad input; 130 interrupted; 141 the output was closed.",
     version=__version__,
     default_parameter=_NAMED,
     result_action="return_value",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from jaxrender.cli.app import UNREAD, main
+from jaxrender.pipelines.cache_place import user_cache
 
 # Folders of examples that travel with the package, by the names in the README.
 _BUNDLED = ("configs", "data_synth")
@@ -57,8 +58,17 @@ def bundled(path: Path) -> Path:
     """Return the path, or the bundled example of that name if the path does not exist."""
     if path.exists() or not path.parts or path.parts[0] not in _BUNDLED:
         return path
-    example = Path(str(resources.files("jaxrender"))).joinpath("package_data", *path.parts)
-    return example if example.exists() else path
+    found = example(path)
+    return found if found.exists() else path
+
+
+def example(path: Path) -> Path:
+    """The bundled example of that name, wherever the command is called."""
+    package = Path(str(resources.files("jaxrender")))
+    packed = package / "package_data"
+    # An editable install has no data in the package: its clone has them beside it.
+    is_clone = not packed.exists() and (package.parent / "pyproject.toml").exists()
+    return (package.parent if is_clone else packed) / path
 
 
 def set_up_jax() -> None:
@@ -99,15 +109,3 @@ def cache_folder() -> Path | None:
         )
         return None
     return folder
-
-
-def user_cache() -> Path:
-    """The platform's folder for a user's caches."""
-    configured = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    if configured.is_absolute():
-        return configured
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    return Path.home() / ".cache"

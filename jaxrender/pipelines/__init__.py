@@ -15,6 +15,8 @@
     what a run may recover: a module for each task
 ``output`` ``progress``
     result folders that appear whole or not at all; the stages of a run and their seconds
+``doctor`` ``cache_place``
+    what works of an installation; where caches lie
 
 The functions of one step are imported when they are first asked for, so that reading a config
 does not import the numerics.

@@ -1,10 +1,9 @@
 """Caches between runs: photographs rendered from a recipe, and arrays that are slow to make.
 
-They lie below ``XDG_CACHE_HOME`` or ``~/.cache``, and may be deleted at any time.
+They lie in the user's cache folder (``cache_place``), and may be deleted at any time.
 """
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxrender.io.atomic import replacing
+from jaxrender.pipelines.cache_place import user_cache
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.scene import input_files
@@ -55,6 +55,4 @@ def remembered(
 
 
 def _base() -> Path:
-    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    base = base if base.is_absolute() else Path.home() / ".cache"
-    return base / "jaxrender"
+    return user_cache() / "jaxrender"
