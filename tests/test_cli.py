@@ -5,6 +5,7 @@
 - ``configs/...`` and ``data_synth/...`` are found in the package if the working directory has none.
 """
 
+import inspect
 import json
 import re
 import sys
@@ -16,11 +17,12 @@ import pytest
 import jaxrender
 from jaxrender import cli
 from jaxrender.cli import process
+from jaxrender.cli.app import app
 from jaxrender.errors import InputError
 from jaxrender.pipelines import compress as compression
 from jaxrender.pipelines import measure as measuring
 from jaxrender.pipelines.config import Parameter
-from jaxrender.pipelines.progress import PlainProgress
+from jaxrender.pipelines.progress import JsonProgress, NotedProgress, SilentProgress
 
 CONFIG = "task: brdf\ncapture: {recipe: a.yaml}\noutput: runs/a\n"
 RECIPE = """\
@@ -93,7 +95,7 @@ def test_fit_hands_over_config_and_flags(calls, capsys, tmp_path):
     assert calls["config"].solve.starts == 2
     assert calls["config"].output == tmp_path / "runs" / "a"
     assert (calls["force"], calls["dry_run"]) == (True, False)
-    assert isinstance(calls["progress"], PlainProgress)
+    assert isinstance(calls["progress"], NotedProgress)
     assert calls["set_up"]
     assert capsys.readouterr() == ("the summary\nresult: /out/a\n", "")
 
@@ -147,7 +149,7 @@ def test_measure(calls, capsys):
     assert cli.main(["measure", "velvet:lean=20", "--out", "t.nc"]) == 0
     assert calls["options"] == measuring.MeasureOptions("velvet:lean=20")
     assert (calls["out"], calls["force"]) == (Path("t.nc"), False)
-    assert isinstance(calls["progress"], PlainProgress)
+    assert isinstance(calls["progress"], NotedProgress)
     assert calls["set_up"]
     assert capsys.readouterr() == ("how good it is\ntable: t.nc\n", "")
 
@@ -182,7 +184,7 @@ def test_compress(calls, capsys):
     assert calls["goal"] == compression.Goal()
     assert (calls["size"], calls["wavelet"], calls["spectral"]) == (32, "haar", False)
     assert calls["cell_samples"] == compression.CELL_SAMPLES
-    assert isinstance(calls["progress"], PlainProgress)
+    assert isinstance(calls["progress"], NotedProgress)
     assert calls["set_up"]
 
 
@@ -197,6 +199,66 @@ def test_compress_hands_over_every_option(calls):
     assert calls["cell_samples"] == 4
 
 
+def test_how_progress_is_reported(calls, capsys):
+    for option, kind in {"--quiet": SilentProgress, "--json": JsonProgress}.items():
+        assert cli.main(["fit", "fit.yaml", option]) == 0
+        assert type(calls["progress"]) is kind
+    calls.clear()
+    assert cli.main(["fit", "fit.yaml", "--quiet", "--json"]) == 2
+    error = json.loads(capsys.readouterr().err)
+    assert error["event"] == "error"
+    assert "--quiet and --json" in error["text"]
+
+
+def test_trouble_for_programs(calls, capsys):
+    calls.error = KeyboardInterrupt()
+    calls.error.add_note('3 "rows" are kept')
+    assert cli.main(["fit", "fit.yaml", "--json"]) == 130
+    assert json.loads(capsys.readouterr().err) == {
+        "event": "interrupted",
+        "text": '3 "rows" are kept',
+    }
+
+
+def test_demo(calls, capsys, monkeypatch, tmp_path):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda page: opened.append(page) or True)
+    assert cli.main(["demo", "--out", "a = #b"]) == 0
+    assert calls["config"].output == tmp_path / "a = #b"
+    assert calls["config"].task == "brdf"
+    assert calls["config"].capture.recipe.name == "teflon_12.yaml"
+    page = Path("/out/a/report.html")
+    assert capsys.readouterr().out == f"the summary\nresult: /out/a\npage: {page}\n"
+    # Nobody looks at this output.
+    assert opened == []
+    monkeypatch.setattr(process, "can_open_pages", lambda: True)
+    assert cli.main(["demo", "--no-open"]) == 0
+    assert opened == []
+    assert cli.main(["demo"]) == 0
+    assert opened == ["file:///out/a/report.html"]
+    monkeypatch.setattr("webbrowser.open", lambda page: False)
+    assert cli.main(["demo"]) == 0
+    assert "no browser was found" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("platform", "display", "terminal", "opens"),
+    [
+        ("linux", ":0", True, True),
+        ("linux", "", True, False),
+        ("linux", ":0", False, False),
+        ("darwin", "", True, True),
+        ("win32", "", False, False),
+    ],
+)
+def test_pages_open_where_a_person_can_see_them(monkeypatch, platform, display, terminal, opens):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(sys, "stdout", types.SimpleNamespace(isatty=lambda: terminal))
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert process.can_open_pages() is opens
+
+
 def test_schema(calls, capsys):
     assert cli.main(["schema"]) == 0
     assert "capture" in json.loads(capsys.readouterr().out)["properties"]
@@ -208,6 +270,49 @@ def test_schema(calls, capsys):
 def test_version(capsys):
     assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out == f"{jaxrender.__version__}\n"
+
+
+# ---------------------------------------------------------------- help
+
+
+def commands():
+    return sorted(name for name in app if not name.startswith("-"))
+
+
+@pytest.mark.parametrize("command", commands())
+def test_help_ends_with_two_examples_that_are_understood(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "150")
+    assert cli.main([command, "--help"]) == 0
+    _, examples = capsys.readouterr().out.split("Examples:\n")
+    lines = [line.split() for line in examples.strip().splitlines()]
+    assert len(lines) == 2
+    for program, *words in lines:
+        assert (program, words[0]) == ("jaxrender", command)
+        function, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+        assert function is app[command].default_command
+        # A config or a recipe of ours that is named is there.
+        for word in words:
+            if word.startswith(("configs/", "data_synth/")):
+                assert process.bundled(Path(word)).exists(), word
+        assert bound is not None
+
+
+def test_every_command_that_takes_a_while_reports():
+    for command in set(commands()) - {"schema", "doctor"}:
+        function = app[command].default_command
+        assert "reporting" in inspect.signature(function).parameters, command
+
+
+def test_completion_is_written_where_it_is_asked_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    script = tmp_path / "completion"
+    for shell in ("bash", "zsh", "fish"):
+        line = ["--install-completion", "--shell", shell, "--output", str(script)]
+        assert cli.main(line) == 0
+        text = script.read_text()
+        assert "evaluate" in text
+        assert "dry-run" in text
+    assert str(script) in capsys.readouterr().out
 
 
 # ---------------------------------------------------------------- trouble
@@ -249,7 +354,8 @@ def test_trouble_in_a_pipeline(calls, capsys, arguments):
     assert capsys.readouterr() == ("", f"{calls.error}\n")
     calls.error = KeyboardInterrupt()
     assert cli.main(arguments) == 130
-    assert capsys.readouterr() == ("", "interrupted\n")
+    kept = "nothing was written; an earlier result is as it was"
+    assert capsys.readouterr() == ("", f"interrupted: {kept}\n")
     calls.error = RuntimeError("a mistake of ours keeps its traceback")
     with pytest.raises(RuntimeError):
         cli.main(arguments)

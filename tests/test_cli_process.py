@@ -55,6 +55,7 @@ def test_help_imports_nothing_heavy():
         "batch",
         "check",
         "compress",
+        "demo",
         "doctor",
         "evaluate",
         "export",

@@ -5,6 +5,8 @@ commands import JAX themselves, so that ``--help`` is quick.
 
 ``app``
     the application that commands register with, exit codes, ``main``
+``reporting``
+    the options ``--quiet`` and ``--json`` of every command that takes a while
 ``process``
     the process of a command: output, bundled examples, JAX, the end
 ``photographs`` ``captures`` ``sweeps`` ``probes`` ``reflectance`` ``exports`` ``installation``

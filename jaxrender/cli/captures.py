@@ -6,11 +6,18 @@ from pathlib import Path
 from typing import Literal
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, app
+from jaxrender.cli.app import DONE, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
 from jaxrender.errors import InputError
 
 
-@app.command(name="import")
+@app.command(
+    name="import",
+    help_epilogue=examples(
+        "import photos --mesh cat.ply --out cat",
+        "import scene/sparse/0 --images scene/images --sphere 0,0,0,1 --out ball",
+    ),
+)
 def import_(
     folder: Path,
     /,
@@ -24,6 +31,7 @@ def import_(
     allow_outside: bool = False,
     copy: bool = False,
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Make a capture of what another program wrote, and a config that fits it.
 
@@ -55,7 +63,7 @@ def import_(
     from jaxrender.pipelines.importing import CONFIG, ImportOptions, import_capture
 
     options = ImportOptions(mesh, _sphere(sphere), format, frame, images, allow_outside, copy)
-    imported = import_capture(folder, out.resolve(), options, force)
+    imported = import_capture(folder, out.resolve(), options, force, progress=reporting.progress())
     for sentence in imported.sentences:
         process.say(sentence)
     process.say(f"capture: {out}; next: jaxrender check {out}, then jaxrender fit {out / CONFIG}")

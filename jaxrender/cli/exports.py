@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, app
+from jaxrender.cli.app import DONE, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "export runs/cat --to mitsuba", "export runs/cat --to all --lossy --out cat_files"
+    ),
+)
 def export(
     result: Path,
     /,
@@ -21,13 +25,11 @@ def export(
     out: Annotated[Path | None, Parameter(alias="-o")] = None,
     lossy: bool = False,
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Write a result for other programs: material, shape, light and cameras.
 
     README.txt in the new folder says what each file is, and what was lost.
-
-    Examples: ``jaxrender export runs/cat --to mitsuba``;
-    ``jaxrender export runs/cat --to all --lossy --out cat_files``.
 
     Parameters
     ----------
@@ -45,9 +47,8 @@ def export(
     """
     process.set_up_jax()
     from jaxrender.pipelines.exporting import export as run_export
-    from jaxrender.pipelines.progress import choose
 
-    done = run_export(result, to, out, lossy, force, choose(sys.stderr))
+    done = run_export(result, to, out, lossy, force, reporting.progress())
     for sentence in done.sentences:
         process.say(sentence)
     process.say(f"export: {done.folder}")

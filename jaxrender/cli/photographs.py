@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Literal
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, NOT_CONVERGED, app
+from jaxrender.cli.app import DONE, NOT_CONVERGED, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
+from jaxrender.pipelines.kept import keeping
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "fit configs/teflon_sphere.yaml", "fit cat/capture.yaml brdf.mu=1.5 output=runs/cat"
+    )
+)
 def fit(
     config: Path,
     /,
@@ -18,6 +23,7 @@ def fit(
     force: bool = False,
     dry_run: bool = False,
     strict: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Recover what a config asks for: a material, a light, both, a texture, or a BRDF.
 
@@ -40,10 +46,9 @@ def fit(
 
     loaded = load_run_config(process.bundled(config), overrides)
     process.set_up_jax()
-    from jaxrender.pipelines.progress import choose
     from jaxrender.pipelines.run import fit as run_fit
 
-    report = run_fit(loaded, force=force, dry_run=dry_run, progress=choose(sys.stderr))
+    report = run_fit(loaded, force=force, dry_run=dry_run, progress=reporting.progress())
     process.say(report.summary)
     if dry_run:
         return DONE
@@ -51,7 +56,12 @@ def fit(
     return NOT_CONVERGED if strict and report.outcome != "converged" else DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "render runs/cat --out views",
+        "render runs/cat --out elsewhere --environment other.exr --convention y-up",
+    )
+)
 def render(
     result: Path,
     /,
@@ -62,6 +72,7 @@ def render(
     camera: Path | None = None,
     model: Literal["integral", "dual"] = "integral",
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Render the views of a finished result again, in its own light or another.
 
@@ -85,12 +96,11 @@ def render(
         Replace an earlier rendering of another result.
     """
     process.set_up_jax()
-    from jaxrender.pipelines.progress import choose
     from jaxrender.pipelines.render import Scene, render_config
 
     light, cameras = (path and path.resolve() for path in (environment, camera))
     scene = Scene(light, convention, cameras)
-    into, progress = out.resolve(), choose(sys.stderr)
+    into, progress = out.resolve(), reporting.progress()
     folder = render_config(
         result.resolve(), out=into, model=model, force=force, progress=progress, scene=scene
     )
@@ -98,8 +108,17 @@ def render(
     return DONE
 
 
-@app.command
-def view(result: Path, /, *, out: Path | None = None, force: bool = False) -> int:
+@app.command(
+    help_epilogue=examples("view runs/cat", "view runs/cat --out cat.html --force"),
+)
+def view(
+    result: Path,
+    /,
+    *,
+    out: Path | None = None,
+    force: bool = False,
+    reporting: Reporting = AS_USUAL,
+) -> int:
     """Make a page of a finished result: the object to turn and to light in a browser.
 
     The page is one HTML file that works without a network.  It shows the material under the light
@@ -115,17 +134,21 @@ def view(result: Path, /, *, out: Path | None = None, force: bool = False) -> in
         Replace the page of another result.
     """
     process.set_up_jax()
-    from jaxrender.pipelines.progress import choose
     from jaxrender.pipelines.view import view_result
 
     page = view_result(
-        result.resolve(), None if out is None else out.resolve(), force, choose(sys.stderr)
+        result.resolve(), None if out is None else out.resolve(), force, reporting.progress()
     )
     process.say(f"page: {page}")
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "evaluate runs/cat",
+        "evaluate runs/cat --photographs other/transforms.json --environment other.exr",
+    )
+)
 def evaluate(
     result: Path,
     /,
@@ -138,6 +161,7 @@ def evaluate(
     scale: Literal["channel", "none"] = "channel",
     out: Path | None = None,
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Compare photographs with what a result predicts for their cameras.
 
@@ -168,7 +192,6 @@ def evaluate(
     """
     process.set_up_jax()
     from jaxrender.pipelines.evaluate import Measures, evaluate_result
-    from jaxrender.pipelines.progress import choose
     from jaxrender.pipelines.render import Scene
 
     other, cameras, true = (path and path.resolve() for path in (environment, photographs, light))
@@ -178,7 +201,7 @@ def evaluate(
         Measures(exposure, scale == "channel", true),
         None if out is None else out.resolve(),
         force,
-        progress=choose(sys.stderr),
+        progress=reporting.progress(),
     )
     process.say(evaluation.summary)
     if out is not None:
@@ -186,8 +209,20 @@ def evaluate(
     return DONE
 
 
-@app.command
-def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
+@app.command(
+    help_epilogue=examples(
+        "synth data_synth/teflon_12.yaml --out photos",
+        "synth data_synth/teflon_12.yaml --out photos --force",
+    )
+)
+def synth(
+    recipe: Path,
+    /,
+    *,
+    out: Path,
+    force: bool = False,
+    reporting: Reporting = AS_USUAL,
+) -> int:
     """Render the photographs of a recipe, and write a config that fits them.
 
     Parameters
@@ -204,15 +239,16 @@ def synth(recipe: Path, /, *, out: Path, force: bool = False) -> int:
     path = process.bundled(recipe).resolve()
     loaded = load_recipe(process.bundled(recipe))
     process.set_up_jax()
-    from jaxrender.pipelines.progress import choose
     from jaxrender.pipelines.synth import synthesise
 
-    folder = synthesise(loaded, path, out.resolve(), force=force, progress=choose(sys.stderr))
+    folder = synthesise(loaded, path, out.resolve(), force=force, progress=reporting.progress())
     process.say(f"capture: {folder}")
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples("check cat --fix", "check cat/capture.yaml --out pages --strict")
+)
 def check(
     capture: Path,
     /,
@@ -220,6 +256,7 @@ def check(
     fix: bool = False,
     out: Path = Path("check"),
     strict: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Check a capture before it is fitted: axes, units, mirrors, how its light is meant.
 
@@ -242,12 +279,13 @@ def check(
 
     path = config_path(process.bundled(capture))
     process.set_up_jax()
-    from jaxrender.pipelines.progress import choose
 
-    found = run_check(path, choose(sys.stderr))
+    found = run_check(path, reporting.progress())
     if fix:
         write_fix(found)
-    page = write_page(found, out.resolve())
+    changed = f"{path} has what was found" if fix and found.changes else "nothing was written"
+    with keeping(lambda: changed):
+        page = write_page(found, out.resolve())
     process.say(summary_of(found, fix))
     process.say(f"page: {page}")
     left = found.wrong[len(found.changes) :] if fix else found.wrong

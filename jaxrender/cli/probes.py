@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Literal
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, app
+from jaxrender.cli.app import DONE, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
 from jaxrender.errors import InputError
 
 # Order and degree of the nine coefficients, as T table 4.1 lists them.
 _HARMONICS = ("00", "1-1", "10", "11", "2-2", "2-1", "20", "21", "22")
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "prefilter probe.exr --out maps",
+        "prefilter probe.hdr --out maps --convention angular --brdf phong:exponent=32 --shrm",
+    )
+)
 def prefilter(
     probe: Path,
     /,
@@ -29,6 +34,7 @@ def prefilter(
     degree: int | None = None,
     window: str = "none",
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Filter a light probe for rendering: irradiance coefficients, and a map for each lobe.
 
@@ -72,7 +78,6 @@ def prefilter(
     process.set_up_jax()
     from jaxrender.pipelines import prefilter as prefiltering
     from jaxrender.pipelines.lobe_orders import TOLERANCE, OrdersGoal
-    from jaxrender.pipelines.progress import choose
 
     lobes = tuple(brdf) if brdf else prefiltering.DEFAULT_LOBES
     goal = OrdersGoal(TOLERANCE if tolerance is None else tolerance, view_degree, degree)
@@ -83,7 +88,7 @@ def prefilter(
         axes,
         lobes,
         force=force,
-        progress=choose(sys.stderr),
+        progress=reporting.progress(),
         shrm=goal if shrm else None,
         window=window,
     )
@@ -95,7 +100,12 @@ def prefilter(
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "analyze configs/teflon_sphere.yaml --suppose sigma=0.1",
+        "analyze probe.exr --brdf microfacet:sigma=0.2 --figure spectra.png",
+    )
+)
 def analyze(
     subject: Path,
     /,
@@ -111,6 +121,7 @@ def analyze(
     suggest: Literal["views", "sources"] | None = None,
     aim: str = "worst",
     count: int = 5,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Predict what photographs can determine, before they are taken.
 
@@ -163,10 +174,9 @@ def analyze(
         config = load_run_config(process.bundled(subject), overrides)
         process.set_up_jax()
         from jaxrender.pipelines.analysis import Options, analyze_config
-        from jaxrender.pipelines.progress import choose
 
         options = Options(tuple(suppose or ()), noise, band_limit, figure, suggest, aim, count)
-        process.say(analyze_config(config, options, choose(sys.stderr)).text)
+        process.say(analyze_config(config, options, reporting.progress()).text)
     else:
         if overrides or suppose or suggest:
             raise InputError(
@@ -179,14 +189,15 @@ def analyze(
         lobes = tuple(brdf) if brdf else analysis.DEFAULT_LOBES
         relative = analysis.DEFAULT_MEASUREMENT.noise if noise is None else noise
         limit = 32 if band_limit is None else band_limit
-        found = analysis.analyze(
-            subject,
-            convention,
-            lobes,
-            limit,
-            analysis.Measurement(relative, samples),
-            tolerance=analysis.TOLERANCE if tolerance is None else tolerance,
-        )
+        with reporting.progress().stage("analyze"):
+            found = analysis.analyze(
+                subject,
+                convention,
+                lobes,
+                limit,
+                analysis.Measurement(relative, samples),
+                tolerance=analysis.TOLERANCE if tolerance is None else tolerance,
+            )
         if figure is not None:
             found.draw(figure)
         process.say(found.table.rstrip())
@@ -195,7 +206,12 @@ def analyze(
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "light ball_1.jpg ball_2.jpg ball_3.jpg --ball 550 756 69 --out probe",
+        "light ball/transforms.json --response srgb --out probe",
+    )
+)
 def light(
     *photographs: Path,
     out: Path,
@@ -212,6 +228,7 @@ def light(
     align: bool = False,
     shift: float = 0.5,
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Make an environment from photographs of a mirror ball, with its errors.
 
@@ -257,12 +274,11 @@ def light(
     process.set_up_jax()
     from jaxrender.pipelines import light_probe as probing
     from jaxrender.pipelines.probe_views import Reading
-    from jaxrender.pipelines.progress import choose
 
     times = None if exposures is None else tuple(exposures)
     reading = Reading(response, times, exposure, align, shift, focal)
     options = probing.ProbeOptions(reading, mask, ball, reflectance, camera_angle, height, sigma)
-    done = probing.light_probe(photographs, out, options, choose(sys.stderr), force)
+    done = probing.light_probe(photographs, out, options, reporting.progress(), force)
     for line in done.lines:
         process.say(line)
     process.say(f"light: {out}")

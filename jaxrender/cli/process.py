@@ -71,6 +71,14 @@ def example(path: Path) -> Path:
     return (package.parent if is_clone else packed) / path
 
 
+def can_open_pages() -> bool:
+    """Whether a person looks at the output, on a machine that can show a page."""
+    if not sys.stdout.isatty():
+        return False
+    has_desktop = sys.platform in ("darwin", "win32")
+    return has_desktop or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 def set_up_jax() -> None:
     """Float64, and programs, traced and compiled, kept from one process to the next."""
     import jax

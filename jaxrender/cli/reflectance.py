@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, app
+from jaxrender.cli.app import DONE, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "measure sawtooth:teeth=4,rising=45,falling=45 --out grooves.nc",
+        "measure velvet:threads=600,length=0.3,lean=20 --out velvet.nc --size 8 --samples 64",
+    )
+)
 def measure(
     patch: str,
     /,
@@ -27,6 +32,7 @@ def measure(
     region: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
     relief: float = 0.1,
     force: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Measure the BRDF of micro-geometry, with masking and interreflection.
 
@@ -62,19 +68,23 @@ def measure(
     """
     process.set_up_jax()
     from jaxrender.pipelines import measure as measuring
-    from jaxrender.pipelines.progress import choose
 
     facets = tuple(brdf) if brdf else measuring.DEFAULT_FACETS
     options = measuring.MeasureOptions(
         patch, facets, tuple(size or (16,)), embedding, samples, bounces, seed, region, relief
     )
-    done = measuring.measure(options, out, choose(sys.stderr), force)
+    done = measuring.measure(options, out, reporting.progress(), force)
     process.say(done.text)
     process.say(f"table: {out}")
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "compress paint.binary --out paint.nc --error 0.05",
+        "compress microfacet:sigma=0.2,mu=1.5 --out facets.nc --size 16",
+    )
+)
 def compress(
     brdf: str,
     /,
@@ -86,6 +96,7 @@ def compress(
     wavelet: str = "haar",
     spectral: bool = False,
     cell_samples: int = 16,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Compress a BRDF to a tree of wavelet coefficients.
 
@@ -115,7 +126,6 @@ def compress(
     """
     process.set_up_jax()
     from jaxrender.pipelines import compress as compression
-    from jaxrender.pipelines.progress import choose
 
     goal = compression.Goal(keep, error)
     done = compression.compress(
@@ -126,7 +136,7 @@ def compress(
         wavelet=wavelet,
         spectral=spectral,
         cell_samples=cell_samples,
-        progress=choose(sys.stderr),
+        progress=reporting.progress(),
     )
     for line in done.said:
         process.say(line)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, NOT_CONVERGED, app
+from jaxrender.cli.app import DONE, NOT_CONVERGED, app, examples
+from jaxrender.cli.reporting import AS_USUAL, Reporting
 from jaxrender.errors import InputError
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "batch configs/sweep_teflon.yaml --dry-run", "batch configs/sweep_teflon.yaml --workers 4"
+    )
+)
 def batch(
     sweep: Path,
     /,
@@ -19,6 +23,7 @@ def batch(
     scheduler: str | None = None,
     dry_run: bool = False,
     strict: bool = False,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Do all fits of a sweep, several at a time.
 
@@ -45,18 +50,17 @@ def batch(
     loaded = load_sweep(process.bundled(sweep))
     process.set_up_jax()
     from jaxrender.pipelines import batch as batches
-    from jaxrender.pipelines.progress import choose
 
     if dry_run:
         process.say(batches.list_runs(loaded))
         return DONE
     processes = batches.cluster(workers, scheduler, set_up=process.set_up_jax)
-    report = batches.run_batch(loaded, processes, progress=choose(sys.stderr))
+    report = batches.run_batch(loaded, processes, progress=reporting.progress())
     process.say(report.summary)
     return DONE if report.all_converged or not strict else NOT_CONVERGED
 
 
-@app.command
+@app.command(help_epilogue=examples("schema", "schema --recipe"))
 def schema(*, recipe: bool = False, sweep: bool = False) -> int:
     """Print the JSON Schema of configs: every key with its meaning, range and tasks.
 

@@ -13,8 +13,9 @@
     light from photographs of a mirror ball
 ``tasks``
     what a run may recover: a module for each task
-``output`` ``progress``
-    result folders that appear whole or not at all; the stages of a run and their seconds
+``output`` ``progress`` ``kept``
+    result folders that appear whole or not at all; the stages of a run and their seconds; what is
+    left when a person stops one
 ``doctor`` ``cache_place``
     what works of an installation; where caches lie
 

@@ -37,6 +37,7 @@ from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.imported_config import config_text
 from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
 from jaxrender.pipelines.photographs_found import examined
+from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.shapes import Float
 
 CONFIG = "capture.yaml"
@@ -67,25 +68,34 @@ class Imported(NamedTuple):
     sentences: tuple[str, ...]
 
 
-def import_capture(place: Path, out: Path, options: ImportOptions, force: bool = False) -> Imported:
+def import_capture(
+    place: Path,
+    out: Path,
+    options: ImportOptions,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Imported:
     """Write a folder with ``transforms.json`` and ``capture.yaml``; it appears whole or not at all.
 
     ``place`` is a folder of a program whose format is known, or a file in it.  Raises
     ``InputError`` where nothing or too much is recognised, where photographs are missing or of
     other sizes than their cameras, and where the shape is not known.
     """
+    progress = progress or SilentProgress()
     recognised = recognise(place, options.format)
     root = place if place.is_dir() else place.parent
     looking = Looking(
         options.images or root, options.allow_outside, original=options.frame == "original"
     )
-    contents = _shaped(read_contents(recognised, looking), place, options)
-    contents = examined(contents)
-    digest = _digest(contents, options)
+    with progress.stage("read cameras and shape"):
+        contents = _shaped(read_contents(recognised, looking), place, options)
+    with progress.stage("look at the photographs"):
+        contents = examined(contents, progress.advance)
+        digest = _digest(contents, options)
     sentences = (*contents.found, *contents.assumed)
     if prepare(out, digest, force) is FolderState.FINISHED:
         return Imported(out, (f"imported before, in {out}", *sentences))
-    with result_folder(out, digest, force) as folder:
+    with progress.stage("write"), result_folder(out, digest, force) as folder:
         _write(folder, recognised.name, contents, options, looking.folder)
         # What is written is what a fit takes.
         load_run_config(folder / CONFIG)

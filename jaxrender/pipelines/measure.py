@@ -21,6 +21,7 @@ from jaxrender.geometry import EMBEDDINGS
 from jaxrender.io.atomic import replacing
 from jaxrender.io.jsonfiles import read_json
 from jaxrender.io.tables import BRDFTable, read_table, write_table
+from jaxrender.pipelines.kept import keeping
 from jaxrender.pipelines.output import fingerprint_of
 from jaxrender.pipelines.patches import facets_of, patch_of
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -84,9 +85,12 @@ def measure(
     done = kept.rows(meter, settings)
     if done:
         progress.note(f"{kept.folder}: {len(done)} of {settings.size[2]} rows done; going on")
-    with progress.stage("measure"):
-        for count, block in enumerate(meter.blocks(settings, done), len(done) + 1):
+    count = len(done)
+    going_on = f"of {settings.size[2]} rows are kept in {kept.folder}; the same command goes on"
+    with progress.stage("measure"), keeping(lambda: f"{count} {going_on}"):
+        for block in meter.blocks(settings, done):
             kept.keep(block)
+            count += 1
             progress.advance(count / settings.size[2])
     with progress.stage("write"):
         found = Measurement.of(kept.blocks(settings.size[2]))

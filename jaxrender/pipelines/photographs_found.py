@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 
 from jaxrender.errors import InputError
 from jaxrender.io import Frame
@@ -14,16 +15,20 @@ from jaxrender.io.images import image_size
 _LINEAR_BITS = 12
 
 
-def examined(contents: Contents) -> Contents:
+def examined(
+    contents: Contents, advance: Callable[[float], None] = lambda fraction: None
+) -> Contents:
     """Hold photographs against their cameras, and fill in what their headers tell.
 
     Raises ``InputError`` for a size that is not its camera's, and for pixels of whole numbers
     beside those of floating point.
     """
     frames = contents.capture.frames
-    headers = [read_photo_header(frame.image_path) for frame in frames]
-    for frame, header in zip(frames, headers):
-        _check_size(frame, header)
+    headers = []
+    for number, frame in enumerate(frames):
+        headers.append(read_photo_header(frame.image_path))
+        _check_size(frame, headers[-1])
+        advance((number + 1) / len(frames))
     contents = contents._replace(found=(_sizes(headers), *contents.found))
     return _with_response(_with_exposures(contents, headers), headers)
 

@@ -1,25 +1,67 @@
 """The progress of a run: its stages and their seconds.
 
-A ``Progress`` gets the stages of a run.  On a terminal it is a live display; elsewhere it prints
-lines with the seconds since the start; in calls from Python it is silent.  Each kind times the
-stages, and the seconds go into the result.
+A ``Progress`` gets the stages of a run.  On a terminal it is a live display.  Where nobody looks it
+says what a reader should know, and no more; for programs it writes lines of JSON; in calls from
+Python it is silent.  Each kind times the stages, and the seconds go into the result.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol, TextIO, cast, runtime_checkable
 
-from rich.console import Console
-from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.console import Console, RenderableType
+from rich.progress import (
+    BarColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as LiveDisplay
+from rich.text import Text
 
 # Plain lines about a stage's advance are this far apart, so that a log stays readable.
 _SECONDS_BETWEEN_LINES = 10.0
+# A program that draws a bar of its own wants them closer.
+_SECONDS_BETWEEN_REPORTS = 0.5
+# What takes less needs no bar: it would only flicker.
+_PATIENCE = 2.0
+
+# What the stages of a fit, and of other commands, are about.
+MEANINGS = {
+    "synth": "rendering the photographs of the recipe",
+    "load": "reading photographs, masks, geometry and light",
+    "trace": "finding the surface point of each pixel",
+    "rough": "first rough fit, from many starts",
+    "split": "separating slow light and sources",
+    "table": "tabulating the model over roughness",
+    "compile": "compiling",
+    "solve": "fit in the frequency view",
+    "refine": "refinement by the exact integral",
+    "light": "finding the light, source by source",
+    "texture": "sigma and mu, then the material of every texel",
+    "spectrum": "solving for the coefficients",
+    "shadows": "tracing shadows",
+    "misfit": "noise between neighbouring pixels",
+    "diagnosis": "what would explain the rest",
+    "calibration": "finding what was freed",
+    "account": "error bars",
+    "compare": "comparing the models on held-out pixels",
+    "interreflection": "light that bounces between parts of the object",
+    "variants": "fits of other choices for the specular part",
+    "forecast": "predicted error bars",
+    "result": "summing up",
+    "predict": "rendering the predictions",
+    "write": "writing files",
+    "report": "the report's page",
+}
 
 
 @runtime_checkable
@@ -139,13 +181,97 @@ class PlainProgress(_Timed):
         self.note(f"{name}: failed" if taken is None else f"{name}: done in {taken:.2f} s")
 
 
+class NotedProgress(SilentProgress):
+    """Writes what a reader should know, and nothing about the stages: for pipes."""
+
+    def __init__(self, stream: Stream, clock: Callable[[], float] = time.perf_counter):
+        super().__init__(clock)
+        self._stream = stream
+
+    def note(self, text: str) -> None:
+        """Write a line."""
+        self._stream.write(f"{text}\n")
+        self._stream.flush()
+
+
+class JsonProgress(_Timed):
+    """One JSON object a line, for programs.
+
+    Each has ``event`` (begin, advance, end, failed, note) and ``time``, seconds since the start;
+    ``stage``, ``fraction``, ``remaining`` (seconds, of this stage), ``seconds`` and ``text`` as the
+    event needs them.
+    """
+
+    def __init__(self, stream: Stream, clock: Callable[[], float] = time.perf_counter):
+        super().__init__(clock)
+        self._stream = stream
+        self._start = clock()
+        self._last_report = self._start - _SECONDS_BETWEEN_REPORTS
+        # Each open stage, and when it began.
+        self._open: list[tuple[str, float]] = []
+
+    def note(self, text: str) -> None:
+        """Report a text."""
+        self._report("note", text=text)
+
+    def advance(self, fraction: float) -> None:
+        """Report how much is done, unless that was reported a moment ago."""
+        now = self._clock()
+        if not self._open or now - self._last_report < _SECONDS_BETWEEN_REPORTS:
+            return
+        self._last_report = now
+        name, began = self._open[-1]
+        left = (now - began) * (1 - fraction) / fraction if fraction > 0 else None
+        remaining = {} if left is None else {"remaining": round(left, 3)}
+        self._report("advance", stage=name, fraction=round(float(fraction), 4), **remaining)
+
+    def _begin(self, name: str) -> None:
+        self._open.append((name, self._clock()))
+        self._report("begin", stage=name)
+
+    def _end(self, name: str, taken: float | None) -> None:
+        _, began = self._open.pop()
+        event = "failed" if taken is None else "end"
+        self._report(event, stage=name, seconds=round(self._clock() - began, 3))
+
+    def _report(self, event: str, **values: str | float) -> None:
+        time_ = round(self._clock() - self._start, 3)
+        self._stream.write(json.dumps({"event": event, "time": time_} | values) + "\n")
+        self._stream.flush()
+
+
+class _Remaining(TimeRemainingColumn):
+    """The remaining time of a stage that says how much of it is done."""
+
+    def render(self, task: Task) -> Text:
+        """Show nothing where nothing is known."""
+        if task.total is None or task.time_remaining is None:
+            return Text("")
+        return super().render(task) + Text(" left", style="progress.remaining")
+
+
+class _Patient(LiveDisplay):
+    """A live display that shows nothing before it is worth it."""
+
+    # It is asked for what to show before it is told when.
+    is_due: Callable[[], bool] = staticmethod(lambda: False)
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """Show the stages, or nothing yet."""
+        return super().get_renderables() if self.is_due() else ()
+
+
 class RichProgress(_Timed):
-    """A live display on a terminal; each finished stage leaves one line."""
+    """A live display on a terminal: stage, bar, elapsed and remaining time.
+
+    It appears when the run has taken two seconds.  Each stage that took as long leaves one line.
+    """
 
     def __init__(self, console: Console, clock: Callable[[], float] = time.perf_counter):
         super().__init__(clock)
         self._console = console
-        self._display: LiveDisplay | None = None
+        self._start = clock()
+        self._display: _Patient | None = None
         self._open: list = []
 
     def note(self, text: str) -> None:
@@ -159,17 +285,21 @@ class RichProgress(_Timed):
 
     def _begin(self, name: str) -> None:
         if self._display is None:
-            self._display = LiveDisplay(
+            self._display = _Patient(
                 SpinnerColumn(),
                 TextColumn("{task.description}", markup=False),
-                BarColumn(),
+                BarColumn(bar_width=None),
                 TimeElapsedColumn(),
+                _Remaining(),
                 console=self._console,
                 transient=True,
+                get_time=self._clock,
+                expand=True,
             )
+            self._display.is_due = lambda: self._clock() - self._start >= _PATIENCE
             self._display.start()
         # Without a total the bar only shows that something goes on.
-        self._open.append(self._display.add_task(name, total=None))
+        self._open.append(self._display.add_task(_described(name), total=None))
 
     def _end(self, name: str, taken: float | None) -> None:
         if self._display is None:
@@ -179,10 +309,29 @@ class RichProgress(_Timed):
             # Stopped between stages: what the program then writes must not be painted over.
             self._display.stop()
             self._display = None
-        self.note(f"{name}: failed" if taken is None else f"{name}: {taken:.2f} s")
+        if taken is None:
+            self.note(f"{name}: stopped")
+        elif taken >= _PATIENCE:
+            self.note(f"{_described(name)}: {taken:.1f} s")
 
 
-def choose(stream: Stream) -> Progress:
-    """A live display if the stream is a terminal that can show one, plain lines otherwise."""
-    is_live = stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
-    return RichProgress(Console(file=cast(TextIO, stream))) if is_live else PlainProgress(stream)
+def _described(name: str) -> str:
+    """A stage's name with its meaning, where it is known."""
+    return f"{name}: {MEANINGS[name]}" if name in MEANINGS else name
+
+
+def choose(stream: Stream, quiet: bool = False, as_json: bool = False) -> Progress:
+    """Choose the kind for a stream, and for what was asked.
+
+    JSON or silence on request; a live display if the stream is a terminal that can show one, lines
+    if it can't; elsewhere only what a reader should know.
+    """
+    if quiet:
+        return SilentProgress()
+    if as_json:
+        return JsonProgress(stream)
+    if not stream.isatty():
+        return NotedProgress(stream)
+    if os.environ.get("TERM", "dumb") == "dumb" and os.name != "nt":
+        return PlainProgress(stream)
+    return RichProgress(Console(file=cast(TextIO, stream)))

@@ -1,5 +1,6 @@
 """A fit from its config to its result folder: load, trace, fit, account, write."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -33,6 +34,7 @@ from jaxrender.pipelines.config import (
     load_run_config,
     resolved_yaml,
 )
+from jaxrender.pipelines.kept import keeping
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import (
@@ -83,7 +85,8 @@ def fit(
     """
     progress = progress or SilentProgress()
     folder = config.output or Path.cwd() / "runs" / _name_of(config)
-    with Clock(progress) as clock:
+    recipes = config.recipes
+    with Clock(progress) as clock, keeping(lambda: _kept(recipes)):
         config = _with_photographs(config, clock, progress, dry_run)
         if config.recipes:
             return FitReport("dry run", folder, _would_render(config.recipes))
@@ -105,6 +108,14 @@ def fit(
         with result_folder(folder, digest, force) as into:
             result = _write(into, folder.name, config, inputs, recovery, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
+
+
+def _kept(recipes: Sequence[Path]) -> str:
+    """Say what is there after an interrupt."""
+    loaded = {path: load_recipe(path) for path in recipes}
+    whole = [is_whole(recipe, capture_folder(recipe, path)) for path, recipe in loaded.items()]
+    photographs = "the rendered photographs are kept; " if whole and all(whole) else ""
+    return f"{photographs}no result was written, and an earlier one is as it was"
 
 
 def _with_photographs(

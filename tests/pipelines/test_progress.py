@@ -2,15 +2,27 @@
 
 - Stages are timed, also when they fail or come twice; an inner stage counts inside the outer one.
 - Plain lines carry the seconds since the start and are rare enough for a log.
-- The live display is for terminals alone and is gone when a stage has ended.
+- The live display is for terminals alone and is gone when a stage has ended.  It shows nothing in
+  the first two seconds, and then stage, bar, elapsed and remaining time.
+- Where nobody looks only notes are written; for programs each line is a JSON object.
 """
 
 import io
+import json
+import re
 
 import pytest
 from rich.console import Console
 
-from jaxrender.pipelines.progress import PlainProgress, RichProgress, SilentProgress, choose
+from jaxrender.pipelines.kept import keeping, kept_after
+from jaxrender.pipelines.progress import (
+    JsonProgress,
+    NotedProgress,
+    PlainProgress,
+    RichProgress,
+    SilentProgress,
+    choose,
+)
 
 
 class Clock:
@@ -43,6 +55,8 @@ def fail_inside(progress, clock, seconds, error):
 KINDS = {
     "silent": lambda stream, clock: SilentProgress(clock),
     "plain": PlainProgress,
+    "noted": NotedProgress,
+    "json": JsonProgress,
     "rich": rich_on,
 }
 
@@ -123,11 +137,11 @@ def test_live_display_leaves_one_line_a_stage():
     clock, stream = Clock(), Terminal()
     progress = rich_on(stream, clock)
     with progress.stage("load [1]"):
-        clock.now += 1.25
+        clock.now += 2.25
         progress.note("3 photographs [red]")
         progress.advance(0.5)
     text = stream.getvalue()
-    assert "load [1]: 1.25 s" in text
+    assert "load [1]: 2.2 s" in text
     assert "3 photographs [red]" in text
     # The cursor is hidden while the display lives and shown again when it ends.
     assert text.rfind("\x1b[?25h") > text.rfind("\x1b[?25l") >= 0
@@ -140,9 +154,89 @@ def test_silence_is_silent(capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def shown_after(seconds, fraction=None):
+    """What stands on the terminal when a stage has run for so long."""
+    clock, stream = Clock(), Terminal()
+    progress = rich_on(stream, clock)
+    with progress.stage("solve"):
+        clock.now += seconds / 2
+        if fraction is not None:
+            progress.advance(fraction / 2)
+        clock.now += seconds / 2
+        if fraction is not None:
+            progress.advance(fraction)
+        stream.truncate(stream.seek(0))
+        assert progress._display is not None
+        progress._display.refresh()
+        return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", stream.getvalue()).strip()
+
+
+def test_a_bar_only_for_what_takes_its_time():
+    assert shown_after(1.9) == ""
+    bar = shown_after(63.0)
+    assert "solve: fit in the frequency view" in bar
+    assert "0:01:03" in bar
+    assert "left" not in bar
+
+
+def test_the_bar_says_what_remains():
+    # Half done in forty seconds.
+    assert re.search(r"0:00:40 0:00:40 left", shown_after(40.0, 0.5))
+
+
+def test_quick_stages_leave_no_line():
+    clock, stream = Clock(), Terminal()
+    progress = rich_on(stream, clock)
+    with progress.stage("load"):
+        clock.now += 1.9
+    assert "load" not in stream.getvalue()
+
+
+def test_only_notes_where_nobody_looks():
+    clock, stream = Clock(), io.StringIO()
+    progress = NotedProgress(stream, clock)
+    with progress.stage("load"):
+        clock.now += 20.0
+        progress.advance(0.5)
+        progress.note("a.exr: warning: left out")
+    assert stream.getvalue() == "a.exr: warning: left out\n"
+
+
+def test_lines_for_programs():
+    clock, stream = Clock(), io.StringIO()
+    progress = JsonProgress(stream, clock)
+    with progress.stage("trace"):
+        for step in range(4):
+            clock.now += 0.25
+            progress.advance((step + 1) / 8)
+        progress.note("two\nlines")
+    with pytest.raises(RuntimeError):
+        fail_inside(progress, clock, 1.0, RuntimeError)
+    assert [json.loads(line) for line in stream.getvalue().splitlines()] == [
+        {"event": "begin", "time": 0.0, "stage": "trace"},
+        {"event": "advance", "time": 0.25, "stage": "trace", "fraction": 0.125, "remaining": 1.75},
+        {"event": "advance", "time": 0.75, "stage": "trace", "fraction": 0.375, "remaining": 1.25},
+        {"event": "note", "time": 1.0, "text": "two\nlines"},
+        {"event": "end", "time": 1.0, "stage": "trace", "seconds": 1.0},
+        {"event": "begin", "time": 1.0, "stage": "solve"},
+        {"event": "failed", "time": 2.0, "stage": "solve", "seconds": 1.0},
+    ]
+
+
+def test_an_interrupt_says_what_is_kept():
+    stop = KeyboardInterrupt()
+    assert kept_after(stop) == "nothing was written; an earlier result is as it was"
+    rows = 3
+    with pytest.raises(KeyboardInterrupt) as caught, keeping(lambda: f"{rows} rows are kept"):
+        raise stop
+    assert kept_after(caught.value) == "3 rows are kept"
+
+
 def test_choose(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     assert isinstance(choose(Terminal()), RichProgress)
-    assert isinstance(choose(io.StringIO()), PlainProgress)
+    assert type(choose(io.StringIO())) is NotedProgress
     monkeypatch.setenv("TERM", "dumb")
     assert isinstance(choose(Terminal()), PlainProgress)
+    assert type(choose(Terminal(), quiet=True)) is SilentProgress
+    assert isinstance(choose(Terminal(), as_json=True), JsonProgress)

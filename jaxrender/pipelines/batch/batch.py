@@ -82,13 +82,18 @@ def run_batch(sweep: Sweep, opener: Opener, progress: Progress | None = None) ->
             if todo:
                 with progress.stage(f"batch of {_runs(len(todo))}"):
                     _do(todo, opener, ledger, progress)
-        except BaseException:
+        except BaseException as error:
             # Some may have ended while the workers stopped.
             for run in todo:
                 if (run.folder / RESULT).is_file():
                     ledger.look(run)
             left = ledger.outcomes()[State.PENDING.value]
-            progress.note(f"stopped with {_runs(left)} to do; the same command goes on from here")
+            kept = f"stopped with {_runs(left)} to do; the same command goes on from here"
+            # An interrupt brings it to whoever ends the program.
+            if isinstance(error, KeyboardInterrupt):
+                error.add_note(kept)
+            else:
+                progress.note(kept)
             raise
         finally:
             ledger.write()

@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from jaxrender.inverse import Outcome
+from jaxrender.pipelines.progress import MEANINGS
 from jaxrender.pipelines.report.contents import Contents, MaterialContents
 from jaxrender.pipelines.report.wording import counted, is_number, percent, seconds, shown
 
@@ -12,33 +13,6 @@ _HEADLINES = {
     "not_converged": ("Not converged", "bad"),
     "at_bound": ("At a bound", "warn"),
     "not_identifiable": ("Not identifiable", "warn"),
-}
-_STAGES = {
-    "synth": "rendering the photographs of the recipe",
-    "load": "reading photographs, masks, geometry and light",
-    "trace": "finding the surface point of each pixel",
-    "rough": "first rough fit, from many starts",
-    "split": "separating slow light and sources",
-    "table": "tabulating the model over roughness",
-    "compile": "compiling",
-    "solve": "fit in the frequency view",
-    "refine": "refinement by the exact integral",
-    "light": "finding the light, source by source",
-    "texture": "sigma and mu, then the material of every texel",
-    "spectrum": "solving for the coefficients",
-    "shadows": "tracing shadows",
-    "misfit": "noise between neighbouring pixels",
-    "diagnosis": "what would explain the rest",
-    "calibration": "finding what was freed",
-    "account": "error bars",
-    "compare": "comparing the models on held-out pixels",
-    "interreflection": "light that bounces between parts of the object",
-    "variants": "fits of other choices for the specular part",
-    "forecast": "predicted error bars",
-    "result": "summing up",
-    "predict": "rendering the predictions",
-    "write": "writing files",
-    "report": "this page",
 }
 
 
@@ -151,7 +125,7 @@ def timings(contents: Contents) -> Timings | None:
         return None
     longest = max(*spent.values(), 1e-9)
     stages = tuple(
-        Timing(name, _STAGES.get(name, ""), seconds(value), 100 * max(value, 0) / longest)
+        Timing(name, MEANINGS.get(name, ""), seconds(value), 100 * max(value, 0) / longest)
         for name, value in spent.items()
     )
     return Timings(stages, seconds(sum(spent.values())))
