@@ -25,7 +25,8 @@ The packages follow the theory, and each imports only from those above it in thi
 
 What everyday work needs is here by its own name: ``load_capture``, ``load_mesh``,
 ``load_environment``; ``Sphere``, ``Mesh``, ``Pinhole``; the lights; ``material`` of a model's name
-and numbers; ``render``; ``Scene``, ``unknown`` and ``fit``.
+and numbers; ``render``; ``Scene``, ``unknown`` and ``fit``; ``plot`` of a light, a BRDF or what a
+fit found.  ``%load_ext jaxrender`` lets notebooks show lights and BRDFs.
 """
 
 import importlib
@@ -71,10 +72,13 @@ _NAMES = {
     "load_capture": "inverse.load_capture",
     "load_environment": "io.read_environment",
     "load_mesh": "io.read_mesh",
+    "load_ipython_extension": "pipelines.load_ipython_extension",
     "look_at": "geometry.look_at",
     "material": "brdf.brdf_named",
+    "plot": "pipelines.plot",
     "render": "reflection.render_lit",
     "unknown": "inverse.unknown",
+    "unload_ipython_extension": "pipelines.unload_ipython_extension",
 }
 
 __all__ = ["__version__", *_PACKAGES, *_NAMES]

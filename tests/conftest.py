@@ -20,7 +20,7 @@ from jaxtyping import install_import_hook
 _LIMIT, _LEAST_GROWTH = 1.4e9, 0.15e9
 # Of the many threads of the compiler each would keep what it has freed for itself: one arena for
 # all holds a tenth less (glibc's M_ARENA_MAX).
-if hasattr(ctypes.CDLL(None), "mallopt"):
+if os.name == "posix" and hasattr(ctypes.CDLL(None), "mallopt"):
     ctypes.CDLL(None).mallopt(-8, 1)
 
 # Most of the tests' time goes into compiling.  XLA's older emitters of loops do it a third faster

@@ -16,6 +16,8 @@
 ``output`` ``progress`` ``kept``
     result folders that appear whole or not at all; the stages of a run and their seconds; what is
     left when a person stops one
+``plots`` ``notebook``
+    a light, a BRDF or an estimate on matplotlib axes; the same in notebooks, unasked
 ``doctor`` ``cache_place``
     what works of an installation; where caches lie
 
@@ -29,6 +31,9 @@ _HOME = {
     "fit": "run",
     "synthesise": "synth",
     "render_config": "render",
+    "plot": "plots",
+    "load_ipython_extension": "notebook",
+    "unload_ipython_extension": "notebook",
     "RecipeConfig": "config",
     "RunConfig": "config",
     "load_recipe": "config",

@@ -13,16 +13,18 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from datetime import timedelta
 from typing import Protocol, TextIO, cast, runtime_checkable
 
 from rich.console import Console, RenderableType
 from rich.progress import (
     BarColumn,
+    ProgressColumn,
     SpinnerColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.progress import Progress as LiveDisplay
 from rich.text import Text
@@ -240,14 +242,16 @@ class JsonProgress(_Timed):
         self._stream.flush()
 
 
-class _Remaining(TimeRemainingColumn):
+class _Remaining(ProgressColumn):
     """The remaining time of a stage that says how much of it is done."""
 
     def render(self, task: Task) -> Text:
         """Show nothing where nothing is known."""
-        if task.total is None or task.time_remaining is None:
+        ends = task.fields.get("ends")
+        if ends is None:
             return Text("")
-        return super().render(task) + Text(" left", style="progress.remaining")
+        left = timedelta(seconds=max(0, round(ends - task.get_time())))
+        return Text(f"{left} left", style="progress.remaining")
 
 
 class _Patient(LiveDisplay):
@@ -272,7 +276,8 @@ class RichProgress(_Timed):
         self._console = console
         self._start = clock()
         self._display: _Patient | None = None
-        self._open: list = []
+        # Each open stage, and when it began.
+        self._open: list[tuple[TaskID, float]] = []
 
     def note(self, text: str) -> None:
         """Write a line above the live display."""
@@ -280,8 +285,12 @@ class RichProgress(_Timed):
 
     def advance(self, fraction: float) -> None:
         """Move the bar of the current stage."""
-        if self._display is not None:
-            self._display.update(self._open[-1], total=1.0, completed=fraction)
+        if self._display is None:
+            return
+        now, (task, began) = self._clock(), self._open[-1]
+        # As long again for each part as those that are done took.
+        ends = began + (now - began) / fraction if fraction > 0 else None
+        self._display.update(task, total=1.0, completed=fraction, ends=ends)
 
     def _begin(self, name: str) -> None:
         if self._display is None:
@@ -299,12 +308,13 @@ class RichProgress(_Timed):
             self._display.is_due = lambda: self._clock() - self._start >= _PATIENCE
             self._display.start()
         # Without a total the bar only shows that something goes on.
-        self._open.append(self._display.add_task(_described(name), total=None))
+        task = self._display.add_task(_described(name), total=None, ends=None)
+        self._open.append((task, self._clock()))
 
     def _end(self, name: str, taken: float | None) -> None:
         if self._display is None:
             return
-        self._display.remove_task(self._open.pop())
+        self._display.remove_task(self._open.pop()[0])
         if not self._open:
             # Stopped between stages: what the program then writes must not be painted over.
             self._display.stop()

@@ -54,6 +54,7 @@ from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.synth import synthesise
 from jaxrender.pipelines.tasks import task_named
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
+from jaxrender.shapes import Float
 
 # At most this many photographs are shown in the report, spread over the capture.
 _SHOWN = 6
@@ -262,10 +263,18 @@ def _write(
             for p, q in ((photographs[k], predictions[k]) for k in shown)
         )
         so_far = result.document(provenance, clock.taken())
+        # For the page alone: unit vectors from the object to each camera.
+        so_far["views"] = [view.tolist() for view in map(_towards, photographs) if view.any()]
         write_report(folder, recovery.page(title, so_far, frames))
     document = result.document(provenance, clock.taken())
     write_json(folder / RESULT, document)
     return document
+
+
+def _towards(photograph: Photograph) -> Float[np.ndarray, "3"]:
+    """The unit vector from the object to the camera; zero where the object is not seen."""
+    mean = photograph.view.outgoing[photograph.view.hit].sum(axis=0)
+    return mean / max(float(np.linalg.norm(mean)), 1e-12)
 
 
 def _inputs(config: RunConfig, captures: tuple[LitCapture, ...]) -> list[Path]:

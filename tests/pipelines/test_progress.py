@@ -180,8 +180,8 @@ def test_a_bar_only_for_what_takes_its_time():
 
 
 def test_the_bar_says_what_remains():
-    # Half done in forty seconds.
-    assert re.search(r"0:00:40 0:00:40 left", shown_after(40.0, 0.5))
+    # A quarter done in twenty seconds, from then on.
+    assert "0:00:20 0:01:00 left" in shown_after(20.0, 0.25)
 
 
 def test_quick_stages_leave_no_line():

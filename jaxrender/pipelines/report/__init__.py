@@ -6,6 +6,8 @@
     numbers as words, radiance as pictures, curves as SVG
 ``comparison`` ``forecast``
     models side by side on held-out pixels; error bars foreseen beside those achieved
+``front`` ``directions``
+    the first page, for people who are no experts; where cameras stood, and the largest gap
 ``account`` ``parameters``
     how the fit ended and what it was made from; the table of parameters and what sigma rests on
 ``photographs`` ``light`` ``material`` ``residuals`` ``spectra``

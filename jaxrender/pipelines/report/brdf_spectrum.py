@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.inverse.brdf_spectrum import BRDFSpectrum
 from jaxrender.inverse.intervals import NORMAL_90
-from jaxrender.pipelines.report.contents import FramePictures, Page
+from jaxrender.pipelines.report.contents import FramePictures, Page, Pictures, Shown
 from jaxrender.pipelines.report.display import data_uri
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, plot
 from jaxrender.pipelines.report.wording import counted, percent
@@ -65,7 +65,9 @@ def spectrum_page(contents: SpectrumContents) -> Page:
         "slices": _slices(contents.orders),
         "exit_degrees": _EXIT_DEGREES,
     }
-    return Page("brdf_spectrum.html.j2", contents, sections)
+    caption = "How strongly light from each direction is reflected, for one direction of view."
+    first = Pictures(Shown(sections["slices"][-1].picture, caption))
+    return Page("brdf_spectrum.html.j2", contents, sections, first)
 
 
 def _outgoing(count: int) -> Float[np.ndarray, "pair 3"]:

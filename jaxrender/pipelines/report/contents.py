@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from markupsafe import Markup
 
 from jaxrender.inverse import BRDFFit, Factorization, KnownLight
 from jaxrender.inverse.brdf_table import Correction
@@ -51,6 +52,26 @@ class Contents(Protocol):
         ...
 
 
+class Shown(NamedTuple):
+    """A picture of the first page: a data URI or a drawing, and what it shows."""
+
+    picture: str | Markup
+    caption: str
+
+    @property
+    def is_drawing(self) -> bool:
+        """Whether it is SVG."""
+        return isinstance(self.picture, Markup)
+
+
+class Pictures(NamedTuple):
+    """What a page brings to the first one: what was recovered, is uncertain, is missing."""
+
+    recovered: Shown
+    sure: Shown | None = None
+    missing: Shown | None = None
+
+
 class MaterialContents(NamedTuple):
     """All that the report of a material under known light shows."""
 
@@ -63,11 +84,15 @@ class MaterialContents(NamedTuple):
 
 
 class Page(NamedTuple):
-    """A page: its template, what it is made of, and what fills the sections that are its own."""
+    """A page: its template, what it is made of, and what fills the sections that are its own.
+
+    ``first`` are the pictures that it brings to the first page.
+    """
 
     template: str
     contents: Contents
     sections: dict[str, Any]
+    first: Pictures
 
 
 def is_lambertian(contents: Contents) -> bool:

@@ -3,7 +3,14 @@
 from jaxrender.brdf import Glossy
 from jaxrender.pipelines.report import account, parameters
 from jaxrender.pipelines.report.comparison import comparison
-from jaxrender.pipelines.report.contents import MaterialContents, Page, is_diffuse, is_lambertian
+from jaxrender.pipelines.report.contents import (
+    MaterialContents,
+    Page,
+    Pictures,
+    Shown,
+    is_diffuse,
+    is_lambertian,
+)
 from jaxrender.pipelines.report.curves import curves
 from jaxrender.pipelines.report.forecast import forecast
 from jaxrender.pipelines.report.light import direction_discs, environment_map, surroundings
@@ -38,4 +45,6 @@ def material_page(contents: MaterialContents) -> Page:
         "lambertian": is_lambertian(contents),
         "diffuse": is_diffuse(contents),
     }
-    return Page("report.html.j2", contents, sections)
+    caption = "A ball of the recovered material, under the given light."
+    first = Pictures(Shown(sections["spheres"].given, caption))
+    return Page("report.html.j2", contents, sections, first)

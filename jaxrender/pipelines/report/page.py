@@ -10,6 +10,7 @@ from jaxrender.pipelines.report import account, parameters, wording
 from jaxrender.pipelines.report.contents import Contents, Page
 from jaxrender.pipelines.report.correlations import correlations
 from jaxrender.pipelines.report.freed import freed, photograph_rows
+from jaxrender.pipelines.report.front import front
 from jaxrender.pipelines.report.photographs import gallery
 
 _PACKAGE = "jaxrender.pipelines.report"
@@ -25,7 +26,9 @@ def write_report(folder: Path, page: Page) -> Path:
 
 def html_of(page: Page) -> str:
     """Fill the page's template."""
-    return filled(page.template, _of_every_page(page.contents) | page.sections)
+    values = _of_every_page(page.contents) | page.sections
+    cards = front(page.contents, page.first, values["gallery"])
+    return filled(page.template, values | {"cards": cards})
 
 
 def filled(template: str, values: dict[str, Any]) -> str:

@@ -9,9 +9,18 @@ from matplotlib.colors import to_hex
 
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.pipelines.report.contents import FramePictures
-from jaxrender.pipelines.report.display import Picture, bounding_box, data_uri, shrunk, with_alpha
+from jaxrender.pipelines.report.display import (
+    LONGEST_SIDE,
+    Picture,
+    bounding_box,
+    data_uri,
+    shrunk,
+    with_alpha,
+)
 from jaxrender.shapes import Float
 
+# The picture of the first page, whose file is to stay small.
+_SMALL_SIDE = 128
 # At most this many frames, spread over the capture.
 _SHOWN = 6
 # The residual's scale ends where this part of the usable pixels is within it.
@@ -33,12 +42,16 @@ class Frame(NamedTuple):
 
 
 class Gallery(NamedTuple):
-    """The frames with what is common to them: the residual's scale and its colours."""
+    """The frames with what is common to them: the residual's scale and its colours.
+
+    ``worst`` is the frame that is explained worst, its residual small, for the first page.
+    """
 
     frames: tuple[Frame, ...]
     total: int
     limit: float
     gradient: str
+    worst: Frame | None = None
 
 
 class _Scale(NamedTuple):
@@ -53,9 +66,20 @@ def gallery(frames: tuple[FramePictures, ...]) -> Gallery:
     """Prepare the pictures; the residual is photograph - prediction, its channels averaged."""
     shown = _spread(frames)
     scale = _scale(shown)
-    return Gallery(
-        tuple(_frame(frame, scale) for frame in shown), len(frames), scale.limit, _gradient()
-    )
+    found = tuple(_frame(frame, scale) for frame in shown)
+    return Gallery(found, len(frames), scale.limit, _gradient(), _worst(shown, found, scale))
+
+
+def _worst(
+    shown: tuple[FramePictures, ...], found: tuple[Frame, ...], scale: _Scale
+) -> Frame | None:
+    """Find the frame with the largest residual; None where no residual is known."""
+    known = [k for k, frame in enumerate(found) if frame.rms is not None]
+    if not known:
+        return None
+    worst = max(known, key=lambda k: found[k].rms or 0.0)
+    small = data_uri(_residual_map(shown[worst], scale, _SMALL_SIDE))
+    return found[worst]._replace(residual=small)
 
 
 def _spread(frames: tuple[FramePictures, ...]) -> tuple[FramePictures, ...]:
@@ -98,19 +122,25 @@ def _frame(frame: FramePictures, scale: _Scale) -> Frame:
 
 
 def _inside(
-    picture: Picture, covered: Float[np.ndarray, "row column 1"]
+    picture: Picture, covered: Float[np.ndarray, "row column 1"], longest: int
 ) -> Float[np.ndarray, "shown_row shown_column channel"]:
     """Shrink a picture without mixing in what lies beside the object."""
-    return shrunk(picture * covered) / np.maximum(shrunk(covered), 1e-6)
+    share = np.maximum(shrunk(covered, longest), 1e-6)
+    return shrunk(picture * covered, longest) / share
 
 
-def _residual_map(frame: FramePictures, scale: _Scale) -> UInt8[np.ndarray, "row column 4"]:
+def _residual_map(
+    frame: FramePictures, scale: _Scale, longest: int = LONGEST_SIDE
+) -> UInt8[np.ndarray, "row column 4"]:
     box = bounding_box(frame.covered)
     covered = frame.covered[box].astype(float)[..., None]
-    percent = 100 * _inside(_difference(frame)[box][..., None], covered)[..., 0] / scale.mean
+    difference = _inside(_difference(frame)[box][..., None], covered, longest)[..., 0]
+    percent = 100 * difference / scale.mean
     colours = colormaps[_COLOURS](np.clip(0.5 + percent / (2 * scale.limit), 0, 1))
     opacity = np.where(frame.usable[box], 1.0, _FADED)[..., None] * covered
-    return with_alpha(np.rint(255 * colours[..., :3]).astype(np.uint8), shrunk(opacity)[..., 0])
+    return with_alpha(
+        np.rint(255 * colours[..., :3]).astype(np.uint8), shrunk(opacity, longest)[..., 0]
+    )
 
 
 def _rms(frame: FramePictures) -> float | None:

@@ -24,6 +24,7 @@ _VARIABLES = {INK: "--ink", MUTED: "--muted", GRID: "--grid"} | {
 # Inches, of which the page makes what its column allows.
 _SIZE = (5.0, 3.0)
 _PLACE = (0.125, 0.155, 0.855, 0.715)
+_SMALL_SIZE, _SMALL_PLACE = (3.1, 2.3), (0.19, 0.2, 0.77, 0.67)
 _STYLE = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -50,13 +51,24 @@ _STYLE = {
 }
 
 
-def plot(name: str, description: str, paint: Callable[[Axes], None]) -> Markup:
+def small_plot(name: str, description: str, paint: Callable[[Axes], None]) -> Markup:
+    """Draw a plot for a narrow column, where its letters stay legible."""
+    return plot(name, description, paint, _SMALL_SIZE, _SMALL_PLACE)
+
+
+def plot(
+    name: str,
+    description: str,
+    paint: Callable[[Axes], None],
+    size: tuple[float, float] = _SIZE,
+    place: tuple[float, float, float, float] = _PLACE,
+) -> Markup:
     """Draw one pair of axes; ``description`` is what a screen reader says instead."""
     stream = io.StringIO()
     style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
     with rc_context(style):
-        figure = Figure(figsize=_SIZE)
-        paint(figure.add_axes(_PLACE))
+        figure = Figure(figsize=size)
+        paint(figure.add_axes(place))
         figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None})
     return _for_page(stream.getvalue(), name, description)
 

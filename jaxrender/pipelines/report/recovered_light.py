@@ -11,7 +11,7 @@ from jaxrender.brdf import Parametric
 from jaxrender.inverse import Factorization
 from jaxrender.inverse.factorization import Round
 from jaxrender.pipelines.report.comparison import comparison
-from jaxrender.pipelines.report.contents import FramePictures, Page, is_diffuse
+from jaxrender.pipelines.report.contents import FramePictures, Page, Pictures, Shown, is_diffuse
 from jaxrender.pipelines.report.display import data_uri, shrunk, tone_key, tone_mapped
 from jaxrender.pipelines.report.light import Circle, circles_on_map
 from jaxrender.pipelines.report.plots import INK, SERIES, plot
@@ -70,7 +70,9 @@ def light_page(contents: LightContents) -> Page:
         "identifiable": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),
     }
-    return Page("light.html.j2", contents, sections)
+    caption = "The recovered light, all around: the zenith is at the top."
+    first = Pictures(Shown(sections["pictures"].whole, caption))
+    return Page("light.html.j2", contents, sections, first)
 
 
 def light_pictures(contents: LightContents) -> LightPictures:

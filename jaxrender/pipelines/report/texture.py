@@ -8,7 +8,13 @@ from matplotlib import colormaps
 
 from jaxrender.harmonics import LatLongGrid, synthesise
 from jaxrender.imaging.display import as_rgb, exposed, exposure_for
-from jaxrender.pipelines.report.contents import FramePictures, Page, is_lambertian
+from jaxrender.pipelines.report.contents import (
+    FramePictures,
+    Page,
+    Pictures,
+    Shown,
+    is_lambertian,
+)
 from jaxrender.pipelines.report.display import (
     Picture,
     data_uri,
@@ -17,6 +23,7 @@ from jaxrender.pipelines.report.display import (
     tone_mapped,
     with_alpha,
 )
+from jaxrender.pipelines.report.photographs import gallery
 from jaxrender.pipelines.report.wording import counted, percent, shown
 from jaxrender.shapes import Float
 
@@ -76,16 +83,34 @@ def _lobes_alone(contents: TextureContents) -> TextureContents:
 
 def texture_page(contents: TextureContents) -> Page:
     """Lay out the page."""
-    result = contents.result
+    result, maps = contents.result, _maps(contents)
     sections = {
-        "maps": _maps(contents),
+        "maps": maps,
         "texture": result["texture"],
         "ambiguity": result.get("ambiguity"),
         "regions": [_region(region) for region in result.get("regions", ())],
         "light": _light(contents),
         "lambertian": is_lambertian(contents),
     }
-    return Page("texture.html.j2", _lobes_alone(contents), sections)
+    return Page("texture.html.j2", _lobes_alone(contents), sections, _first(contents, maps))
+
+
+def _first(contents: TextureContents, maps: tuple[Map, ...]) -> Pictures:
+    """Choose maps for the first page; vertices have none, and the prediction stands in."""
+    by_caption = {caption: Shown(picture, f"{caption}.") for picture, caption in maps}
+
+    def named(name: str) -> Shown | None:
+        return next(
+            (one for caption, one in by_caption.items() if caption.startswith(_CAPTIONS[name])),
+            None,
+        )
+
+    recovered = named("kd")
+    if recovered is None:
+        predicted = gallery(contents.frames[:1]).frames
+        picture = predicted[0].predicted if predicted else None
+        recovered = Shown(picture or "", "The prediction of the first photograph.")
+    return Pictures(recovered, named("kd_error"), named("marks"))
 
 
 def _region(region: dict[str, Any]) -> dict[str, str]:
