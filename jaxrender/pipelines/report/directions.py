@@ -50,7 +50,7 @@ def views_plot(views: Float[np.ndarray, "camera 3"], gap: Gap) -> Markup:
         axes.scatter(azimuth, elevation, s=30, color=SERIES[0], label="cameras")
         axes.scatter(
             [gap.azimuth], [gap.elevation], s=170, facecolors="none", edgecolors=SERIES[1],
-            linewidths=1.8, label="largest gap",
+            linewidths=1.8, label="largest gap", clip_on=False,
         )  # fmt: skip
         axes.set_xlim(-5, 365)
         axes.set_xticks(range(0, 361, 90))

@@ -209,6 +209,13 @@ def _wrong(contents: Contents) -> tuple[str, ...]:
     if said:
         return tuple(said)
     noise = percent(result.get("noise", {}).get("relative"))
+    if not misfit:
+        # Not every task compares what is left over with the noise.
+        left = percent(result.get("residual", {}).get("relative_rms"))
+        return (
+            f"Nobody looked for faults here. What is left over is {left}, and the noise {noise}.",
+            "A pattern in the picture is a fault; even grain is none.",
+        )
     return (f"Nothing that the photographs show. What is left over is noise of {noise}.",)
 
 

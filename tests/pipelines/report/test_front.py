@@ -83,7 +83,10 @@ def test_what_could_not_be_found(contents):
 
 
 def test_what_is_wrong(contents):
-    assert "noise of 1.0\u00a0%" in said(contents, 3)
+    clean = {"relative_rms": 0.01, "misfit": {"rms": 0.0, "share": 0.01}}
+    assert "noise of 1.0\u00a0%" in said(contents, 3, residual=clean)
+    # A task that does not compare what is left with the noise finds no fault, and says so.
+    assert "Nobody looked for faults here. What is left over is 1.5" in said(contents, 3)
     cause = {"sentence": "the sun lies 2 degrees aside", "explains": 0.8, "free": "solve.free_sun"}
     text = said(contents, 3, diagnosis=[cause])
     assert text == "If the sun lies 2 degrees aside, that explains 80\u00a0% of what is left over."
