@@ -112,7 +112,8 @@ def _knows_scale(contents: Contents) -> bool:
 
 def _known(contents: Contents) -> list[_Known]:
     """List the numbers that have an interval, the best known first."""
-    brdf, meanings = contents.result.get("brdf", {}), {}
+    brdf = contents.result.get("brdf", {})
+    meanings: dict[str, str] = {}
     if brdf:
         meanings = {number.name: number.meaning for number in model_of(contents).numbers}
     found = []
@@ -127,7 +128,7 @@ def _known(contents: Contents) -> list[_Known]:
             if value
         ]
         if reach:
-            found.append(_Known(name, meanings.get(name, name), max(reach)))
+            found.append(_Known(name, meanings.get(str(name), str(name)), max(reach)))
     return sorted(found, key=lambda one: one.reach)
 
 
