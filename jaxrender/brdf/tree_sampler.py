@@ -11,11 +11,12 @@ and the albedo is 4 times the tree's integral (ERRATA 75).  L searches the refle
 on reciprocity; here the outgoing pair is the fixed one.
 
 The share s, uniform on the disc, bounds what the tree misses by pi rho / s: thresholded trees are
-zero (clamped, ERRATA 76) where the BRDF is not, and with s = 0 that light is lost for good.  Cells
-whose centre is outside the disc get nothing; an outgoing direction in one of them has no samples,
-and q is uniform on the cells inside.  A draw in the part of a cell beyond the disc's edge
-comes back as the nearest horizontal direction, of density 0: it counts as nothing, and the density
-integrates over the hemisphere to 1 less the chance of that.
+zero (clamped, ERRATA 76) where the BRDF is not, and with s = 0 that light is lost for good.
+
+A cell on the disc's rim counts by the share of it that the disc covers, and is drawn from in that
+part alone (``disc_cells``).  So the sum over cells is the integral over the disc, every draw is a
+direction above the horizon, and the density integrates over the hemisphere to 1.  Where a slice of
+the tree holds nothing, q is uniform on the disc.
 """
 
 import equinox as eqx
@@ -24,6 +25,7 @@ import numpy as np
 
 from jaxrender.brdf.samplers import DirectionSampler
 from jaxrender.geometry import NUSSELT
+from jaxrender.geometry.disc_cells import covered_shares, places_in_disc
 from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
 from jaxrender.wavelets.sampling import CellDensities, TabulatedDensities
 from jaxrender.wavelets.tree import CoefficientTree
@@ -70,8 +72,7 @@ class TreeSampler(eqx.Module, DirectionSampler):
         if tree.axes != 4:
             raise ValueError(f"a tree of {tree.axes} axes; a BRDF has 4, two for each direction")
         size = 1 << (tree.levels if levels is None else max(levels, 0))
-        covered = np.asarray(NUSSELT.covers(NUSSELT.centres((size, size))))
-        return cls(kind.of(tree, _OUTGOING_AXES, levels, weights, covered), share)
+        return cls(kind.of(tree, _OUTGOING_AXES, levels, weights, covered_shares(size)), share)
 
     @checked
     def draw(
@@ -99,7 +100,10 @@ def _draw(
     rest = jnp.maximum(chance - share, 0) / ((1 - share) or 1)
     numbers = jnp.stack([rest, uniforms[:, 1]], axis=1)
     fixed = NUSSELT.square_from_direction(outgoing)
-    drawn = sampler.densities.draw(numbers, fixed).places
+    size = sampler.densities.size
+    scaled = sampler.densities.draw(numbers, fixed).places * size
+    cells = jnp.clip(jnp.floor(scaled), 0, size - 1)
+    drawn = places_in_disc(cells.astype(np.int32), scaled - cells, size)
     return NUSSELT.direction_from_square(jnp.where(from_disc[:, None], disc, drawn))
 
 

@@ -2,7 +2,7 @@
 
 ``directions``, ``frames`` and ``embeddings`` are device side (jit-able, differentiable): unit
 vectors, angles, mirror and half-way directions, the rotations between a surface point's frame and
-the world, and the hemisphere as a unit square.
+the world, and the hemisphere as a unit square (``disc_cells``: what directions fill of its cells).
 The rest is host side in float64.  ``cameras`` turn pixels into rays; a ``Shape`` (``hits``) answers
 where rays meet it, as an exact ``Sphere`` or as a triangle ``Mesh`` traced by Embree (``tracing``;
 its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts the two together:

@@ -45,15 +45,26 @@ _MOST_CELLS = 1 << 26
 
 
 class Prepared(NamedTuple):
-    """A tree of one channel, the cells that count, and what is no more than rounding."""
+    """A tree of one channel, the share of each cell that counts, and what is only rounding."""
 
     tree: CoefficientTree
-    support: Bool[AnyArray, "cell"]
+    support: Float[AnyArray, "cell"]
     nothing: float
 
 
+class Slices(NamedTuple):
+    """Probabilities of cells, a row a slice, and the share of each finest cell that exists."""
+
+    pyramid: Pyramid
+    support: Float[AnyArray, "cell"]
+
+
 class Drawn(NamedTuple):
-    """Places along the axes not fixed, and their density per unit of those axes' cube."""
+    """Places along the axes not fixed, and their density per unit of those axes' cube.
+
+    A place is uniform in its whole cell: where only a share exists, whoever knows its shape moves
+    the place there.
+    """
 
     places: Float[Array, "point axis"]
     density: Float[Array, "point"]
@@ -69,6 +80,11 @@ class CellDensities(eqx.Module):
     """Of the tree."""
     fixed_axes: eqx.AbstractVar[tuple[int, ...]]
 
+    @property
+    @abc.abstractmethod
+    def size(self) -> int:
+        """How many finest cells there are along an axis."""
+
     @classmethod
     @abc.abstractmethod
     def of(
@@ -77,19 +93,20 @@ class CellDensities(eqx.Module):
         fixed_axes: tuple[int, ...] = (),
         levels: int | None = None,
         weights: Float[AnyArray, "channel"] | None = None,
-        support: Bool[np.ndarray, "*size"] | None = None,
+        support: Float[np.ndarray, "*size"] | Bool[np.ndarray, "*size"] | None = None,
     ) -> "CellDensities":
         """Take ``levels`` of a tree, by default all.
 
-        Channels are added with ``weights``, by default their mean.  Cells of the axes not fixed
-        where ``support`` is false count as zero, and get nothing of a uniform density either.
+        Channels are added with ``weights``, by default their mean.  ``support`` is the share of
+        each cell of the axes not fixed that places exist in, 0 to 1: the density is that of the
+        parts that exist, where it is as high as in a whole cell, and 0 where there is none.
         Raises ``ValueError`` for a tree that is not Haar's, axes, levels, weights and a support
         that do not fit it, and coefficients that are not finite.
         """
 
     @abc.abstractmethod
     def with_slices(self, function: Callable, fixed: FixedPoints, numbers: Points) -> Any:
-        """Apply ``function(pyramid, row, numbers)``, the row of each point that of its slice."""
+        """Apply ``function(slices, row, numbers)``, the row of each point that of its slice."""
 
     def draw(self, uniforms: Points, fixed: FixedPoints | None = None) -> Drawn:
         """Turn uniform numbers of [0, 1), one for each axis not fixed, into places.
@@ -121,7 +138,7 @@ class TabulatedDensities(CellDensities):
 
     axes: int = eqx.field(static=True)
     fixed_axes: tuple[int, ...] = eqx.field(static=True)
-    pyramid: Pyramid
+    slices: Slices
 
     @classmethod
     def of(
@@ -130,7 +147,7 @@ class TabulatedDensities(CellDensities):
         fixed_axes: tuple[int, ...] = (),
         levels: int | None = None,
         weights: Float[AnyArray, "channel"] | None = None,
-        support: Bool[np.ndarray, "*size"] | None = None,
+        support: Float[np.ndarray, "*size"] | Bool[np.ndarray, "*size"] | None = None,
     ) -> "TabulatedDensities":
         """Lay out a tree's densities; raises ``ValueError`` also for more than 2^26 cells."""
         ready = prepared(tree, fixed_axes, levels, weights, support)
@@ -145,12 +162,18 @@ class TabulatedDensities(CellDensities):
         held = len(fixed_axes)
         table = samples.reshape(tree.size**held, -1)
         table = table[_morton(tree.size, held)][:, _morton(tree.size, tree.axes - held)]
-        rows = probabilities(jnp.asarray(table), jnp.asarray(ready.support), ready.nothing)
-        return cls(tree.axes, fixed_axes, pyramid_over(rows, tree.axes - held))
+        shares = jnp.asarray(ready.support)
+        rows = probabilities(jnp.asarray(table), shares, ready.nothing)
+        return cls(tree.axes, fixed_axes, Slices(pyramid_over(rows, tree.axes - held), shares))
+
+    @property
+    def size(self) -> int:
+        """Of the table."""
+        return 1 << (len(self.slices.pyramid) - 1)
 
     def with_slices(self, function: Callable, fixed: FixedPoints, numbers: Points) -> Any:
         """Apply it to the table, each point with the row of its fixed cell."""
-        return function(self.pyramid, _code(fixed, len(self.pyramid) - 1), numbers)
+        return function(self.slices, _code(fixed, len(self.slices.pyramid) - 1), numbers)
 
 
 @eqx.filter_jit
@@ -160,8 +183,9 @@ def _apply(
     return densities.with_slices(function, fixed, numbers)
 
 
-def _search(pyramid: Pyramid, row: Int[Array, "point"], uniforms: Points) -> Drawn:
+def _search(slices: Slices, row: Int[Array, "point"], uniforms: Points) -> Drawn:
     """Choose halves from the coarsest level to the finest; never one of no probability."""
+    pyramid = slices.pyramid
     points, axes = uniforms.shape
     code, cells = jnp.zeros(points, np.int32), [jnp.zeros(points, np.int32)] * axes
     rest = [jnp.clip(u, 0, 1 - np.finfo(u.dtype).epsneg) for u in jnp.moveaxis(uniforms, 1, 0)]
@@ -181,7 +205,7 @@ def _search(pyramid: Pyramid, row: Int[Array, "point"], uniforms: Points) -> Dra
             cells[axis] = 2 * cells[axis] + bit
             code = code | bit << axis
     places = [_inside(cell, u, len(pyramid) - 1) for cell, u in zip(cells, rest, strict=True)]
-    return Drawn(jnp.stack(places, axis=1), _of_cell(pyramid, row, code).astype(uniforms.dtype))
+    return Drawn(jnp.stack(places, axis=1), _of_cell(slices, row, code).astype(uniforms.dtype))
 
 
 def _inside(cell: Int[Array, "point"], rest: Float[Array, "point"], levels: int) -> Array:
@@ -190,14 +214,16 @@ def _inside(cell: Int[Array, "point"], rest: Float[Array, "point"], levels: int)
     return jnp.minimum((start + rest) * width, jnp.nextafter((start + 1) * width, start * width))
 
 
-def _look_up(pyramid: Pyramid, row: Int[Array, "point"], places: Points) -> Float[Array, "point"]:
+def _look_up(slices: Slices, row: Int[Array, "point"], places: Points) -> Float[Array, "point"]:
     inside = jnp.all((places >= 0) & (places <= 1), axis=1)
-    found = _of_cell(pyramid, row, _code(places, len(pyramid) - 1))
+    found = _of_cell(slices, row, _code(places, len(slices.pyramid) - 1))
     return jnp.where(inside, found, 0).astype(places.dtype)
 
 
-def _of_cell(pyramid: Pyramid, row: Int[Array, "point"], code: Int[Array, "point"]) -> Array:
-    return pyramid[-1][row, code] * pyramid[-1].shape[1]
+def _of_cell(slices: Slices, row: Int[Array, "point"], code: Int[Array, "point"]) -> Array:
+    finest = jnp.asarray(slices.pyramid[-1])
+    share = jnp.asarray(slices.support)[code].astype(finest.dtype)
+    return finest[row, code] * finest.shape[1] / jnp.where(share > 0, share, 1)
 
 
 def prepared(
@@ -205,7 +231,7 @@ def prepared(
     fixed_axes: tuple[int, ...],
     levels: int | None,
     weights: Float[AnyArray, "channel"] | None,
-    support: Bool[np.ndarray, "*size"] | None,
+    support: Float[np.ndarray, "*size"] | Bool[np.ndarray, "*size"] | None,
 ) -> Prepared:
     """Check, coarsen and reduce a tree to one channel; its support in Morton's order."""
     if not is_stepwise(tree.wavelet):
@@ -225,12 +251,14 @@ def prepared(
     tree = resampled(tree, 1 << (tree.levels if levels is None else levels))
     tree = _reduced(tree, weights)
     free = tree.axes - len(fixed_axes)
-    cells = np.ones((tree.size,) * free, bool) if support is None else np.asarray(support)
+    cells = np.ones((tree.size,) * free) if support is None else np.asarray(support, float)
     if cells.shape != (tree.size,) * free or not cells.any():
         raise ValueError(
-            f"a support of shape {cells.shape} with {cells.sum()} cells; give {tree.size} along "
-            f"each of {free} axes, some of them true"
+            f"a support of shape {cells.shape} with {np.count_nonzero(cells)} cells; give "
+            f"{tree.size} along each of {free} axes, some of them true"
         )
+    if not (cells.min() >= 0 and cells.max() <= 1):
+        raise ValueError(f"shares of {cells.min()} to {cells.max()}; give 0 to 1")
     return Prepared(tree, cells.ravel()[_morton(tree.size, free)], _rounding(tree))
 
 
@@ -255,10 +283,10 @@ def _reduced(tree: CoefficientTree, weights: AnyArray | None) -> CoefficientTree
 
 
 def probabilities(
-    values: Float[Array, "row cell"], support: Bool[AnyArray, "cell"], nothing: float
+    values: Float[Array, "row cell"], support: Float[AnyArray, "cell"], nothing: float
 ) -> Float[Array, "row cell"]:
     """Clamp and normalise each row; the support alone where the mean is nothing but rounding."""
-    clamped = jnp.where(support[None], jnp.maximum(values, 0), 0)
+    clamped = jnp.asarray(support)[None].astype(values.dtype) * jnp.maximum(values, 0)
     total = clamped.sum(axis=1, keepdims=True)
     empty = total <= max(nothing * len(support), float(np.finfo(values.dtype).tiny))
     held = jnp.asarray(support).astype(values.dtype)

@@ -18,6 +18,7 @@ from jaxrender.wavelets.sampling import (
     CellDensities,
     FixedPoints,
     Points,
+    Slices,
     cells_at,
     free_axes,
     prepared,
@@ -42,7 +43,7 @@ class SlicedDensities(CellDensities):
     levels: int = eqx.field(static=True)
     nothing: float = eqx.field(static=True)
     links: Traversal
-    support: Bool[AnyArray, "cell"]
+    support: Float[AnyArray, "cell"]
 
     @classmethod
     def of(
@@ -51,13 +52,18 @@ class SlicedDensities(CellDensities):
         fixed_axes: tuple[int, ...] = (),
         levels: int | None = None,
         weights: Float[AnyArray, "channel"] | None = None,
-        support: Bool[np.ndarray, "*size"] | None = None,
+        support: Float[np.ndarray, "*size"] | Bool[np.ndarray, "*size"] | None = None,
     ) -> "SlicedDensities":
         """Take a tree as it is; raises as the base says."""
         ready = prepared(tree, fixed_axes, levels, weights, support)
         cells, tree = jnp.asarray(ready.support), ready.tree
         shape = tree.axes, fixed_axes, tree.levels, ready.nothing
         return cls(*shape, Traversal.of(tree), cells)
+
+    @property
+    def size(self) -> int:
+        """Of the levels that are looked at."""
+        return 1 << self.levels
 
     def slice_at(self, place: Float[AnyArray, "fixed"]) -> Float[Array, "cell"]:
         """Evaluate the tree in all cells of the axes not fixed, in Morton's order, not clamped.
@@ -103,8 +109,8 @@ class SlicedDensities(CellDensities):
 
         def at_point(pair: tuple[Array, Array]):
             rows = probabilities(self.slice_at(pair[0])[None], self.support, self.nothing)
-            pyramid = pyramid_over(rows, self.axes - len(self.fixed_axes))
-            found = function(pyramid, jnp.zeros(1, np.int32), pair[1][None])
+            slices = Slices(pyramid_over(rows, self.axes - len(self.fixed_axes)), self.support)
+            found = function(slices, jnp.zeros(1, np.int32), pair[1][None])
             return jax.tree.map(lambda leaf: leaf[0], found)
 
         at_once = max((_AT_ONCE >> self.axes) // len(self.support), 1)
