@@ -63,6 +63,7 @@ def test_help_imports_nothing_heavy():
         "import",
         "light",
         "measure",
+        "nearest",
         "prefilter",
         "render",
         "schema",

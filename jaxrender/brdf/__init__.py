@@ -111,6 +111,7 @@ from jaxrender.brdf.tables.cell_means import Samples, tabulate
 from jaxrender.brdf.tables.cells import Masked, masked
 from jaxrender.brdf.tables.corrected import CorrectedBRDF
 from jaxrender.brdf.tables.isotropic import HalfDifference, IsotropicTable, half_difference
+from jaxrender.brdf.tables.measurements import METRICS, Measurements, Metric
 from jaxrender.brdf.tables.nearest import (
     Nearest,
     nearest_energy_conserving,
@@ -134,6 +135,9 @@ from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
+    "METRICS",
+    "Measurements",
+    "Metric",
     "AnisotropicGGX",
     "Bank",
     "BankLobe",

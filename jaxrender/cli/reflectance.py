@@ -1,4 +1,4 @@
-"""The commands about reflectance: ``measure`` and ``compress``."""
+"""The commands about reflectance: ``measure``, ``compress`` and ``nearest``."""
 
 from __future__ import annotations
 
@@ -141,4 +141,39 @@ def compress(
     for line in done.said:
         process.say(line)
     process.say(f"tree: {out}")
+    return DONE
+
+
+@app.command
+def nearest(
+    brdf: str,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    metric: Literal["cube-root", "cosine-l1", "plain"] = "cube-root",
+    model: list[str] | None = None,
+) -> int:
+    """Find the models nearest to a measured BRDF, a table, a tree or a result.
+
+    Prints a table: the best model first, what each misses, its numbers with standard errors.  A
+    file of scattered measurements is fitted to as it is, a fifth of it held out in turn.
+
+    Parameters
+    ----------
+    brdf
+        A file or folder as ``compress`` takes it, or a model such as microfacet:sigma=0.2.
+    out
+        A folder for ``nearest.json`` and ``nearest.png`` (lobe, slice, error).
+    metric
+        What is made small and ranked by: cube-root (about as seen), cosine-l1 (reflected light in
+        the wrong place) or plain (root mean square).
+    model
+        A model to fit, such as ggx.  Give it several times; by default six common ones.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines import nearest as searching
+
+    done = searching.nearest(brdf, metric, tuple(model or ()), out)
+    for line in done.said:
+        process.say(line)
     return DONE

@@ -45,8 +45,8 @@
     the same in closed form, from all coefficients of a reflected light field (T 2.68)
 ``brdf_spectrum`` ``brdf_table``
     a BRDF as coefficients; as a table, from photographs under one moving source
-``nearest_models`` ``curves``
-    the models nearest to a BRDF that is a table or a tree, with what they miss; curves that several
+``nearest_models`` ``nearest_search`` ``curves``
+    the models nearest to a table, a tree or measurements, with what they miss; curves that several
     numbers describe together, with bands
 ``texture``
     reflectance site by site, under known and unknown light

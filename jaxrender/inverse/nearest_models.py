@@ -1,117 +1,156 @@
-"""Which model is nearest to a BRDF that is a table or a tree: its parameters and what it misses.
+"""Which model is nearest to a BRDF: a table, a tree, or values at scattered pairs of directions.
 
-A candidate kd + ks f(w_i, w_o; numbers) is fitted to the BRDF's values at pairs of directions by
-variable projection (``elimination``), minimising
+A candidate, sum of amplitude times lobe, is fitted to values at pairs of directions: the
+measurements themselves, or cells of Nusselt's square, over which the plain mean is the integral in
+both projected solid angles (L 4.1).  What is minimised is a metric of ``brdf.tables.measurements``:
 
-    int int (rho - model)^2 cos t_i cos t_o dw_i dw_o,
+``plain``       by variable projection (``elimination``): amplitudes enter linearly
+the others      over amplitudes and numbers together (``nearest_search``)
 
-which over Nusselt's squares is the plain mean of squares (L 4.1): pairs are cells of a table, or a
-part of them chosen evenly.
+Plain squares let the few brightest values decide, which of a glossy paint are those at grazing.  So
+the cube root is the usual metric.  Of measurements a part is held out in turn, and the order is by
+the error there: a model of more numbers is not better for having them.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import BRDF, PARAMETRIC, Parametric, lobe_named
-from jaxrender.geometry import NUSSELT, Components
-from jaxrender.inverse.elimination import Data, Problem
-from jaxrender.inverse.models import Columns, Numbers, Rows
-from jaxrender.inverse.search import search
-from jaxrender.inverse.unknowns import unknowns_of
-from jaxrender.shapes import AnyArray, Float
+from jaxrender.brdf.tables.measurements import METRICS, Measurements, errors_of, metric_named
+from jaxrender.geometry import NUSSELT
+from jaxrender.inverse.nearest_search import Objective, Spread, minimised, spread_of, started
+from jaxrender.shapes import Float, checked
 
 CANDIDATES = ("microfacet", "ggx", "ward", "phong", "blinn-phong", "torrance-sparrow")
 KNOWN = tuple(PARAMETRIC)
 
 _STARTS = 4
+_FOLDS = 5
+# Fewer pairs say too little of a model's few numbers to hold some of them out.
+_FEWEST = 40
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
 class Candidate(NamedTuple):
-    """A fitted model; ``relative_rms`` is of what it misses over the BRDF's own."""
+    """A fitted model, what it misses, and how well its numbers are known.
+
+    ``errors`` are relative and by metric, at the pairs it was fitted to; ``relative_rms`` is the
+    plain one.  ``held_out`` is that of the chosen metric at pairs that were left out in turn, NaN
+    where none were.  ``standard_errors`` and ``intervals`` (95 %) go with ``parameters``; they
+    count what the model misses as noise, and are infinite where the pairs do not tell.
+    """
 
     name: str
     brdf: Parametric
     relative_rms: float
     parameters: dict[str, float | list[float]]
     converged: bool
+    errors: dict[str, float]
+    held_out: float
+    standard_errors: dict[str, float | list[float]]
+    intervals: dict[str, list[float] | list[list[float]]]
 
 
-class _Pairs(eqx.Module):
-    """The forward model: a BRDF's lobes at pairs of directions."""
-
-    variant: Parametric
-    incoming: Float[AnyArray, "sample 3"]
-    outgoing: Float[AnyArray, "sample 3"]
-    channels: int = eqx.field(static=True)
-
-    def columns(self, numbers: Numbers) -> Columns:
-        """Evaluate each lobe in 1/sr."""
-        incoming, outgoing = (Components.of(w) for w in (self.incoming, self.outgoing))
-        lobes = self.variant.with_numbers(numbers).transfer(incoming, outgoing)
-        shape = (len(self.incoming), self.channels)
-        values = (jnp.broadcast_to((lobe / incoming.z)[:, None], shape) for lobe in lobes)
-        return Columns(*values, shaped=self.variant.shaped())
-
-    def take(self, index: Rows) -> "_Pairs":
-        """Keep the pairs of the given indices."""
-        pairs = self.incoming[index], self.outgoing[index]
-        return _Pairs(self.variant, *pairs, self.channels)
-
-
+@checked
 def best_models(
-    brdf: BRDF,
+    source: BRDF | Measurements,
     candidates: Sequence[str] = CANDIDATES,
     size: int = 32,
-    most_pairs: int = 2**16,
+    most_pairs: int = 2**13,
+    metric: str = "cube-root",
+    folds: int | None = None,
 ) -> list[Candidate]:
-    """Fit each candidate to a BRDF and rank them, the least error first.
+    """Fit each candidate to a BRDF, or to measurements, and rank them, the least error first.
 
-    ``size`` is that of the squares whose cells' centres the pairs are, best a tree's or a table's
-    own: a Haar tree is a table's value there, and differs between.  Of more than ``most_pairs`` so
-    many are taken.  The first fit of a candidate compiles for some seconds.  Raises
-    ``ValueError`` for a candidate that there is none of, a size below 2, and a BRDF that is zero or
-    not finite there.
+    ``size`` is that of the squares whose cells' centres the pairs of a BRDF are, best a tree's or a
+    table's own: a Haar tree is a table's value there, and differs between.  Of more than
+    ``most_pairs`` so many are taken.  ``folds`` is how many parts are held out in turn: 5 of
+    measurements, none (0) of a BRDF, which has no noise.  The order is by the error held out, or
+    else at the pairs.  The first fit of a candidate compiles for some seconds.
+
+    Raises ``ValueError`` for a candidate or a metric that there is none of, a size below 2, one
+    fold, fewer than 40 measurements, and values that are zero throughout or, of a BRDF, not finite.
     """
+    metric_named(metric)
     unknown = [name for name in candidates if name not in KNOWN]
     if unknown or not candidates:
         raise ValueError(f"candidates={tuple(candidates)}: choose some of {', '.join(KNOWN)}")
     if size < 2 or most_pairs < 1:
         raise ValueError(f"size={size}, most_pairs={most_pairs}: give at least 2 and 1")
-    incoming, outgoing = _pairs_of_cells(size, most_pairs)
+    scattered = isinstance(source, Measurements)
+    folds = (_FOLDS if scattered else 0) if folds is None else folds
+    if folds < 0 or folds == 1:
+        raise ValueError(f"folds={folds}: give 0 to hold nothing out, or at least 2")
+    measured = _checked(source) if scattered else pairs_of(source, size, most_pairs)
+    found = [_fitted(name, measured, metric, folds) for name in candidates]
+    return sorted(found, key=lambda one: one.held_out if folds else one.errors[metric])
+
+
+def _fitted(name: str, measured: Measurements, metric: str, folds: int) -> Candidate:
+    objective = Objective.of(lobe_named(name, measured.values.shape[1]), measured, METRICS[metric])
+    start = started(objective, _STARTS)
+    found = minimised(objective, start)
+    held_out = float("nan")
+    if folds:
+        fold = np.random.default_rng(0).permutation(len(measured.values)) % folds
+        predicted = np.empty_like(measured.values)
+        for number in range(folds):
+            kept = minimised(objective.weighted(fold != number), found)
+            predicted[fold == number] = objective.predicted(kept.point)[fold == number]
+        held_out = METRICS[metric].error(predicted, measured)
+    numbers, amplitudes = objective.physical(found.point)
+    brdf = objective.variant.with_numbers(numbers).with_amplitudes(*amplitudes)
+    parameters = _named(objective, amplitudes, numbers)
+    errors = errors_of(objective.predicted(found.point), measured)
+    spread: Spread = spread_of(objective, found.point)
+    return Candidate(
+        name,
+        brdf,
+        errors["plain"],
+        parameters,
+        found.converged,
+        errors,
+        held_out,
+        _named(objective, spread.amplitudes, spread.numbers),
+        _named(objective, spread.amplitude_intervals, spread.number_intervals),
+    )
+
+
+def _named(objective: Objective, amplitudes, numbers) -> dict:
+    """Put amplitudes, one row a lobe, and numbers under the model's own names."""
+    named = zip(objective.variant.amplitude_names, amplitudes, strict=True)
+    listed = {name: np.asarray(value).tolist() for name, value in numbers.items()}
+    return {name: np.asarray(part).tolist() for name, part in named} | listed
+
+
+def _checked(measured: Measurements) -> Measurements:
+    incoming, outgoing, values = (np.asarray(part, float) for part in measured)
+    measured = Measurements(incoming, outgoing, values)
+    if not (len(incoming) == len(outgoing) == len(values) and len(values) >= _FEWEST):
+        raise ValueError(
+            f"{len(incoming)} incoming and {len(outgoing)} outgoing directions with {len(values)} "
+            f"values: give as many of each, and at least {_FEWEST}"
+        )
+    for name, directions in (("incoming", incoming), ("outgoing", outgoing)):
+        if not (directions[:, 2] > 0).all():
+            row = int(np.argmin(directions[:, 2] > 0))
+            raise ValueError(f"{name}[{row}] is {directions[row]}: give directions with z > 0")
+    if not np.where(measured.valid, values, 0).any():
+        raise ValueError("no value is above zero: there is nothing that a model could be near to")
+    return measured
+
+
+@checked
+def pairs_of(brdf: BRDF, size: int = 32, most: int = 2**13) -> Measurements:
+    """Evaluate a BRDF at pairs of cells of Nusselt's square; raises as ``best_models`` does."""
+    incoming, outgoing = _pairs_of_cells(size, most)
     values = np.asarray(_evaluate(brdf, incoming, outgoing), float)
     if not (np.isfinite(values).all() and values.any()):
         raise ValueError("a BRDF that is zero, or not finite, at some cells; mend its values")
-    found = [_fitted(name, values, incoming, outgoing) for name in candidates]
-    return sorted(found, key=lambda one: one.relative_rms)
-
-
-def _fitted(
-    name: str,
-    values: Float[np.ndarray, "sample channel"],
-    incoming: Float[np.ndarray, "sample 3"],
-    outgoing: Float[np.ndarray, "sample 3"],
-) -> Candidate:
-    channels = values.shape[1]
-    variant = lobe_named(name, channels)
-    unknowns = unknowns_of(variant, ks_per_channel=True, expected=False)
-    model = _Pairs(variant, incoming, outgoing, channels)
-    data = Data(values, np.ones_like(values), np.zeros(len(values), int))
-    problem = Problem.of(unknowns, channels)
-    fit = search(problem, model, data, unknowns.starts(_STARTS))
-    physical = unknowns.unpack(fit.solution.point)
-    amplitudes = np.asarray(fit.linear.amplitudes, float)
-    numbers = {one.name: float(physical.numbers[one.name]) for one in unknowns.searched}
-    brdf = variant.with_numbers(numbers).with_amplitudes(*amplitudes)
-    missed = np.sqrt(np.sum((values - np.asarray(fit.predicted)) ** 2) / np.sum(values**2))
-    found = zip(variant.amplitude_names, amplitudes)
-    parameters: dict[str, float | list[float]] = {name: part.tolist() for name, part in found}
-    parameters |= numbers
-    return Candidate(name, brdf, float(missed), parameters, bool(fit.solution.converged))
+    return Measurements(incoming, outgoing, values)
 
 
 def _pairs_of_cells(

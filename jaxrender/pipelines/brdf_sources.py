@@ -15,13 +15,14 @@ from jaxrender.brdf import (
     WaveletBRDF,
     fit_isotropic_table,
 )
+from jaxrender.brdf.tables.measurements import Measurements
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
 from jaxrender.imaging.colour import rgb_of_reflectance
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.alta import read_alta
-from jaxrender.io.measured import read_cornell
+from jaxrender.io.measured import ScatteredMeasurements, read_cornell
 from jaxrender.io.merl import read_merl
 from jaxrender.io.netcdf import opened
 from jaxrender.io.rgl import read_rgl
@@ -85,13 +86,34 @@ def _reader(path: Path) -> Callable[[Path, bool], Source]:
     )
 
 
-def _cornell(path: Path, spectral: bool) -> Source:
-    data = read_cornell(path)
+def measurements_of(named: str) -> Measurements | None:
+    """Read the values of a file of scattered measurements as they are; None of any other source.
+
+    Wavelengths become linear RGB.  Raises ``InputError`` for an unreadable file.
+    """
+    path = Path(named)
+    if path.is_dir() or not path.is_file():
+        return None
+    reader = _reader(path)
+    if reader is _cornell:
+        return _measured_by_cornell(read_cornell(path), spectral=False)
+    if reader is _alta:
+        data = read_alta(path)
+        return Measurements(data.incoming, data.outgoing, data.values)
+    return None
+
+
+def _measured_by_cornell(data: ScatteredMeasurements, spectral: bool) -> Measurements:
     values = np.where(data.values >= 0, data.values, np.nan)
     if not spectral:
         # A colour needs every wavelength.  A channel below zero, outside the gamut, becomes 0.
         values = rgb_of_reflectance(data.wavelengths, values)
-    fit = _fitted(path, data.incoming, data.outgoing, values)
+    return Measurements(data.incoming, data.outgoing, values)
+
+
+def _cornell(path: Path, spectral: bool) -> Source:
+    data = read_cornell(path)
+    fit = _fitted(path, *_measured_by_cornell(data, spectral))
     wavelengths = tuple(data.wavelengths.tolist()) if spectral else ()
     channels = "wavelengths" if spectral else "rgb"
     return Source(path.name, fit.brdf, channels, wavelengths, _said_of_fit(fit))

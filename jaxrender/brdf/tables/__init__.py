@@ -2,6 +2,8 @@
 
 ``isotropic`` ``scattered``
     a table over half and difference angles, fitted to scattered measurements
+``measurements``
+    values at scattered pairs, and the metrics by which a BRDF is near to them
 ``corrected``
     a model times such a table, where measurements differ from it
 ``tabulated`` ``reconstruction`` ``cells`` ``polar_isotropic``

@@ -47,8 +47,9 @@ EXCEPTIONS = {
         _NUMBER,
     ),
     **dict.fromkeys(("brdf_named", "lobe_named", "material_named"), "of a name"),
-    **dict.fromkeys(("HalfDifference", "Masked", "Nearest", "Samples"), _GIVEN),
+    **dict.fromkeys(("HalfDifference", "Masked", "Measurements", "Nearest", "Samples"), _GIVEN),
     **dict.fromkeys(("ScatteredFit", "Searched", "ZernikeFit"), _GIVEN),
+    "Metric": "one number of two sets of values",
     **dict.fromkeys(("BankLobe", "standard_lobes"), "set shapes"),
     **dict.fromkeys(("ShapeParameter", "IndexParameter"), "a power, and a sum, of one number"),
     **dict.fromkeys(
