@@ -181,8 +181,9 @@ def test_compress(calls, capsys):
         assert cli.main(["compress", "phong:exponent=32", option, "a.nc"]) == 0
         assert (calls["brdf"], calls["out"]) == ("phong:exponent=32", Path("a.nc"))
         assert capsys.readouterr() == ("what is kept\nwhat is missed\ntree: a.nc\n", "")
-    assert calls["goal"] == compression.Goal()
-    assert (calls["size"], calls["wavelet"], calls["spectral"]) == (32, "haar", False)
+    assert calls["goal"] is None
+    assert (calls["size"], calls["wavelet"], calls["spectral"]) == (32, None, False)
+    assert (calls["embedding"], calls["transform"]) == ("nusselt", None)
     assert calls["cell_samples"] == compression.CELL_SAMPLES
     assert isinstance(calls["progress"], NotedProgress)
     assert calls["set_up"]
@@ -191,12 +192,14 @@ def test_compress(calls, capsys):
 def test_compress_hands_over_every_option(calls):
     line = (
         "compress a.bsdf --out a.nc --keep 0.2 --error 0.05 --size 8 --wavelet cdf-2-2 --spectral "
-        "--cell-samples 4"
+        "--cell-samples 4 --embedding half-difference --transform log"
     )
     assert cli.main(line.split()) == 0
     assert calls["goal"] == compression.Goal(fraction=0.2, error=0.05)
     assert (calls["size"], calls["wavelet"], calls["spectral"]) == (8, "cdf-2-2", True)
     assert calls["cell_samples"] == 4
+    assert (calls["embedding"], calls["transform"]) == ("half-difference", "log")
+    assert compression.goal_of(None, "5%") == compression.Goal(error=0.05)
 
 
 def test_how_progress_is_reported(calls, capsys):

@@ -61,6 +61,7 @@ from jaxrender.brdf.fresnel import (
     schlick_fresnel,
 )
 from jaxrender.brdf.glossy import Glossy
+from jaxrender.brdf.half_difference_tree import HalfDifferenceTree
 from jaxrender.brdf.he_torrance import HeTorrance, HeTorranceLobe
 from jaxrender.brdf.isotropic_mean import IsotropicMean
 from jaxrender.brdf.kajiya_kay import KajiyaKay
@@ -135,6 +136,7 @@ from jaxrender.brdf.ward import WARD_NORMALISATIONS, AnisotropicWard, Ward
 from jaxrender.brdf.wavelet import WaveletBRDF
 
 __all__ = [
+    "HalfDifferenceTree",
     "METRICS",
     "Measurements",
     "Metric",

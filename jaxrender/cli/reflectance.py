@@ -90,12 +90,14 @@ def compress(
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o")],
-    keep: float = 0.01,
-    error: float | None = None,
+    keep: float | None = None,
+    error: str | None = None,
     size: int = 32,
-    wavelet: str = "haar",
+    wavelet: str | None = None,
     spectral: bool = False,
     cell_samples: int = 16,
+    embedding: Literal["nusselt", "half-difference", "auto"] = "nusselt",
+    transform: Literal["cube-root", "log", "none"] | None = None,
     reporting: Reporting = AS_USUAL,
 ) -> int:
     """Compress a BRDF to a tree of wavelet coefficients.
@@ -111,23 +113,32 @@ def compress(
     out
         The tree to write (NetCDF).
     keep
-        Fraction of the non-zero coefficients to keep, over all channels together.
+        Fraction of the coefficients to keep, over all channels together: 0.01 of those that are
+        not zero, by default, and 0.03 of all over half-difference.
     error
-        Relative rms error to meet, such as 0.05, with as few coefficients as possible.  It replaces
-        keep.
+        Relative error to meet, such as 5% or 0.05, with as few coefficients as possible: the rms of
+        the table over nusselt; over half-difference the cosine-weighted absolute error at the
+        measured pairs, or at random ones.  It replaces keep.
     size
-        Samples along each of four axes; a power of two.
+        Samples along each axis; a power of two.
     wavelet
-        haar, cdf-2-2 (linear spline), daubechies-2 or daubechies-4.
+        haar, cdf-2-2 (linear spline), daubechies-2 or daubechies-4; by default haar over nusselt
+        and cdf-2-2 over half-difference.
     spectral
         Keep all wavelengths of a file, not linear RGB.
     cell_samples
-        Evaluations in the mean over a cell; 1 takes its centre.
+        Evaluations in the mean over a cell of nusselt; 1 takes its centre.
+    embedding
+        nusselt (two directions, four axes: shading, sampling and textures take these),
+        half-difference (isotropic, three axes: glossy paints in far fewer coefficients) or auto
+        (whichever is nearer to measurements held out).
+    transform
+        What the tree holds over half-difference: the cube-root (default), log or none of a value.
     """
     process.set_up_jax()
     from jaxrender.pipelines import compress as compression
 
-    goal = compression.Goal(keep, error)
+    goal = compression.goal_of(keep, error)
     done = compression.compress(
         brdf,
         out,
@@ -137,6 +148,8 @@ def compress(
         spectral=spectral,
         cell_samples=cell_samples,
         progress=reporting.progress(),
+        embedding=embedding,
+        transform=transform,
     )
     for line in done.said:
         process.say(line)
@@ -144,7 +157,11 @@ def compress(
     return DONE
 
 
-@app.command
+@app.command(
+    help_epilogue=examples(
+        "nearest paint.binary", "nearest paint.binary --metric cosine-l1 --out nearest_paint"
+    ),
+)
 def nearest(
     brdf: str,
     /,

@@ -7,6 +7,7 @@ alone.
 import math
 from typing import Any, NamedTuple
 
+from jaxrender.brdf.half_difference_tree import LOG_SCALE
 from jaxrender.geometry import EMBEDDINGS
 from jaxrender.io.netcdf import Format
 from jaxrender.wavelets import WAVELETS, CoefficientTree, Wavelet, daubechies
@@ -15,6 +16,7 @@ FORMAT = Format("jaxrender wavelet coefficient tree", 1, "jaxrender compress")
 
 NODE_ARRAYS = ("child_mask", "value_mask")
 BRDF_AXES = ("kappa_i", "lambda_i", "kappa_r", "lambda_r")
+HALF_DIFFERENCE, HALF_DIFFERENCE_AXES = "half-difference", ("root_theta_h", "theta_d", "phi_d")
 NO_EMBEDDING = "none"
 CHANNEL_MEANING = {
     "rgb": "linear red, green, blue of Rec. 709",
@@ -25,7 +27,16 @@ EMBEDDING_MEANING = {
     "nusselt": "direction (x, y, z): kappa = (x + 1) / 2, lambda = (y + 1) / 2; zero outside the "
     "disc",
     "polar": "kappa = polar angle / (pi / 2), lambda = azimuth / (2 pi)",
+    HALF_DIFFERENCE: "h the half vector, d the difference of the directions: root_theta_h = "
+    "sqrt(angle(h, n) / (pi / 2)), theta_d = angle(h, i) / (pi / 2), phi_d = azimuth of d about h "
+    "from the plane of h and n, modulo pi, / pi, and closes upon itself",
     NO_EMBEDDING: "the axes are coordinates of their own",
+}
+TRANSFORM_MEANING = {
+    "none": "f is the value",
+    "cube-root": "f is the cube root of the value: take 0 for f below 0, then f^3",
+    "log": f"f is log(1 + {LOG_SCALE:g} value): take 0 for f below 0, then "
+    f"(e^f - 1) / {LOG_SCALE:g}",
 }
 _SENTENCES = {
     "tree": "node 0 is the root, at level 0; nodes stand level by level, each level's children of "
@@ -64,11 +75,16 @@ class TreeAbout(NamedTuple):
     non_zero: int = 0
     """How many coefficients the table has; 0 where nobody counted."""
     comment: str = ""
+    value_transform: str = "none"
+    """What of a value the tree holds; files from before there was a choice hold the value."""
 
 
 def fault_of(about: TreeAbout, tree: CoefficientTree) -> str | None:
     """Say what of a description does not go with a tree."""
-    channels, known = tree.channels, (NO_EMBEDDING, *EMBEDDINGS)
+    channels, known = tree.channels, (NO_EMBEDDING, *EMBEDDINGS, HALF_DIFFERENCE)
+    if about.value_transform not in TRANSFORM_MEANING:
+        listed = ", ".join(TRANSFORM_MEANING)
+        return f"`value_transform` is {about.value_transform!r}; wanted one of {listed}"
     if about.embedding not in known:
         return f"`embedding` is {about.embedding!r}; wanted one of {', '.join(known)}"
     if about.channels not in CHANNEL_MEANING:
@@ -104,6 +120,7 @@ def attributes(tree: CoefficientTree, about: TreeAbout) -> dict[str, Any]:
         "axes": tree.axes,
         "offset": tree.offset,
         "embedding_meaning": EMBEDDING_MEANING[about.embedding],
+        "value_transform_meaning": TRANSFORM_MEANING[about.value_transform],
         "channels_meaning": CHANNEL_MEANING[about.channels],
         **{f"{name}_meaning": sentence for name, sentence in _SENTENCES.items()},
     }

@@ -96,7 +96,8 @@ def read_tree(path: str | Path) -> TreeFile:
             found = file.array("wavelength", ("channel",), _PRECISIONS, MOST_CHANNELS, finite=True)
             wavelengths = tuple(found.tolist())
         names = tuple(file.attribute("axis_names").split())
-        about = file.record(TreeAbout, axis_names=names, wavelengths=wavelengths)
+        older = {} if "value_transform" in file.attributes else {"value_transform": "none"}
+        about = file.record(TreeAbout, axis_names=names, wavelengths=wavelengths, **older)
         offset = file.attribute("offset", float)
         if not 0 <= offset <= 1:
             file.refuse(f"`offset` is {offset}; wanted 0 to 1")

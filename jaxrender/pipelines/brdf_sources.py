@@ -15,6 +15,7 @@ from jaxrender.brdf import (
     WaveletBRDF,
     fit_isotropic_table,
 )
+from jaxrender.brdf.half_difference_tree import HalfDifferenceTree
 from jaxrender.brdf.tables.measurements import Measurements
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
@@ -28,7 +29,7 @@ from jaxrender.io.netcdf import opened
 from jaxrender.io.rgl import read_rgl
 from jaxrender.io.tables import FORMAT as TABLE
 from jaxrender.io.tables import read_table
-from jaxrender.io.tree_layout import BRDF_AXES
+from jaxrender.io.tree_layout import BRDF_AXES, HALF_DIFFERENCE, HALF_DIFFERENCE_AXES
 from jaxrender.io.tree_layout import FORMAT as TREE
 from jaxrender.io.trees import read_tree
 from jaxrender.io.utia import read_utia
@@ -52,6 +53,8 @@ class Source(NamedTuple):
     wavelengths: tuple[float, ...] = ()
     said: tuple[str, ...] = ()
     rings: bool = False
+    measured: Measurements | None = None
+    """Scattered measurements that the BRDF was fitted to."""
 
 
 def source_of(named: str, spectral: bool = False) -> Source:
@@ -113,10 +116,12 @@ def _measured_by_cornell(data: ScatteredMeasurements, spectral: bool) -> Measure
 
 def _cornell(path: Path, spectral: bool) -> Source:
     data = read_cornell(path)
-    fit = _fitted(path, *_measured_by_cornell(data, spectral))
+    measured = _measured_by_cornell(data, spectral)
+    fit = _fitted(path, *measured)
     wavelengths = tuple(data.wavelengths.tolist()) if spectral else ()
     channels = "wavelengths" if spectral else "rgb"
-    return Source(path.name, fit.brdf, channels, wavelengths, _said_of_fit(fit))
+    said = _said_of_fit(fit)
+    return Source(path.name, fit.brdf, channels, wavelengths, said, measured=measured)
 
 
 def _alta(path: Path, _: bool) -> Source:
@@ -125,7 +130,9 @@ def _alta(path: Path, _: bool) -> Source:
     said = _said_of_fit(fit)
     if data.below_horizon:
         said += (f"{data.below_horizon} rows below the horizon left out",)
-    return Source(path.name, fit.brdf, _colours(data.values.shape[1]), (), said)
+    measured = Measurements(data.incoming, data.outgoing, data.values)
+    channels = _colours(data.values.shape[1])
+    return Source(path.name, fit.brdf, channels, (), said, measured=measured)
 
 
 def _fitted(
@@ -187,9 +194,17 @@ def _table(path: Path) -> Source:
 
 def _tree(path: Path) -> Source:
     tree, about = read_tree(path)
-    if about.axis_names != BRDF_AXES or about.embedding not in EMBEDDINGS:
+    if about.embedding == HALF_DIFFERENCE and about.axis_names == HALF_DIFFERENCE_AXES:
+        brdf = HalfDifferenceTree.of(tree, about.value_transform)
+    elif about.axis_names != BRDF_AXES or about.embedding not in EMBEDDINGS:
         raise InputError(f"{path}: a tree over {' '.join(about.axis_names)}; give one of a BRDF")
-    brdf = WaveletBRDF(tree, EMBEDDINGS[about.embedding])
+    elif about.value_transform != "none":
+        raise InputError(
+            f"{path}: {about.value_transform} of values over {about.embedding}; of trees over two "
+            "directions only plain values are read: make it again with jaxrender compress"
+        )
+    else:
+        brdf = WaveletBRDF(tree, EMBEDDINGS[about.embedding])
     said = (f"tree of {tree.count} coefficients, {100 * about.relative_rms:.3g} % rms off",)
     return Source(path.name, brdf, about.channels, about.wavelengths, said)
 

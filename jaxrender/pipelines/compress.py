@@ -6,8 +6,13 @@ stated:
 
 - What thresholding misses: the rms of the missing part over the rms of the table.  The dropped
   coefficients predict it (L 4.7, ERRATA 61); for an orthonormal wavelet exactly, but for clamping.
-- What the tree misses of the BRDF itself, at random pairs of directions.  It shows where cells are
-  wider than the lobe.
+- What the tree misses of the BRDF itself, at the measured pairs or at random ones about the mirror
+  directions (``judged_pairs``), with its standard error.  It shows where cells are wider than the
+  lobe.
+
+Isotropic BRDFs may be held over half and difference angles instead (``compress_isotropic``), where
+the same number of coefficients misses far less of a glossy one.  ``auto`` holds a part of the
+measurements out of the table, and chooses by the error there.
 
 Python reads a tree, renders with it, draws directions from it, and finds the nearest models::
 
@@ -27,6 +32,7 @@ import jax
 import numpy as np
 
 from jaxrender.brdf import BRDF, WaveletBRDF
+from jaxrender.brdf.half_difference_tree import TRANSFORMS
 from jaxrender.brdf.tables.cell_means import Behaviour, behaviour, tabulate
 from jaxrender.brdf.tables.cells import Table
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
@@ -35,6 +41,14 @@ from jaxrender.geometry import NUSSELT
 from jaxrender.io.tree_layout import TreeAbout
 from jaxrender.io.trees import write_tree
 from jaxrender.pipelines.brdf_sources import Source, source_of
+from jaxrender.pipelines.compress_isotropic import (
+    Goal,
+    Isotropic,
+    Judge,
+    chosen_isotropic,
+    sentence_of,
+    written,
+)
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.shapes import Float
 from jaxrender.wavelets import (
@@ -56,14 +70,25 @@ _TABLE_BYTES = 4
 # With 16, 32 or 64 a microfacet of sigma .4 at 32^4 is missed by 35 % between samples, with 1 or 4
 # by 50 and 45.
 CELL_SAMPLES = 16
+EMBEDDINGS = ("nusselt", "half-difference", "auto")
+_USUAL_WAVELETS = {"nusselt": "haar", "half-difference": "cdf-2-2"}
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
-class Goal(NamedTuple):
-    """How much to keep: a fraction of the non-zero coefficients, or enough for an error."""
-
-    fraction: float = 0.01
-    error: float | None = None
+def goal_of(keep: float | None, error: str | None) -> Goal | None:
+    """Read a goal from its words: an error as 5% or 0.05.  Raises ``InputError`` for others."""
+    if keep is None and error is None:
+        return None
+    share = None
+    if error is not None:
+        number, percent, rest = error.strip().partition("%")
+        try:
+            share = float(number) / (100 if percent else 1)
+        except ValueError:
+            share = float("nan")
+        if rest or not np.isfinite(share):
+            raise InputError(f"--error {error}: give a part or percent, as 0.05 or 5%")
+    return Goal(Goal().fraction if keep is None else keep, share)
 
 
 class Compression(NamedTuple):
@@ -81,7 +106,7 @@ class Compression(NamedTuple):
 class Compressed(NamedTuple):
     """The written tree, and sentences about it."""
 
-    compression: Compression
+    compression: Compression | Isotropic
     said: tuple[str, ...]
 
 
@@ -91,24 +116,41 @@ def compress(
     goal: Goal | None = None,
     *,
     size: int = 32,
-    wavelet: str = "haar",
+    wavelet: str | None = None,
     spectral: bool = False,
     cell_samples: int = CELL_SAMPLES,
+    embedding: str = "nusselt",
+    transform: str | None = None,
     progress: Progress | None = None,
 ) -> Compressed:
     """Write the tree of a BRDF: a file, a model or a fit's result folder (``brdf_sources``).
 
-    ``cell_samples`` are taken for the mean over a cell, 1 at its centre.
+    ``cell_samples`` are taken for the mean over a cell of Nusselt's square, 1 at its centre.
+    ``embedding`` is one of ``EMBEDDINGS``; ``transform`` of values belongs to ``half-difference``.
+    The wavelet is Haar's by default over Nusselt's squares, and else the linear spline.
 
     Raises ``InputError`` for unreadable and unwritable files, a size that is too large or no power
     of two, an unknown wavelet, and a goal out of range.
     """
-    goal, progress = goal or Goal(), progress or SilentProgress()
-    chosen = _checked(goal, size, wavelet, cell_samples)
+    progress = progress or SilentProgress()
+    _checked(goal or Goal(), size, cell_samples)
+    _checked_coordinates(embedding, transform)
+    wavelets = {kind: _wavelet_of(wavelet or usual) for kind, usual in _USUAL_WAVELETS.items()}
     if not out.parent.is_dir():
         raise InputError(f"{out}: no such folder {out.parent}; make it first")
     with progress.stage("read"):
         source = source_of(named, spectral)
+    if embedding != "nusselt":
+        with progress.stage("compare"):
+            found = chosen_isotropic(
+                source, wavelets, size, cell_samples, goal, embedding, transform
+            )
+        if found is not None:
+            with progress.stage("write"):
+                said = written(source, found, goal, out)
+            took = f"time: evaluation {1e6 * _seconds_a_point(found.brdf):.3f} us a pair, warm"
+            return Compressed(found, (*said, took))
+    goal, chosen = goal or Goal(), wavelets["nusselt"]
     channels = source.brdf.amplitudes.shape[1]
     if size**4 * channels > _MOST_NUMBERS:
         raise InputError(
@@ -132,7 +174,9 @@ def compress(
     tree = WaveletBRDF(found.tree)
     with progress.stage("compare"):
         start = time.perf_counter()
-        between = _missed_between(source.brdf, tree)
+        judge = Judge.of(source.brdf, source.measured)
+        errors = judge.errors(tree)
+        between = errors["plain"].value
         seconds["compare"] = time.perf_counter() - start
     with progress.stage("write"):
         start = time.perf_counter()
@@ -150,8 +194,8 @@ def compress(
         seconds["write"] = time.perf_counter() - start
     said = [*_said_of_source(source, size, masked), *_said(found, goal, out)]
     said.append(
-        f"off the BRDF itself, at random pairs of directions: {_percent(between)} rms; if that is "
-        "much more than the error above, the cells are wider than the lobe: give a larger --size"
+        f"{sentence_of(errors, judge.where)}; if plain is much more than the error above, the "
+        "cells are wider than the lobe: give a larger --size, or --embedding half-difference"
     )
     each = _seconds_a_point(tree)
     stages = ", ".join(f"{name} {took:.2f} s" for name, took in seconds.items())
@@ -187,18 +231,33 @@ def compression_of(table: Table, wavelet: Wavelet, goal: Goal) -> Compression:
     )
 
 
-def _checked(goal: Goal, size: int, wavelet: str, cell_samples: int) -> Wavelet:
+def _checked(goal: Goal, size: int, cell_samples: int) -> None:
     if size < 2 or size & (size - 1):
         near = 2 ** max(1, round(np.log2(max(size, 2))))
         raise InputError(f"--size {size}: no power of two; give {near}")
     if cell_samples != 1 and (cell_samples < 1 or cell_samples % 2):
         raise InputError(f"--cell-samples {cell_samples}: give 1, or an even number such as 16")
     if goal.error is not None and not 0 < goal.error < 1:
-        raise InputError(f"--error {goal.error}: a relative rms lies between 0 and 1, as 0.05")
+        raise InputError(f"--error {goal.error}: a relative error lies between 0 and 1, as 0.05")
     if not 0 < goal.fraction <= 1:
         raise InputError(f"--keep {goal.fraction}: a fraction is above 0 and at most 1, as 0.01")
+
+
+def _checked_coordinates(embedding: str, transform: str | None) -> None:
+    if embedding not in EMBEDDINGS:
+        raise InputError(f"--embedding {embedding}: choose one of {', '.join(EMBEDDINGS)}")
+    if transform is not None and transform not in TRANSFORMS:
+        raise InputError(f"--transform {transform}: choose one of {', '.join(TRANSFORMS)}")
+    if transform not in (None, "none") and embedding == "nusselt":
+        raise InputError(
+            f"--transform {transform}: trees over nusselt hold plain values, which shading and "
+            "sampling take; leave it out, or give --embedding half-difference"
+        )
+
+
+def _wavelet_of(name: str) -> Wavelet:
     try:
-        return wavelet_named(wavelet)
+        return wavelet_named(name)
     except ValueError as error:
         raise InputError(f"--wavelet: {error}") from None
 
@@ -250,16 +309,6 @@ def _seconds_a_point(brdf: BRDF) -> float:
     start = time.perf_counter()
     jax.block_until_ready(_evaluate(brdf, *pair))
     return (time.perf_counter() - start) / _POINTS
-
-
-def _missed_between(brdf: BRDF, tree: BRDF) -> float:
-    """Compare at pairs spread evenly over the squares: relative rms, channels together."""
-    places = np.random.default_rng(1).uniform(size=(_POINTS, 2, 2))
-    places = places[np.asarray(NUSSELT.covers(places)).all(axis=1)]
-    pair = np.moveaxis(np.asarray(NUSSELT.direction_from_square(places)), 1, 0)
-    expected, found = (np.asarray(_evaluate(one, *pair), float) for one in (brdf, tree))
-    whole = np.sum(expected**2)
-    return float(np.sqrt(np.sum((found - expected) ** 2) / whole)) if whole > 0 else 0.0
 
 
 def _said_of_source(source: Source, size: int, masked: int) -> list[str]:

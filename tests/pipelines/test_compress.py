@@ -210,7 +210,7 @@ def test_a_sphere_looks_as_the_material_within_the_stated_error(tmp_path):
         (WIDE, {"cell_samples": 3}, "--cell-samples 3: give 1, or an even number"),
         (WIDE, {"wavelet": "harr"}, "did you mean 'haar'"),
         (WIDE, {"goal": Goal(0.0)}, "--keep 0.0: a fraction"),
-        (WIDE, {"goal": Goal(error=1.5)}, "--error 1.5: a relative rms"),
+        (WIDE, {"goal": Goal(error=1.5)}, "--error 1.5: a relative error"),
         (WIDE, {"spectral": True}, "leave --spectral out"),
         ("mirror", {}, "a mirror has no table"),
         ("microfacets", {}, "did you mean 'microfacet'"),

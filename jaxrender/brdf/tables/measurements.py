@@ -40,6 +40,7 @@ class Measurements(NamedTuple):
         """Say which values were measured."""
         return np.isfinite(self.values) & (self.values >= 0)
 
+    @checked
     def rows(self, chosen: Bool[np.ndarray, "pair"]) -> "Measurements":
         """Keep some of the pairs."""
         return Measurements(*(part[chosen] for part in self))
@@ -53,6 +54,7 @@ class Metric(NamedTuple):
     power: int
     meaning: str
 
+    @checked
     def error(
         self,
         found: Float[AnyArray, "pair channel"],

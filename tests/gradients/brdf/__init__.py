@@ -57,7 +57,8 @@ EXCEPTIONS = {
         "random directions, and a density that is constant in each cell",
     ),
     **dict.fromkeys(
-        ("WaveletBRDF", "ScatteringTrees"), "of a tree: constant in each cell, or linear"
+        ("HalfDifferenceTree", "ScatteringTrees", "WaveletBRDF"),
+        "of a tree: constant in each cell, or linear",
     ),
     "RglBRDF": "of a measured file: its warps are inverted in the file's cells",
 }
