@@ -169,6 +169,7 @@ def nearest(
     out: Annotated[Path | None, Parameter(alias="-o")] = None,
     metric: Literal["cube-root", "cosine-l1", "plain"] = "cube-root",
     model: list[str] | None = None,
+    reporting: Reporting = AS_USUAL,
 ) -> int:
     """Find the models nearest to a measured BRDF, a table, a tree or a result.
 
@@ -190,7 +191,7 @@ def nearest(
     process.set_up_jax()
     from jaxrender.pipelines import nearest as searching
 
-    done = searching.nearest(brdf, metric, tuple(model or ()), out)
+    done = searching.nearest(brdf, metric, tuple(model or ()), out, reporting.progress())
     for line in done.said:
         process.say(line)
     return DONE

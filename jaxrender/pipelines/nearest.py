@@ -17,6 +17,7 @@ from jaxrender.geometry import Components
 from jaxrender.inverse.nearest_models import CANDIDATES, KNOWN, Candidate, best_models, pairs_of
 from jaxrender.io.atomic import replacing
 from jaxrender.pipelines.brdf_sources import measurements_of, source_of
+from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.result import write_json
 from jaxrender.shapes import Float
 
@@ -34,7 +35,11 @@ class Nearest(NamedTuple):
 
 
 def nearest(
-    named: str, metric: str = "cube-root", models: tuple[str, ...] = (), out: Path | None = None
+    named: str,
+    metric: str = "cube-root",
+    models: tuple[str, ...] = (),
+    out: Path | None = None,
+    progress: Progress | None = None,
 ) -> Nearest:
     """Fit models to a source of ``brdf_sources`` and rank them; write data and picture to ``out``.
 
@@ -44,13 +49,17 @@ def nearest(
     for name in models:
         if name not in KNOWN:
             raise InputError(f"--model {name}: choose of {', '.join(KNOWN)}")
-    measured, brdf, whole = measurements_of(named), None, "scattered measurements"
+    progress = progress or SilentProgress()
+    brdf, whole = None, "scattered measurements"
+    with progress.stage("read"):
+        measured = measurements_of(named)
     try:
         if measured is None:
             brdf = source_of(named).brdf
             measured, whole = pairs_of(brdf), "pairs of directions"
         folds = 0 if brdf is not None else None
-        found = best_models(measured, models or CANDIDATES, metric=metric, folds=folds)
+        with progress.stage("fit models"):
+            found = best_models(measured, models or CANDIDATES, metric=metric, folds=folds)
     except ValueError as error:
         raise InputError(f"{named}: {error}") from None
     said = [f"{named}: {len(measured.values)} {whole}; {METRICS[metric].meaning}"]
