@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse import KnownLight
-from jaxrender.inverse.known_light import exact_nodes
+from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.lighting import DirectionalSources, LightNodes
 from jaxrender.pipelines.view.packing import octahedral, packed
 from jaxrender.shapes import Float, Int
