@@ -42,7 +42,8 @@ def config_text(name: str, contents: Contents, *, images: Path | None, outside: 
     lines += _lighting(light)
     if contents.square is not None:
         lines += ["texture:", f"  size: {contents.capture.frames[0].camera.width}"]
-    lines += ["brdf: {model: ggx}", f"output: runs/{_run_name(contents)}"]
+    facets = "ggx, mu: none" if contents.head_on else "ggx"
+    lines += [f"brdf: {{model: {facets}}}", f"output: runs/{_run_name(contents)}"]
     return "\n".join(lines) + "\n"
 
 

@@ -14,6 +14,7 @@ from jaxrender.lighting import (
     IsotropicIntensity,
     OvercastSky,
     PointLight,
+    PointSources,
     SmoothLobes,
     SpotIntensity,
 )
@@ -175,6 +176,28 @@ ROWS = [
         kinks={"at the light": "nothing arrives at the place of the light itself"},
     ),
     Row(
+        "PointSources.at",
+        lambda positions, intensity, points: PointSources(positions, intensity).at(points),
+        {
+            "positions": np.array([[0.3, 0.2, -3.0], [4.0, 1.0, 2.0]]),
+            "intensity": Above(np.abs(normal(2, 2))),
+            "points": normal(2, 3),
+        },
+        {"at the light": {"points": np.array([[0.3, 0.2, -3.0], [1.0, 2.0, 0.5]])}},
+        kinks={"at the light": "nothing arrives at the place of the light itself"},
+    ),
+    Row(
+        "PointSources.seen_from",
+        lambda positions, intensity, place: (
+            PointSources(positions, intensity).seen_from(place).nodes()
+        ),
+        {
+            "positions": np.array([[0.3, 0.2, -3.0], [4.0, 1.0, 2.0]]),
+            "intensity": Above(np.abs(normal(2, 2))),
+            "place": normal(3),
+        },
+    ),
+    Row(
         "PointLight.intensity",
         lambda directions, peak, world_from_local: PointLight(
             np.zeros(3), SpotIntensity(peak, 2.0), world_from_local
@@ -197,6 +220,7 @@ EXCEPTIONS = {
     "FunctionLight": "what light by direction is: its rows are those of skies and lobes",
     "Light": "what a light is: its rows are those of the kinds of light",
     "LightNodes": "numbers, no function",
+    "PointSources.nodes": "there are none: every place sees others",
     "LightSum": "its parts one after the other",
     "Sky": "what a sky is: its rows are those of the two skies",
     "light_of": "of a name",

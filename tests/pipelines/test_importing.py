@@ -78,6 +78,7 @@ def test_a_flat_sample_under_a_flash_is_a_texture(tmp_path):
     import_capture(tmp_path / "theirs", tmp_path / "ours", ImportOptions())
     config = load_run_config(tmp_path / "ours/capture.yaml")
     assert (config.task, config.texture.size) == ("texture", 6)
+    assert config.brdf.known("mu") is None
     (capture,) = captures_of(config)
     shape = read_mesh(config.capture.geometry.mesh)
     light = capture.light(shape)

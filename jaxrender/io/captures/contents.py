@@ -68,9 +68,9 @@ class Contents(NamedTuple):
 
     ``mesh``, ``sphere`` or ``square`` is the shape, where the format brings one; ``mesh_placed``
     takes it to the world (a rotation, a shift and one scale; None: it is there).  ``response`` is
-    what it says of the pixels (linear, srgb).  ``files`` are those that were read.  ``found`` and
-    ``assumed`` are sentences for whoever reads the capture: what the folder says, and what it
-    leaves open.
+    what it says of the pixels (linear, srgb).  ``head_on`` says that the only light stands at the
+    camera.  ``files`` are those that were read.  ``found`` and ``assumed`` are sentences for
+    whoever reads the capture: what the folder says, and what it leaves open.
     """
 
     capture: Capture
@@ -81,5 +81,6 @@ class Contents(NamedTuple):
     square: StatedSquare | None = None
     light: StatedLight = StatedLight()
     response: str | None = None
+    head_on: bool = False
     found: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()

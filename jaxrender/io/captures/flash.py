@@ -67,9 +67,11 @@ def read_flash(path: Path, looking: Looking) -> Contents:
         (path,),
         square=StatedSquare(float(side)),
         light=StatedLight(per_frame=per_frame),
+        head_on=same,
         found=(
             f"a flat sample of side {float(side):g} about the origin, z towards the camera",
             "one flash a photograph, " + ("where the camera stands" if same else "with its place"),
+            *(["facets are met head on: mu cannot be told (brdf.mu: none)"] if same else []),
         ),
     )
 

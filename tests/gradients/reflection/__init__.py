@@ -14,6 +14,7 @@ EXCEPTIONS = {
     "reflect_by_facets.slow": "a constant by intent: it is drawn as an image that is looked up in",
     **dict.fromkeys(("cast_shadows", "visible_nodes", "transfer_vectors"), _SIGHT),
     **dict.fromkeys(("ShadowedDual", "ShadowedForward", "ShadowedModel"), _SIGHT),
+    "NearForward": "looks from places at sources; test_near differentiates by where they are",
     "forward_of": "chooses a model, whose rows those are; test_lit differentiates by the light",
     "ForwardModel": "what a model is: its rows are those of the two",
     "Shrm": "what a map is: its rows are those of the two",
