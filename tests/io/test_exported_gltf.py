@@ -155,6 +155,19 @@ def test_colours_cameras_and_sources(tmp_path):
     assert "<" not in json.dumps(document)
 
 
+def test_sources_with_a_place_have_it(tmp_path):
+    near = jr.PointSources(np.array([[1.0, 2.0, 3.0]]), np.array([[4.0, 2.0, 1.0]]))
+    write_gltf(contents(jr.Sphere())._replace(points=near), tmp_path, FULL, binary=False)
+    document = json.loads((tmp_path / "scene.gltf").read_text())
+    (node,) = [one for one in document["nodes"] if "translation" in one]
+    # Their y is our z, their -z our y.
+    assert node["translation"] == [1.0, 3.0, -2.0]
+    number = node["extensions"]["KHR_lights_punctual"]["light"]
+    light = document["extensions"]["KHR_lights_punctual"]["lights"][number]
+    assert (light["type"], light["intensity"]) == ("point", 4.0)
+    assert light["color"] == [1.0, 0.5, 0.25]
+
+
 def test_the_environment_is_seen_from_within(tmp_path):
     write_gltf(contents(jr.Sphere()), tmp_path, FULL, binary=True)
     found = read_image(tmp_path / "environment.exr").pixels

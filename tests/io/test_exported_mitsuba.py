@@ -17,7 +17,7 @@ import pytest
 import jaxrender as jr
 from jaxrender.brdf import Lambertian, MetallicRoughness, Microfacet, Principled
 from jaxrender.io import read_capture
-from jaxrender.io.captures import Frame
+from jaxrender.io.captures import Frame, Looking, read_contents, recognise
 from jaxrender.io.exports import Contents, mitsuba_losses, write_mitsuba
 from jaxrender.io.exports.mitsuba_materials import own_plugin
 
@@ -87,6 +87,20 @@ def test_mitsuba_renders_what_we_do(mitsuba, tmp_path, material, shape):
     # .4 % of each picture is noise, and .3 % of their mean.
     assert off(pictures[0], pictures[1]) < 0.008
     assert off((pictures[0] + pictures[1]) / 2, ours) < 0.005
+
+
+def test_mitsuba_renders_lamps_that_are_near(mitsuba, tmp_path):
+    near = jr.PointSources(np.array([[1.5, -1.0, 2.0]]), np.array([[4.0, 3.0, 2.0]]))
+    shape, material = jr.Sphere(), Lambertian(KD)
+    held = contents(material, shape, None)._replace(sources=jr.DirectionalSources.none())
+    write_mitsuba(held._replace(points=near), tmp_path)
+    scene = mitsuba.load_file(str(tmp_path / "scene.xml"))
+    ours = np.asarray(jr.render(material, near, shape, CAMERAS[0]))
+    assert off(np.array(mitsuba.render(scene, sensor=0, spp=64)), ours) < 0.005
+    (read,) = read_contents(
+        recognise(tmp_path / "scene.xml"), Looking(tmp_path, False, False)
+    ).light.point
+    assert (read.position, read.intensity) == ((1.5, -1.0, 2.0), (4.0, 3.0, 2.0))
 
 
 def test_cameras_have_our_rays(mitsuba, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 from jaxrender.brdf import BRDF
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.io.captures import Frame
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import DirectionalSources, Environment, Light, PointSources
 from jaxrender.shapes import Float
 
 # How finely a sphere becomes triangles: 20 * 4^5 of them, .04 % from the sphere.
@@ -42,11 +42,21 @@ class Contents(NamedTuple):
     sources: DirectionalSources = DirectionalSources.none()
     cameras: tuple[Frame, ...] = ()
     maps: MaterialMaps | None = None
+    points: PointSources | None = None
 
     @property
     def is_lit(self) -> bool:
         """Whether there is any light."""
-        return self.environment is not None or bool(np.any(np.asarray(self.sources.irradiance)))
+        lit = self.environment is not None or self.points is not None
+        return lit or bool(np.any(np.asarray(self.sources.irradiance)))
+
+    @property
+    def all_distant(self) -> Light:
+        """The sources, and those with a place as the middle of the shape sees them."""
+        if self.points is None:
+            return self.sources
+        middle = np.zeros(3) if self.shape is None else self.shape.bounds().mean(axis=0)
+        return self.sources + self.points.seen_from(middle)
 
 
 class Part(NamedTuple):

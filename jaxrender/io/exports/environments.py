@@ -32,8 +32,8 @@ _LATLONG = "latitude-longitude with z up, +x in the middle and +y to the left of
 
 def environment_losses(contents: Contents) -> tuple[str, ...]:
     """Say what pictures of the light cannot hold."""
-    if np.any(np.asarray(contents.sources.irradiance) > 0):
-        return ("directional sources: a picture has no room for light from a single direction",)
+    if np.any(np.asarray(contents.sources.irradiance) > 0) or contents.points is not None:
+        return ("sources: a picture has no room for light from a single direction",)
     return ()
 
 

@@ -1,4 +1,4 @@
-"""glTF 2.0 and GLB: a mesh with its material, cameras and distant sources.
+"""glTF 2.0 and GLB: a mesh with its material, cameras and sources.
 
 Axes are glTF's: y up, so that (x, y, z) of the world is (x, z, -y) of the file.  Lengths stay.
 Base and specular colours are linear as factors and sRGB as textures; roughness is linear always,
@@ -22,7 +22,7 @@ from jaxrender.io.atomic import replacing
 from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
 from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.images import write_image
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import DirectionalSources, Environment, PointSources
 from jaxrender.shapes import AnyArray, Float
 
 ENVIRONMENT = "environment.exr"
@@ -88,7 +88,7 @@ def write_gltf(
             document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{uri}"
             text = json.dumps(document, indent=1, allow_nan=False)
             aside.write_text(text + "\n", encoding="utf-8")
-    about = "mesh, material, cameras and distant sources in glTF 2.0; y is up (world z)"
+    about = "mesh, material, cameras and sources in glTF 2.0; y is up (world z)"
     parts = [Part(name, about)]
     if contents.environment is not None:
         write_image(folder / ENVIRONMENT, facing_panorama(contents.environment))
@@ -133,6 +133,8 @@ class _Writer:
         if cameras:
             document["cameras"] = cameras
         lights = _sources(contents.sources, nodes)
+        if contents.points is not None:
+            _add_points(contents.points, nodes, lights)
         used = sorted(described.get("extensions", {}))
         if lights:
             document["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
@@ -291,6 +293,23 @@ def _sources(sources: DirectionalSources, nodes: list[dict[str, Any]]) -> list[d
         light = {"name": name, "type": "directional", "intensity": strength, "color": color}
         found.append(light)
     return found
+
+
+def _add_points(
+    points: PointSources, nodes: list[dict[str, Any]], lights: list[dict[str, Any]]
+) -> None:
+    """Add sources that have a place."""
+    pairs = zip(np.asarray(points.positions, float), np.asarray(points.intensity, float))
+    for place, intensity in pairs:
+        strength = float(intensity.max())
+        if not strength > 0:
+            continue
+        reference = {"KHR_lights_punctual": {"light": len(lights)}}
+        name = f"source_{len(lights)}"
+        place = (_FROM_WORLD @ place).tolist()
+        nodes.append({"name": name, "translation": place, "extensions": reference})
+        color = [float(x) for x in intensity / strength]
+        lights.append({"name": name, "type": "point", "intensity": strength, "color": color})
 
 
 def _glb(document: dict[str, Any], data: bytes) -> bytes:

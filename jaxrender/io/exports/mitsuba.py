@@ -115,6 +115,15 @@ def write_mitsuba(contents: Contents, folder: Path) -> tuple[Part, ...]:
                 "direction": [float(-x) for x in direction],
                 "irradiance": rgb(np.maximum(irradiance, 0)),
             }
+    points = contents.points
+    if points is not None:
+        places = zip(*(np.asarray(p, float) for p in (points.positions, points.intensity)))
+        for number, (place, intensity) in enumerate(places):
+            scene[f"point_{number}"] = {
+                "type": "point",
+                "position": [float(x) for x in place],
+                "intensity": rgb(intensity),
+            }
     for number, frame in enumerate(contents.cameras):
         scene[f"camera_{number}_{plain_name(frame.name)}"] = _sensor(frame.camera)
     _write_text(folder / SCENE_JSON, json.dumps(scene, indent=1, allow_nan=False) + "\n")
@@ -175,7 +184,7 @@ def _sensor(camera: Camera) -> dict[str, Any]:
 # The elements of plugins by their key, and of objects within plugins.
 _TAGS = {"integrator": "integrator", "object": "shape", "environment": "emitter", "bsdf": "bsdf"}
 _TAGS |= {"film": "film", "sampler": "sampler", "rfilter": "rfilter"}
-_TAGS_BY_START = {"source": "emitter", "camera": "sensor"}
+_TAGS_BY_START = {"source": "emitter", "point": "emitter", "camera": "sensor"}
 
 
 def _xml(scene: Mapping[str, Any]) -> str:
@@ -203,7 +212,7 @@ def _add(parent: ElementTree.Element, name: str, value: Any) -> None:
         transform = ElementTree.SubElement(parent, "transform", name=name)
         ElementTree.SubElement(transform, "matrix", value=_numbers(np.ravel(value).tolist()))
     elif isinstance(value, list):
-        tag = "point" if name == "center" else "vector"
+        tag = "point" if name in ("center", "position") else "vector"
         x, y, z = map(repr, value)
         ElementTree.SubElement(parent, tag, name=name, x=x, y=y, z=z)
     else:

@@ -11,7 +11,7 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.captures import Frame
 from jaxrender.io.exports import Contents, MaterialMaps
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import DirectionalSources, Environment, PointSources
 from jaxrender.pipelines.captures import captures_of, joined
 from jaxrender.pipelines.render import light_of_run
 from jaxrender.pipelines.result import RESULT, FinishedRun
@@ -50,7 +50,7 @@ def _contents(run: FinishedRun) -> Held:
     geometry = run.config.capture.geometry
     shape: Shape | None = None if geometry is None else shape_of(geometry)
     losses: list[str] = []
-    environment, sources = _light(run, shape, losses)
+    light = _light(run, shape, losses)
     cameras: tuple[Frame, ...] = joined(
         [one.capture for one in captures_of(run.config, require_images=False)]
     ).frames
@@ -61,7 +61,17 @@ def _contents(run: FinishedRun) -> Held:
         maps = _maps(run, shape, losses)
     name = run.folder.resolve().name
     return Held(
-        Contents(name, _material(run), shape, environment, sources, cameras, maps), tuple(losses)
+        Contents(
+            name,
+            _material(run),
+            shape,
+            light.environment,
+            light.sources,
+            cameras,
+            maps,
+            light.points,
+        ),
+        tuple(losses),
     )
 
 
@@ -104,18 +114,24 @@ def _material(run: FinishedRun) -> BRDF | None:
     return brdf
 
 
-def _light(
-    run: FinishedRun, shape: Shape | None, losses: list[str]
-) -> tuple[Environment | None, DirectionalSources]:
+class _Lit(NamedTuple):
+    """An environment, sources that are far away, and those that have a place."""
+
+    environment: Environment | None
+    sources: DirectionalSources
+    points: PointSources | None
+
+
+def _light(run: FinishedRun, shape: Shape | None, losses: list[str]) -> _Lit:
     """Find the light that the photographs were rendered by, its scale applied."""
     light = light_of_run(run, shape).upright
-    if light.near is not None:
-        losses.append("the places of near sources: they shine from infinity")
     if light.varies:
         losses.append("the light of all photographs but the first: it differs between them")
     scale = float(run.summary.get("scale", 1.0))
-    environment, sources = light.environment_of(0), light.sources_of(0)
+    environment, sources, points = light.environment_of(0), light.far_of(0), light.points_of(0)
     if environment is not None:
         environment = Environment(scale * np.asarray(environment.radiance))
+    if points is not None:
+        points = PointSources(np.asarray(points.positions), scale * np.asarray(points.intensity))
     scaled = scale * np.asarray(sources.irradiance)
-    return environment, DirectionalSources(np.asarray(sources.directions), scaled)
+    return _Lit(environment, DirectionalSources(np.asarray(sources.directions), scaled), points)

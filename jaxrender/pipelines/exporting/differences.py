@@ -108,8 +108,8 @@ def light_of_contents(contents: Contents) -> Light | None:
     if not contents.is_lit:
         return None
     if contents.environment is None:
-        return contents.sources
+        return contents.all_distant
     radiance = np.asarray(contents.environment.radiance)
     if len(radiance) > _ROWS:
         radiance = to_latlong(radiance, "z-up", _ROWS)
-    return Environment(radiance) + contents.sources
+    return Environment(radiance) + contents.all_distant

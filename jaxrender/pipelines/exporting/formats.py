@@ -218,15 +218,18 @@ def _environment(contents: Contents) -> Prepared:
 
 def _harmonics(contents: Contents) -> Prepared:
     """Prepare all of the light, sources too, to the degree that its image determines."""
-    parts: list[Light] = [contents.sources]
+    parts: list[Light] = [contents.all_distant]
     degree = _DEGREE
     if contents.environment is not None:
         parts.append(contents.environment)
         degree = min(degree, contents.environment.grid.band_limit)
     coefficients = light_coefficients(LightSum(tuple(parts)), max(degree, 2))
     remark = f"harmonics are the light to degree {max(degree, 2)}, and no finer"
+    losses = ()
+    if contents.points is not None:
+        losses = ("the places of near sources: they are as the middle of the object sees them",)
     return Prepared(
-        (), lambda folder: Written(write_harmonics(np.asarray(coefficients), folder), (remark,))
+        losses, lambda folder: Written(write_harmonics(np.asarray(coefficients), folder), (remark,))
     )
 
 
