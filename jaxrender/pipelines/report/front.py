@@ -114,7 +114,8 @@ def _known(contents: Contents) -> list[_Known]:
     """List the numbers that have an interval, the best known first."""
     brdf = contents.result.get("brdf", {})
     meanings: dict[str, str] = {}
-    if brdf:
+    # Coefficients have no model, and no numbers with a name.
+    if brdf and "spectrum" not in contents.result:
         meanings = {number.name: number.meaning for number in model_of(contents).numbers}
     found = []
     for name, interval in contents.result.get("interval90", {}).items():
