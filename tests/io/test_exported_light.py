@@ -74,7 +74,8 @@ def test_pictures_are_written_and_read(tmp_path):
     np.testing.assert_allclose(coarse, expected, rtol=0.01)
     lamp = jr.DirectionalSources(np.array([[0.0, 0, 1]]), np.ones((1, 3)))
     assert environment_losses(contents) == ()
-    assert "directional sources" in environment_losses(contents._replace(sources=lamp))[0]
+    lost = environment_losses(contents._replace(sources=lamp))[0]
+    assert "sources: a picture has no room" in lost
     with pytest.raises(ValueError, match="no environment"):
         write_environment_pictures(Contents("x"), tmp_path)
 
