@@ -23,8 +23,8 @@ LAMPS = PointSources(
     np.array([[3.0, 2.0, 4.0], [1.0, -1.0, 3.5]]), np.array([[5.0, 4, 3], [2, 2, 2]])
 )
 FLASHES = tuple(
-    PointSources(np.asarray(BALL.center) + 2.2 * away[None], np.full((1, 3), 3.0))
-    for away in np.asarray(fibonacci_sphere(6), float)
+    PointSources(np.asarray(BALL.center) + (2.0 + 0.1 * k) * away[None], np.full((1, 3), 3.0))
+    for k, away in enumerate(np.asarray(fibonacci_sphere(6), float))
 )
 TRUTH = jr.material("ggx", kd=np.array([0.12, 0.17, 0.21]), ks=np.full(3, 0.1), sigma=0.2, mu=1.5)
 NOISE = 0.01
