@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from jaxrender.errors import InputError
+from jaxrender.geometry import Mesh, Shape
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.photographs import (
     Listener,
@@ -107,7 +108,7 @@ def fit(
             return FitReport("dry run", folder, f"dry run: would {task.would(config, evidence)}")
         recovery = task.recover(config, evidence, clock, progress)
         with result_folder(folder, digest, force) as into:
-            result = _write(into, folder.name, config, inputs, recovery, clock)
+            result = _write(into, folder.name, config, inputs, recovery, evidence.shape, clock)
         return FitReport(result["outcome"], folder, summary_of(result))
 
 
@@ -237,6 +238,7 @@ def _write(
     config: RunConfig,
     inputs: list[Path],
     recovery: Recovery,
+    shape: Shape,
     clock: Clock,
 ) -> dict:
     """Write everything of a result; ``result.json`` last, when all its seconds are known."""
@@ -265,6 +267,7 @@ def _write(
         so_far = result.document(provenance, clock.taken())
         # For the page alone: unit vectors from the object to each camera.
         so_far["views"] = [view.tolist() for view in map(_towards, photographs) if view.any()]
+        so_far["faces"] = shape.face_normals() if isinstance(shape, Mesh) else np.zeros((0, 3))
         write_report(folder, recovery.page(title, so_far, frames))
     document = result.document(provenance, clock.taken())
     write_json(folder / RESULT, document)

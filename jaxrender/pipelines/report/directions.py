@@ -11,6 +11,10 @@ from jaxrender.shapes import Float
 
 # Places of a new camera that are tried: this many, from a little below the horizon up.
 _TRIED, _LOWEST = 4000, -0.17
+# So many faces of a mesh say which places see its front.
+_FACES = 1000
+# A place that sees less than this part of what the best place sees is none for a camera.
+_LEAST_FRONT = 0.2
 
 
 class Gap(NamedTuple):
@@ -21,8 +25,14 @@ class Gap(NamedTuple):
     radius: float
 
 
-def gap_among(views: Float[np.ndarray, "camera 3"]) -> Gap | None:
-    """Find the largest gap among directions to cameras; None where there are none."""
+def gap_among(
+    views: Float[np.ndarray, "camera 3"], faces: Float[np.ndarray, "face 3"]
+) -> Gap | None:
+    """Find the largest gap among directions to cameras; None where there are no cameras.
+
+    ``faces`` are normals of a mesh, none for a sphere.  A place from which an open mesh shows its
+    back is no gap.
+    """
     if not len(views):
         return None
     # A spiral of equal areas, from the zenith down.
@@ -32,7 +42,9 @@ def gap_among(views: Float[np.ndarray, "camera 3"]) -> Gap | None:
     radius = np.sqrt(1 - height**2)
     places = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1)
     nearest = np.max(places @ views.T, axis=1)
-    best = int(np.argmin(nearest))
+    some = faces[:: max(1, len(faces) // _FACES)]
+    front = np.maximum(places @ some.T, 0).sum(axis=1)
+    best = int(np.argmin(np.where(front < _LEAST_FRONT * front.max(), np.inf, nearest)))
     turned = float(np.degrees(np.arctan2(places[best, 1], places[best, 0]))) % 360
     return Gap(
         turned,

@@ -57,7 +57,7 @@ class _Known(NamedTuple):
 def front(contents: Contents, pictures: Pictures, photographs: Gallery) -> tuple[Card, ...]:
     """Answer the five questions."""
     views = np.asarray(contents.result.get("views") or np.zeros((0, 3)), float)
-    gap = gap_among(views)
+    gap = gap_among(views, np.asarray(contents.result.get("faces", np.zeros((0, 3))), float))
     return (
         Card("What was recovered", _recovered(contents), pictures.recovered),
         Card("How sure that is", _sure(contents), pictures.sure or _reaches(contents, photographs)),
@@ -141,7 +141,7 @@ def _sure(contents: Contents) -> tuple[str, ...]:
         last = known[-1]
         said.append(f"The least certain is {_named(last)}: within {percent(last.reach)}.")
         if last.reach <= _WELL_KNOWN:
-            said.append("All numbers are known well.")
+            said.append("All of these numbers are known well.")
     error = contents.result.get("texture", {}).get("median_relative_error_kd")
     if is_number(error):
         said.append(f"At the median place the colour is known within {percent(1.645 * error)}.")

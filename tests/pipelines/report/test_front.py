@@ -20,6 +20,7 @@ from jaxrender.pipelines.report.photographs import Frame, Gallery, gallery
 FOUND = Pictures(Shown("data:image/png;base64,AA==", "A ball."))
 WORST = Frame("b", "", "", "residual of b", 0.03)
 FRAMES = Gallery((Frame("a", "", "", "residual of a", 0.01), WORST), 2, 5, "", WORST)
+NO_FACES = np.zeros((0, 3))
 QUESTIONS = [
     "What was recovered",
     "How sure that is",
@@ -68,7 +69,7 @@ def test_how_sure(contents):
     assert "within 23\u00a0%" in said(contents, 1)
     assert "known well" not in said(contents, 1)
     narrow = {"sigma": [0.297, 0.303]}
-    assert "All numbers are known well." in said(contents, 1, interval90=narrow)
+    assert "All of these numbers are known well." in said(contents, 1, interval90=narrow)
     drawing = cards(contents)[1].shown
     assert drawing.is_drawing
     assert "mu 23" in drawing.picture
@@ -128,7 +129,7 @@ def test_a_page_may_bring_its_own_pictures(contents):
 def test_the_gap_is_opposite_to_where_the_cameras_stood(azimuth):
     angles = np.radians(azimuth + np.linspace(-90, 90, 13))
     views = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
-    gap = gap_among(views)
+    gap = gap_among(views, NO_FACES)
     turned = (gap.azimuth - azimuth - 180 + 180) % 360 - 180
     assert abs(turned) < 8
     towards = np.radians([gap.azimuth, gap.elevation])
@@ -141,7 +142,17 @@ def test_the_gap_is_opposite_to_where_the_cameras_stood(azimuth):
 
 
 def test_a_camera_above_leaves_a_gap_at_the_horizon():
-    gap = gap_among(np.array([[0.0, 0.0, 1.0]]))
+    gap = gap_among(np.array([[0.0, 0.0, 1.0]]), NO_FACES)
     assert gap.elevation < 0
     assert 95 < gap.radius < 101
-    assert gap_among(np.zeros((0, 3))) is None
+    assert gap_among(np.zeros((0, 3)), NO_FACES) is None
+
+
+def test_the_back_of_a_sheet_is_no_gap():
+    # The sheet faces azimuth 30; its camera stands before it.
+    front = np.array([np.cos(np.radians(30)), np.sin(np.radians(30)), 0.0])
+    gap = gap_among(front[None], np.tile(front, (5000, 1)))
+    turned = (gap.azimuth - 30 + 180) % 360 - 180
+    assert abs(turned) < 79  # where a fifth of it can be seen
+    both = gap_among(front[None], np.concatenate([front[None], -front[None]]))
+    assert both.radius > 170
