@@ -13,6 +13,14 @@ from jaxrender.pipelines.view.light import page_light
 from jaxrender.pipelines.view.view import Facts, Shown, page_of, shown_as
 
 BRDF = {"model": "ggx", "kd": [0.2, 0.12, 0.06], "ks": 0.1, "sigma": 0.2, "mu": 1.5}
+MATERIALS = {
+    "microfacet": {"kd": [0.2] * 3, "ks": 0.1, "sigma": 0.12, "mu": 1.8},
+    "ggx": {"kd": [0.2] * 3, "ks": 0.1, "sigma": 0.05, "mu": 1.5},
+    "ward": {"kd": [0.2] * 3, "ks": 0.1, "roughness": 0.1},
+    "phong": {"kd": [0.2] * 3, "ks": 0.1, "exponent": 50.0},
+    "oren-nayar": {"kd": [0.2] * 3, "sigma": 0.3},
+    "lambertian": {"kd": [0.2] * 3},
+}
 SUMMARY = {
     "brdf": BRDF,
     "outcome": "converged",
