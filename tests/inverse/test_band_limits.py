@@ -66,6 +66,7 @@ def known_material(seen: Observations) -> tuple[Task, State]:
     return task, relit(task, state._replace(weights=weights))
 
 
+@pytest.mark.slow
 def test_light_of_many_degrees_is_followed_as_far_as_the_lobe_shows_it():
     task, state = known_material(photographed(spotted))
     farther = followed_farther(task, state, None)

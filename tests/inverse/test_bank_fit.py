@@ -74,6 +74,7 @@ def relit(material):
     return np.asarray(radiance(material, columns)), np.asarray(columns)
 
 
+@pytest.mark.slow
 def test_two_lobes_are_relit(found):
     assert found.outcome is Outcome.CONVERGED
     assert found.noise.relative == pytest.approx(0.01, rel=0.15)
@@ -92,6 +93,7 @@ def test_two_lobes_are_relit(found):
     assert 0.3 < np.median(off[lit] / stated[lit]) < 2
 
 
+@pytest.mark.slow
 def test_the_sums_are_those_of_the_material(found):
     summed = found.parameters.summed(BANK.sums)
     assert sorted(summed.value.amplitudes) == sorted(found.identifiable) == ["kd", "ks"]

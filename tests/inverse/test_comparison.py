@@ -104,6 +104,7 @@ def test_a_photograph_that_is_off_makes_differences_unsure():
     assert not score.told_apart
 
 
+@pytest.mark.slow
 def test_a_ladder_ends_where_nothing_is_gained():
     diffuse = WARD.with_amplitudes(KD, 0 * KS)
     noisy = with_noise(photograph(diffuse, *ball_samples()), 0.01, 0.002)

@@ -132,6 +132,7 @@ def test_without_shadows_it_is_not(photographs, fitted):
     assert blind.final.relative_rms > 5 * fitted.frequency.relative_rms
 
 
+@pytest.mark.slow
 def test_variants_keep_the_shadows(fitted, monkeypatch):
     """Without them kd would be off as that of a blind fit is."""
     monkeypatch.setattr(variants, "_others", lambda _: [material(fresnel="half")])

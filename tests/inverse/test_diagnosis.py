@@ -202,6 +202,7 @@ def off(fit):
     return max(float(np.max(np.abs(value.of(n) - t) / error.of(n))) for n, t in pairs.items())
 
 
+@pytest.mark.slow
 def test_a_clean_capture_has_no_diagnosis():
     fit = fitted(PHOTOGRAPHS)
     assert fit.outcome is Outcome.CONVERGED
@@ -240,6 +241,7 @@ def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
     assert off(fit) < 3.5
 
 
+@pytest.mark.slow
 def test_a_lamp_alone_is_named_though_light_falls_where_none_should():
     # Most pixels are black, and some of those that should be are lit: no column can make these.
     elsewhere = rotation(0.01, [1, 0, 0]) @ LAMP[0]

@@ -53,6 +53,7 @@ def grooved():
     return factorize(photographs(GROOVED), GROOVED, SETTINGS, Known(ALL_OF_IT))
 
 
+@pytest.mark.slow
 def test_a_lambertian_ball_tells_source_and_even_degrees(lambertian):
     assert_source_is_found(lambertian)
     determined = lambertian.scene.determined

@@ -67,6 +67,7 @@ def off(estimate, name, truth):
     return np.max(np.abs(estimate.values[name] - truth) / estimate.standard_error[name])
 
 
+@pytest.mark.slow
 def test_a_sky_and_a_source_light_a_fit():
     seen = photographs(PHONG, [SKY + SOURCES])
     scene = Scene(unknown("phong", exponent=(5, 200)), BALL, SKY + SOURCES)

@@ -65,6 +65,7 @@ def test_the_curves_hold_the_truth(kind, density):
     assert foreseen == fit.identifiable
 
 
+@pytest.mark.slow
 def test_a_forecast_judges_the_curve_and_not_its_numbers():
     """The tail of a distribution that is nearly Beckmann's is told by nothing; the curve is."""
     facets = FreeFacets(KD, KS, SIGMA * np.sqrt(20), 20.0)

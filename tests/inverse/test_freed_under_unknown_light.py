@@ -17,6 +17,7 @@ GAINS = 1 + 0.03 * np.array([1.2, -0.7, 0.4, -1.3, 0.9, -0.5])
 AXIS, TURN = np.array([0.6, -0.64, 0.48]), np.radians(1.0)
 
 
+@pytest.mark.slow
 def test_auto_frees_exposures():
     found = factored(PHOTOGRAPHS * GAINS[CLEAN.frame][:, None], free="auto")
     assert found.outcome is Outcome.CONVERGED

@@ -182,6 +182,7 @@ def fitted(photographs, bounces):
     return fit_brdf(photographs, LIGHT, microfacet_unknowns(), GLOSSY, settings, shape=corner())
 
 
+@pytest.mark.slow
 def test_a_glossy_material_is_found_by_light_that_bounced(photographs):
     fit = fitted(photographs, True)
     off = np.array([fit.brdf.kd[0] / KD, fit.brdf.ks[0] / KS, float(fit.brdf.sigma) / SIGMA]) - 1

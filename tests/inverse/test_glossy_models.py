@@ -151,6 +151,7 @@ def test_the_reach_holds_the_lobe(name):
     assert 0 < at(jnp.asarray(brdf.reach)) < np.exp(-20) * at(jnp.asarray(0.0))
 
 
+@pytest.mark.slow
 def test_bounds_and_reasons_are_the_models_own():
     truth = MODELS["phong"]
     unknowns = unknowns_of(truth, {"exponent": Stated(bounds=(5.0, 15.0))})

@@ -59,6 +59,7 @@ def plain(fit, observations):
     return np.asarray(columns.times(jnp.asarray(fit.brdf.amplitudes)))
 
 
+@pytest.mark.slow
 def test_of_linear_unknowns_they_are_exact(photographs):
     found = predicted(fitted(photographs, LOBE), photographs)
     asked = np.asarray(photographs.frame) < 2

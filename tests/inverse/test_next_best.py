@@ -73,6 +73,7 @@ def test_a_grazing_view_is_suggested(head_on):
     assert first.criterion <= 1.02 * min(one.criterion for one in others)
 
 
+@pytest.mark.slow
 def test_errors_with_a_view_are_those_of_a_forecast_of_both(head_on):
     direction = unit(np.array([1.0, 0.2, 0.35]))
     view = seen_from(direction)

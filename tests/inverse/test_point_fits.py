@@ -53,28 +53,29 @@ def ball_seen(eyes, count=350, seed=0):
 
 
 def lit_by(samples, places, frame, shared, own):
-    """Add up what every source sends, sample by sample and source by source."""
+    """Add up what every source sends, source by source."""
     normals, outgoing = (np.asarray(part) for part in samples)
     found = np.zeros((len(frame), 3))
-    for row in range(len(frame)):
-        for source in (*shared, own[frame[row]]):
-            for place, intensity in zip(np.asarray(source.positions), np.asarray(source.intensity)):
-                arrow = place - places.points[row]
-                distance = np.linalg.norm(arrow)
-                incoming = arrow / distance
-                cosine = max(float(normals[row] @ incoming), 0.0)
-                if cosine:
-                    value = TRUTH.evaluate(*_local(normals[row], incoming, outgoing[row]))
-                    found[row] += np.asarray(value) * intensity * cosine / distance**2
+    every = np.arange(len(frame))
+    lit = [(source, every) for source in shared]
+    lit += [(source, np.flatnonzero(frame == number)) for number, source in enumerate(own)]
+    for source, rows in lit:
+        for place, intensity in zip(np.asarray(source.positions), np.asarray(source.intensity)):
+            arrow = place - places.points[rows]
+            distance = np.linalg.norm(arrow, axis=1)[:, None]
+            incoming, normal = arrow / distance, normals[rows]
+            cosine = np.maximum(np.sum(normal * incoming, axis=1), 0)[:, None]
+            value = np.asarray(TRUTH.evaluate(*_local(normal, incoming, outgoing[rows])))
+            found[rows] += np.where(cosine > 0, value * intensity * cosine / distance**2, 0)
     return found
 
 
 def _local(normal, incoming, outgoing):
-    """Turn directions so that the normal is up."""
-    aside = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    aside /= np.linalg.norm(aside)
-    frame = np.stack([aside, np.cross(normal, aside), normal])
-    return frame @ incoming, frame @ outgoing
+    """Turn directions so that the normals are up."""
+    aside = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
+    aside /= np.linalg.norm(aside, axis=1)[:, None]
+    frame = np.stack([aside, np.cross(normal, aside), normal], axis=1)
+    return tuple(np.einsum("nij,nj->ni", frame, part) for part in (incoming, outgoing))
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +149,7 @@ def test_a_material_is_found_under_a_flash(photographs):
         assert np.all(np.asarray(found.standard_error[name]) < 0.05 * np.asarray(truth))
 
 
+@pytest.mark.slow
 def test_taken_as_far_away_it_is_not(photographs):
     center = np.asarray(BALL.center)
     far = tuple(flash.seen_from(center) for flash in FLASHES)
@@ -172,6 +174,7 @@ def test_lamps_turn_at_their_distance(photographs):
     np.testing.assert_allclose(kept.points_of(2).positions, light.points_of(2).positions)
 
 
+@pytest.mark.slow
 def test_nearness_is_given(photographs):
     scene = jr.Scene(MATERIAL, BALL, per_frame=FLASHES)
     with pytest.raises(ValueError, match=r"nearness cannot be freed: .* places of the sources"):

@@ -124,6 +124,7 @@ def foreseen(observations, light):
     return errors_of(forecast_material(expected, explain=False).parameters)
 
 
+@pytest.mark.slow
 def test_two_captures_tell_what_both_tell():
     found = fitted(CAPTURES, BOTH)
     assert found.outcome is Outcome.CONVERGED

@@ -71,6 +71,7 @@ def fit(photographs):
     return fit_brdf(photographs, known_light(), unknowns_of(TRUTH), TRUTH, FitSettings(starts=1))
 
 
+@pytest.mark.slow
 def test_every_amplitude_and_number_is_found(fit):
     assert fit.outcome is Outcome.CONVERGED
     assert type(fit.brdf) is Coated
@@ -82,6 +83,7 @@ def test_every_amplitude_and_number_is_found(fit):
         assert np.all(error < 0.1 * np.asarray(true))
 
 
+@pytest.mark.slow
 def test_a_forecast_says_the_errors_beforehand(fit, photographs):
     final, floor = fit.final, FLOOR * float(photographs.radiance.mean())
     situation = Situation(final.observations.samples, final.observations.frame, known_light())

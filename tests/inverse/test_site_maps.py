@@ -190,6 +190,7 @@ def found(request, world):
     return under_a_sky, fitted(under_a_sky)
 
 
+@pytest.mark.slow
 def test_sigma_and_normals_are_found_within_their_errors(found):
     world, fit = found
     seen = fit.texture.seen > 0
@@ -212,6 +213,7 @@ def test_sigma_and_normals_are_found_within_their_errors(found):
     assert not np.any(normals.error[~seen] < np.inf)
 
 
+@pytest.mark.slow
 def test_colours_and_what_is_shared_are_found_with_them(found):
     world, fit = found
     assert abs(fit.mu - MU) < 3 * fit.mu_error
@@ -224,6 +226,7 @@ def test_colours_and_what_is_shared_are_found_with_them(found):
     assert np.median(np.abs(fit.texture.kd / world.kd - 1)[good]) < 0.02
 
 
+@pytest.mark.slow
 def test_one_lobe_for_all_would_be_a_misfit(found):
     """The tests above could fail: without maps most of what is seen is unexplained."""
     world, fit = found

@@ -144,6 +144,7 @@ def test_mirrored_cells_are_one_place():
 # ---------------------------------------------------------------- what is found
 
 
+@pytest.mark.slow
 def test_another_lobe_is_found(fitted, corrected):
     assert corrected.settled
     assert corrected.before > 5 * NOISE
@@ -179,6 +180,7 @@ def test_of_a_right_model_the_factor_is_one():
     assert np.mean(np.abs(off) < 1.645) > 0.85
 
 
+@pytest.mark.slow
 def test_what_no_photograph_saw_is_the_model(corrected):
     factor, seen = np.asarray(corrected.brdf.factor), corrected.seen
     assert 0.1 < np.mean(seen) < 0.9
@@ -213,6 +215,7 @@ def test_the_posterior_is_where_its_cost_is_least():
     np.testing.assert_allclose(curved, wanted, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_exposures_and_scale_are_made_up_for(fitted, photographs, corrected):
     gains = np.linspace(0.7, 1.4, photographs.frames)
     value = fitted.parameters.value._replace(gains=gains, scale=1.7)

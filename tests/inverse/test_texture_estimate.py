@@ -138,6 +138,7 @@ def test_it_predicts_the_photographs(found, glossy):
     assert np.median(np.abs(images[bright] / radiance[bright] - 1)) < 1.5 * NOISE
 
 
+@pytest.mark.slow
 def test_lights_stay_with_their_photographs(glossy, found):
     """Sources that are said of every photograph are those that all share."""
     scene = Scene(found.material, BALL, per_frame=(SOURCES,) * 7)

@@ -116,6 +116,7 @@ def specular_of(model_of, count):
     return np.asarray(model_of(np.arange(count)).columns(numbers).specular)
 
 
+@pytest.mark.slow
 def test_sites_are_solved_on_the_integral_under_light_of_any_detail(ball):
     rng = np.random.default_rng(0)
     probe = Environment(np.exp(rng.normal(0, 1.5, (48, 96, 1))) * np.ones(3))

@@ -75,6 +75,7 @@ def held(fit, exact):
     return np.mean(inside), np.mean(inside_ks)
 
 
+@pytest.mark.slow
 def test_clean_photographs_hold_nothing_more(ball):
     fit = found(ball)
     assert fit.misfit.noise.relative == pytest.approx(NOISE, rel=0.1)
