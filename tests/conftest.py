@@ -9,9 +9,9 @@ from unittest import mock
 
 import jax
 import pytest
+from annotations import execute_annotations
 from jax._src.api_util import donation_vector
 from jax._src.interpreters import mlir
-from jaxtyping import install_import_hook
 
 # Compiled programs and traces are most of what a process of tests holds, and each program holds
 # some of the 65,530 memory maps that Linux lets a process have.  All are let go at this many bytes,
@@ -51,7 +51,7 @@ _new_context = mlir.make_ir_context
 _CONTEXT = _new_context()
 mlir.make_ir_context = lambda: _new_context() if mlir.ir.Context.current is _CONTEXT else _CONTEXT
 
-install_import_hook("jaxrender", "beartype.beartype")
+execute_annotations()
 
 
 def pytest_configure(config):

@@ -101,6 +101,7 @@ def test_a_material_of_a_class_of_ones_own():
     assert str(found).startswith("Phong")
 
 
+@pytest.mark.slow
 def test_lights_of_single_photographs_and_unknown_exposures():
     lights = tuple(
         DirectionalSources(np.array([[np.cos(a), np.sin(a), 0.5]]), np.full((1, 3), 2.0))

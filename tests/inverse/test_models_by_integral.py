@@ -73,7 +73,7 @@ MODELS = {
         pytest.param("oren-nayar", marks=pytest.mark.slow),
         pytest.param("kajiya-kay", marks=pytest.mark.slow),
         "anisotropic-ward",
-        "anisotropic-ggx",
+        pytest.param("anisotropic-ggx", marks=pytest.mark.slow),
     ],
 )
 def test_photographs_give_the_material_back(name):

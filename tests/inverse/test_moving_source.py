@@ -171,6 +171,7 @@ def test_a_model_is_averaged_over_the_cell():
     assert averaged < 0.01
 
 
+@pytest.mark.slow
 def test_the_fit_finds_the_material(exact):
     table = tabulate(measured(exact), GRID)
     fit = fit_table(table, microfacet_unknowns(), TRUTH)

@@ -171,6 +171,7 @@ def test_every_family_is_told_from_noisy_measurements(name):
     assert np.abs(off_by_stated_errors(first, TRUTHS[name])).max() < 3
 
 
+@pytest.mark.slow
 def test_each_metric_has_its_own_minimum():
     """Phong's lobe for GGX's tail: no answer is exact, and an independent search agrees."""
     measured = scattered(GLOSSY, 0.0, count=300)

@@ -79,6 +79,7 @@ def test_a_prior_that_contradicts_the_photographs_is_said_to(off, contradicts, p
     assert not said or said[0].startswith(f"sigma in the photographs is {off / np.sqrt(2):.0f} ")
 
 
+@pytest.mark.slow
 def test_a_wide_prior_changes_nothing(photographs, free):
     fit = fitted(photographs, sigma=(0.2, 50.0), kd=(0.1, 100.0))
     for name in ("kd", "ks", "sigma", "mu"):

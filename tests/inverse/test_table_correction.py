@@ -261,6 +261,7 @@ def test_a_table_under_unknown_light_is_refused(photographs):
         fit(Scene(unknown("ggx", table=True), Sphere()), photographs)
 
 
+@pytest.mark.slow
 def test_what_no_table_corrects_is_refused(fitted, photographs):
     brushed = AnisotropicWard(KD, np.full(3, 0.1), 0.1, 0.3)
     with pytest.raises(ValueError, match="anisotropic"):

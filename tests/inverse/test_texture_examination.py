@@ -84,7 +84,10 @@ def test_clean_photographs_hold_nothing_more(ball):
     assert min(held(fit, exact=False)) > 0.84
 
 
-@pytest.mark.parametrize(("wrong", "cause"), [(exposed, "exposure"), (bent, "response")])
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [(exposed, "exposure"), pytest.param(bent, "response", marks=pytest.mark.slow)],
+)
 def test_what_is_wrong_is_named_and_in_the_errors(ball, wrong, cause):
     fit = found(ball, wrong)
     assert fit.outcome is Outcome.MISFIT

@@ -166,7 +166,7 @@ def at_bound(kd, bounds, seed, **rest):
     [
         ("kd", [KD[0], KD[1], DARK], WIDTH_BOUNDS),
         ("sigma", KD, (WIDTH_BOUNDS[0], SIGMA * NEXT_TO_IT)),
-        ("sigma", KD, (SIGMA / NEXT_TO_IT, WIDTH_BOUNDS[1])),
+        pytest.param("sigma", KD, (SIGMA / NEXT_TO_IT, WIDTH_BOUNDS[1]), marks=pytest.mark.slow),
     ],
 )
 def test_an_interval_at_a_bound_reaches_to_the_truth(label, kd, bounds):

@@ -93,6 +93,7 @@ def test_every_photograph_is_predicted(result):
         assert np.std(left[seen]) < 0.02 * np.sqrt(np.mean(whole[seen] ** 2))
 
 
+@pytest.mark.slow
 def test_it_is_rendered_again_in_each_light(result, folder):
     assert jaxrender("render", result, f"--out={folder / 'again'}") == 0
     for path in (result / "images").glob("*_predicted.exr"):

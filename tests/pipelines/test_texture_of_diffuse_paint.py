@@ -54,6 +54,7 @@ class Folded(Paint):
         return self.kd[which], self.ks[which]
 
 
+@pytest.mark.slow
 def test_a_mesh_file_with_coordinates_has_texels(tmp_path):
     """An .obj whose texture is its upper side beside its lower one: vertices between have both."""
     ball, paint = Mesh.icosphere(3), Folded(ks=np.zeros(2))
