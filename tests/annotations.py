@@ -10,7 +10,6 @@ of its own, and a definition with two checks that are compiled.
 import typing
 from types import FunctionType
 
-import beartype
 import jaxtyping
 
 _checked_with_axes = jaxtyping.jaxtyped
@@ -34,7 +33,7 @@ def _checked(definition, typechecker):
         if "<locals>" in definition.__qualname__:
             return definition
         if not any(map(_names_axes, _hints_of(definition))):
-            return beartype.beartype(definition)
+            return typechecker(definition)
     return _checked_with_axes(definition, typechecker=typechecker)
 
 

@@ -1,4 +1,4 @@
-"""Every annotation is executed, and the numerics run strict: float64, no silent broadcasting."""
+"""Annotations are executed, and the numerics run strict: float64, no silent broadcasting."""
 
 import ctypes
 import gc
