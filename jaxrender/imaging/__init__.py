@@ -7,8 +7,8 @@ value may.  ``brackets`` merges photographs of one scene at several exposures, `
 them against one another, ``registration`` finds how far one lies beside another, and
 ``response_recovery`` finds the response from them, by pixels of ``bracket_samples``.  ``white``
 reads grey cards and colour charts, ``calibration_frames`` dark frames and flat fields.
-``silhouette`` finds the circle of a ball, and ``colour`` turns spectra into red, green and blue.
-Host side, float64.
+``saturation`` finds where a sensor clips, ``silhouette`` the circle of a ball, and ``colour`` turns
+spectra into red, green and blue.  Host side, float64.
 """
 
 from jaxrender.imaging.agreement import (
@@ -46,6 +46,7 @@ from jaxrender.imaging.noise import NoiseModel, estimate_noise
 from jaxrender.imaging.registration import Shift, shift_between
 from jaxrender.imaging.response import SRGB, Curve, Linear, Response, response_named
 from jaxrender.imaging.response_recovery import RecoveredResponse, recover_response
+from jaxrender.imaging.saturation import clipped_at, saturation_levels
 from jaxrender.imaging.sensor import SensorNoise, rounding
 from jaxrender.imaging.silhouette import Circle, circle_of, outline_of
 from jaxrender.imaging.similarity import Similarity, similarity
@@ -91,6 +92,7 @@ __all__ = [
     "chart_patches",
     "check_shifts",
     "circle_of",
+    "clipped_at",
     "colour_matching",
     "dark_of",
     "dilate",
@@ -108,6 +110,7 @@ __all__ = [
     "response_named",
     "rgb_of_reflectance",
     "rgb_weights",
+    "saturation_levels",
     "rounding",
     "saturated",
     "shift_between",

@@ -52,8 +52,12 @@ def dilate(mask: Mask, pixels: int, neighbours: int = 8) -> Mask:
 
 
 @checked
-def saturated(values: Float[np.ndarray, "row column channel"], level: float, grow: int = 0) -> Mask:
-    """Pixels with any channel at or above the level, grown by ``grow`` pixels.
+def saturated(
+    values: Float[np.ndarray, "row column channel"],
+    level: float | Float[np.ndarray, "channel"],
+    grow: int = 0,
+) -> Mask:
+    """Pixels with any channel at or above the level, or its own, grown by ``grow`` pixels.
 
     Growing by 1 also takes the neighbours that a demosaicing or resampling filter mixed with them.
     """

@@ -66,13 +66,16 @@ class _Variances(NamedTuple):
 def estimate_noise(
     residuals: Float[np.ndarray, "*batch"] | Float[Array, "*batch"],
     predictions: Float[np.ndarray, "*batch"] | Float[Array, "*batch"],
+    least: float = 0.0,
 ) -> NoiseModel:
     """Maximum likelihood of both parts under Gaussian residuals, with outliers cut.
 
     Minimises sum log v + r^2 / v over v = a p^2 + b, a >= 0, b >= 0 by Fisher scoring (weighted
     least squares of r^2 on (p^2, 1)), from median absolute deviations.  Each sweep leaves out
     residuals beyond 3.5 standard deviations and divides by the variance that a Gaussian so cut
-    would keep.  Raises ValueError for fewer than ten or for non-finite samples.
+    would keep.  The floor is ``least`` or more: what is known of it, such as the rounding of stored
+    values, which neighbours may share.  Raises ValueError for fewer than ten or for non-finite
+    samples.
     """
     residuals, predictions = (np.ravel(np.asarray(x, np.float64)) for x in (residuals, predictions))
     if len(residuals) < _MIN_SAMPLES:
@@ -81,12 +84,13 @@ def estimate_noise(
         raise ValueError("residuals and predictions must be finite: mask invalid pixels first")
     squares = residuals**2
     if not squares.any():
-        return NoiseModel(0.0, 0.0)
+        return NoiseModel(0.0, least)
     # Scaled to comparable sizes, so that the two-column problem below is well conditioned.
     scale = math.sqrt(np.mean(predictions**2)) or 1.0
     intensity = (predictions / scale) ** 2
     variances = _sweep(squares, intensity, _from_bins(np.abs(residuals), intensity))
-    return NoiseModel(math.sqrt(variances.relative) / scale, math.sqrt(variances.floor))
+    floor = max(math.sqrt(variances.floor), least)
+    return NoiseModel(math.sqrt(variances.relative) / scale, floor)
 
 
 def _sweep(squares: np.ndarray, intensity: np.ndarray, start: _Variances) -> _Variances:

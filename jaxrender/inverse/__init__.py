@@ -25,9 +25,9 @@
 ``nuisances`` ``calibration`` ``rays`` ``near_light``
     what may be a little wrong with a capture, as numbers; found together with the material; rays of
     moved cameras; sources that have a place
-``photographs`` ``unknown_material`` ``scene`` ``estimate`` ``own_words``
-    photographs into observations; a material to be found; a scene and its fit; what was found of
-    it, shown and saved; a material by the numbers of its own model
+``photographs`` ``stored_values`` ``unknown_material`` ``scene`` ``estimate`` ``own_words``
+    photographs into observations; what their stored values mean; a material to be found; a scene
+    and its fit; what was found of it, shown and saved; a material by the numbers of its own model
 ``any_estimate``
     what estimates of a material, a texture and a spectrum have in common
 ``known_light`` ``prepared_light``

@@ -102,7 +102,8 @@ class _Sums(NamedTuple):
             predicted = told + np.einsum("skc,ck->sc", columns, _solved(found.total))
             noise = task.settings.noise
             if noise is None:
-                noise = estimate_noise((radiance - predicted)[even], predicted[even])
+                left = (radiance - predicted)[even]
+                noise = estimate_noise(left, predicted[even], some.rounding)
                 noise = with_misfit(noise, predicted[even])
             weights = shares / deviations(noise, predicted, scale)
         return cls._added(frames, columns, radiance - told, weights)

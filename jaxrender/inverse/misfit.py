@@ -120,7 +120,7 @@ def measure_misfit(
         level = neighbours.predicted.reshape(rows, 3, channels)
         if noise is None:
             second = np.einsum("rkc,k->rc", left, _SECOND)
-            noise = estimate_noise(second, level[:, 1])
+            noise = estimate_noise(second, level[:, 1], neighbours.observations.rounding)
             uncertain = 2 / second.size
         scaled = left / standard_deviations(noise, level)
         along = np.mean(scaled[:, :-1] * scaled[:, 1:])

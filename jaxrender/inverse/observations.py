@@ -17,7 +17,8 @@ class Observations(NamedTuple):
     Shadows of a concave shape are traced from ``places``; ``transfer`` are the vectors of T 6.10
     there, where they are known already.  ``stands_for`` tells how many pixels each sample of a
     draw stands for; None: one each.  ``pixel`` is the row and column of each in its photograph,
-    and ``eyes`` are where the photographs' cameras stand, where that is known.
+    and ``eyes`` are where the photographs' cameras stand, where that is known.  ``rounding`` is the
+    standard deviation that the rounding of stored values adds, the least floor of the noise.
     """
 
     samples: SurfaceSamples
@@ -28,6 +29,7 @@ class Observations(NamedTuple):
     stands_for: Float[AnyArray, "sample"] | None = None
     pixel: Int[AnyArray, "sample 2"] | None = None
     eyes: Float[AnyArray, "frame 3"] | None = None
+    rounding: float = 0.0
 
     @checked
     def take(self, index: Int[np.ndarray, "kept"]) -> "Observations":
@@ -44,7 +46,7 @@ class Observations(NamedTuple):
             stands_for = np.asarray(stands_for)[index]
         pixel = None if self.pixel is None else np.asarray(self.pixel)[index]
         return Observations(
-            samples, radiance, frame, places, transfer, stands_for, pixel, self.eyes
+            samples, radiance, frame, places, transfer, stands_for, pixel, self.eyes, self.rounding
         )
 
     @property

@@ -136,7 +136,8 @@ def fit_in_rounds(
         starts = np.asarray(fit.solution.point)[None]
         before, settled = noise, settings.noise
         if settled is None:
-            settled = estimate_noise((radiance - predicted)[even], predicted[even])
+            left = (radiance - predicted)[even]
+            settled = estimate_noise(left, predicted[even], observations.rounding)
             if settings.approximate:
                 settled = with_misfit(settled, predicted[even])
         noise = settled

@@ -19,7 +19,6 @@ from jaxrender.geometry import (
     observe,
 )
 from jaxrender.imaging import (
-    Curve,
     Linear,
     Response,
     Selection,
@@ -31,6 +30,13 @@ from jaxrender.imaging import (
     usable_pixels,
 )
 from jaxrender.inverse.observations import Observations
+from jaxrender.inverse.stored_values import (
+    FULL_SCALE,
+    clipped_sentence,
+    linearised,
+    rounding_of,
+    saturation_of,
+)
 from jaxrender.io import (
     Capture,
     Frame,
@@ -42,17 +48,15 @@ from jaxrender.io import (
 )
 from jaxrender.shapes import Bool, Float
 
-# Integer formats clip at their largest value: within half a step of it a pixel is saturated.
-_FULL_SCALE = 0.998
-
 
 class Reading(NamedTuple):
     """How pixels become radiance, and which are left out.
 
     ``response`` None: none is stated, so that pictures of integers are refused and all others taken
     to be linear.  ``invalid``: what is done with pixels that are negative or not finite.  Pixels at
-    or above ``saturation`` (None: those at full scale of pictures of integers) are left out, with
-    ``saturation_grow`` pixels around them; and those below ``black_level``, ``erode`` pixels at
+    or above ``saturation`` (None: those at full scale of pictures of integers; "auto": these, and
+    those at a value that many pixels have at the top) are left out, with ``saturation_grow`` pixels
+    around them; and those below ``black_level``, ``erode`` pixels at
     silhouettes, and views more grazing than ``min_cosine``.  ``exposure``: whether exposures are
     those given with the cameras, or of the pictures' metadata.  ``mirrored``: photographs and masks
     are turned left for right.
@@ -60,7 +64,7 @@ class Reading(NamedTuple):
 
     response: Response | None = None
     invalid: Literal["refuse", "mask"] = "refuse"
-    saturation: float | None = None
+    saturation: float | Literal["auto"] | None = None
     saturation_grow: int = 0
     black_level: float = 0.0
     erode: int = 2
@@ -82,7 +86,9 @@ SILENT = Listener()
 class Photograph(NamedTuple):
     """One photograph as radiance, the surface behind its pixels, and which of them are usable.
 
-    ``capture`` is the one that it is of, with cameras as they were told.
+    ``capture`` is the one that it is of, with cameras as they were told.  ``saturation`` are the
+    stored values from which its channels are left out, infinite where none is; ``rounding`` is the
+    standard deviation of the radiance that the rounding of stored values adds to a usual pixel.
     """
 
     capture: Capture
@@ -91,6 +97,8 @@ class Photograph(NamedTuple):
     view: SurfaceView
     covered: Bool[np.ndarray, "row column"]
     selection: Selection
+    saturation: Float[np.ndarray, "channel"]
+    rounding: float = 0.0
 
 
 def read_photographs(
@@ -168,6 +176,9 @@ def trace_photographs(
     raises ``InputError`` when that leaves none.
     """
     found = []
+    levels = saturation_of(images, reading.saturation)
+    if reading.saturation == "auto":
+        listener.note(f"{capture.source}: {clipped_sentence(images, levels)}")
     for number, (frame, image) in enumerate(zip(capture.frames, images)):
         view = observe(frame.camera, shape)
         if not view.hit.any():
@@ -175,7 +186,7 @@ def trace_photographs(
                 f"{frame.image_path}: warning: its camera does not see the object; skipped"
             )
             continue
-        found.append(_photograph(capture, reading, frame, image, view))
+        found.append(_photograph(capture, reading, frame, image, view, levels[number]))
         listener.advance((number + 1) / len(images))
     place = capture.source
     if not found:
@@ -222,16 +233,10 @@ def load_capture(
 
     A file or a folder of another format of ``io.captures`` does as well.  ``images`` is the folder
     in which they are looked up instead of the file's own.  ``response`` is ``linear``, ``srgb`` or
-    a measured ``Curve``; pictures of integers need it.  ``rules`` are the other fields of
-    ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with it, and
-    ``ValueError`` for a response that there is none of.
-
-
-    ``images`` is the folder in which they are looked up instead of the file's own.  ``response`` is
-    ``linear``, ``srgb`` or a measured ``Curve``; pictures of integers need it.  ``camera_axes``
-    are those of the poses (``geometry.CAMERA_AXES``).  ``rules`` are the other fields of
-    ``Reading``.  Raises ``InputError`` that names the file, and what is wrong with it, and
-    ``ValueError`` for a response that there is none of.
+    a measured ``Curve``; pictures of integers need it.  ``camera_axes`` are those of the poses
+    (``geometry.CAMERA_AXES``).  ``rules`` are the other fields of ``Reading``.  Raises
+    ``InputError`` that names the file, and what is wrong with it, and ``ValueError`` for a response
+    that there is none of.
     """
     known = response_named(response) if isinstance(response, str) else response
     reading = Reading(known, **rules)
@@ -262,25 +267,28 @@ def observations_of(photographs: list[Photograph]) -> Observations:
         ),
         pixel=np.concatenate([np.argwhere(usable) for usable in pick]),
         eyes=np.stack([photograph.frame.camera.position for photograph in photographs]),
+        rounding=float(np.median(np.repeat([one.rounding for one in photographs], counts))),
     )
 
 
 def _photograph(
-    capture: Capture, reading: Reading, frame: Frame, image: Image, view: SurfaceView
+    capture: Capture,
+    reading: Reading,
+    frame: Frame,
+    image: Image,
+    view: SurfaceView,
+    levels: Float[np.ndarray, "channel"],
 ) -> Photograph:
     covered = view.hit.copy()
     if image.alpha is not None:
-        covered &= image.alpha >= _FULL_SCALE
+        covered &= image.alpha >= FULL_SCALE
     mask = mask_of(frame, reading)
     if mask is not None:
         covered &= mask
-    level = reading.saturation
-    if level is None:
-        level = _FULL_SCALE if image.metadata.get("is_integer") else np.inf
     rejected = {
         "silhouette": ~erode(covered, reading.erode),
         "invalid": image.invalid,
-        "saturated": saturated(image.pixels, float(level), reading.saturation_grow),
+        "saturated": saturated(image.pixels, levels, reading.saturation_grow),
         "black": below_black(image.pixels, float(reading.black_level)),
         "grazing": view.exit_cosines < reading.min_cosine,
     }
@@ -293,11 +301,13 @@ def _photograph(
                 f"{frame.image_path}: no exposure time in its metadata; "
                 "give frames[].exposure and capture.exposure: given"
             )
-    radiance = _linearised(reading.response or Linear(), frame, image, selection.usable)
+    radiance = linearised(reading.response or Linear(), frame, image, selection.usable)
+    rounded = rounding_of(image, reading.response, radiance[selection.usable])
     if exposure is not None:
         radiance = to_radiance(radiance, float(exposure))
+        rounded /= float(exposure)
         frame = frame._replace(exposure=float(exposure))
-    return Photograph(capture, frame, radiance, view, covered, selection)
+    return Photograph(capture, frame, radiance, view, covered, selection, levels, rounded)
 
 
 def _is_usable(photograph: Photograph, listener: Listener) -> bool:
@@ -309,26 +319,6 @@ def _is_usable(photograph: Photograph, listener: Listener) -> bool:
         f"{_removed([photograph])}); skipped"
     )
     return False
-
-
-def _linearised(
-    response: Response, frame: Frame, image: Image, usable: Bool[np.ndarray, "row column"]
-) -> Float[np.ndarray, "row column channel"]:
-    """Undo the response; only what is measured must lie on a measured curve."""
-    values = image.pixels
-    if isinstance(response, Curve):
-        low, high = response.values[0], response.values[-1]
-        outside = usable & ((values < low) | (values > high)).any(axis=-1)
-        if outside.any():
-            row, column = np.argwhere(outside)[0]
-            raise InputError(
-                f"{frame.image_path}: pixel (row {row}, column {column}): the values "
-                f"{values[row, column]} leave the response curve, which covers {low:g} to "
-                f"{high:g}; {outside.sum()} of {usable.sum()} usable pixels do: extend the curve, "
-                "or leave them out with capture.black_level and capture.saturation"
-            )
-        values = np.clip(values, low, high)
-    return np.asarray(response.linearise(values), float)
 
 
 def _removed(photographs: list[Photograph]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from jaxrender.geometry import Shape
 from jaxrender.imaging import response_named
@@ -115,6 +115,10 @@ def capture_of(
     return posed(read, config.camera_axes)
 
 
+def _number_or_word(value: float | Literal["auto"] | None) -> float | Literal["auto"] | None:
+    return value if value is None or value == "auto" else float(value)
+
+
 def reading_of(capture: CaptureConfig | FurtherCaptureConfig, min_cosine: float) -> Reading:
     """Make the reading of a capture's pixels from the config."""
     response = None
@@ -125,7 +129,7 @@ def reading_of(capture: CaptureConfig | FurtherCaptureConfig, min_cosine: float)
     return Reading(
         response,
         capture.invalid,
-        None if capture.saturation is None else float(capture.saturation),
+        _number_or_word(capture.saturation),
         capture.saturation_grow,
         float(capture.black_level),
         capture.erode,

@@ -82,6 +82,7 @@ class Result(NamedTuple):
                 "noise": {
                     "relative": float(self.noise.relative),
                     "floor": float(self.noise.floor),
+                    "rounding": _rounding_of(self.photographs),
                 },
                 "lighting": self.lighting,
                 "pixels": _pixels_of(self.photographs),
@@ -170,7 +171,19 @@ def _pixels_of(photographs: list[Photograph]) -> dict[str, Any]:
         for rule, count in photograph.selection.removed.items():
             removed[rule] = removed.get(rule, 0) + int(count)
     usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
-    return {"photographs": len(photographs), "usable": usable, "removed": removed}
+    # From which stored value on each photograph was left out; None where nothing was.
+    levels = [float(p.saturation.min()) for p in photographs]
+    return {
+        "photographs": len(photographs),
+        "usable": usable,
+        "removed": removed,
+        "saturation": levels,
+    }
+
+
+def _rounding_of(photographs: list[Photograph]) -> float:
+    """The standard deviation that the rounding of stored values adds to a usual pixel."""
+    return float(np.median([p.rounding for p in photographs])) if photographs else 0.0
 
 
 def _digest(path: Path) -> str:

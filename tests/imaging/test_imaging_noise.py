@@ -166,3 +166,14 @@ def test_bad_residuals_are_refused():
         estimate_noise(np.ones(9), np.ones(9))
     with pytest.raises(ValueError, match="mask invalid pixels"):
         estimate_noise(np.full(20, np.inf), np.ones(20))
+
+
+def test_the_floor_is_what_is_known_of_it_or_more():
+    rng = np.random.default_rng(6)
+    predictions = rng.uniform(0.1, 1, 5000)
+    residuals = 0.01 * predictions * rng.normal(size=5000)
+    assert estimate_noise(residuals, predictions, 0.003).floor == pytest.approx(0.003)
+    assert estimate_noise(0 * residuals, predictions, 0.003) == NoiseModel(0.0, 0.003)
+    coarse = 0.02 * rng.normal(size=5000)
+    free, least = (estimate_noise(coarse, predictions, floor) for floor in (0.0, 0.003))
+    assert free == least

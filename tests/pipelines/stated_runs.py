@@ -102,7 +102,7 @@ OTHER = {
     "capture.response": "srgb",
     "capture.response.curve": "curve.txt",
     "capture.invalid": "mask",
-    "capture.saturation": "0.9",
+    "capture.saturation": ("0.9", "auto"),
     "capture.saturation_grow": "1",
     "capture.black_level": "0.01",
     "capture.erode": "1",

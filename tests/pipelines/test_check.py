@@ -185,7 +185,9 @@ def test_photographs_are_judged(tmp_path, unforeseen):
     assert three.sharpness < 0.7 * found.photographs[0].sharpness
     assert four.black > 0.3
     assert any("1: 1." in said and "solve.free_exposure" in said for said in found.wrong)
-    assert any("2: " in said and "clipped" in said for said in found.remarks)
+    assert two.clipped_at == pytest.approx(0.1)
+    assert one.clipped_at is None
+    assert any("2: " in said and "values pile up at 0.1; " in said for said in found.remarks)
     assert any("4: " in said and "black level" in said for said in found.remarks)
 
 

@@ -4,6 +4,8 @@
 - Silhouettes, alpha, masks, saturation, black level, broken pixels and grazing views are left out;
   the account adds up.
 - Cameras that see nothing, and photographs without usable pixels, are skipped with a warning.
+- Where photographs are clipped is found by itself (`auto`) and said; what rounding to integers adds
+  is known.
 - Integer pictures need a stated response; a measured curve must cover what is used, and no more.
 """
 
@@ -13,7 +15,7 @@ from small_captures import Ball, edit_json, write_ball
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Sphere
-from jaxrender.imaging import SRGB, erode
+from jaxrender.imaging import SRGB, erode, response_named
 from jaxrender.inverse.photographs import (
     Listener,
     observations_of,
@@ -140,6 +142,47 @@ def test_8_bit_pictures_with_saturation(capture, opaque):
     assert exposed[usable].max() < 1
     found = photograph.radiance[usable] * 1.6 / brightest
     np.testing.assert_allclose(found, exposed[usable], atol=HALF_STEP)
+
+
+def test_saturation_is_found(capture):
+    radiance, covered = truth(capture, 0)
+    level = float(np.quantile(radiance[covered].max(axis=-1), 0.9))
+    pixels = np.concatenate([np.minimum(radiance, level), covered[..., None]], axis=-1)
+    write_image(capture / "images/0.exr", pixels)
+    photographs, said = load(capture, saturation="auto")
+    assert not (photographs[0].selection.usable & (radiance >= level).any(axis=-1)).any()
+    assert photographs[0].selection.removed["saturated"] > 20
+    assert photographs[1].selection.removed["saturated"] == 0
+    assert said[0].endswith(
+        f"pixels from the value {level:.4g} on are left out, in 1 of 3 photographs"
+    )
+    assert np.isinf(load(capture)[0][0].saturation).all()
+
+
+def test_full_scale_of_integers_is_left_out_by_auto_as_well(capture):
+    to_png(capture, 0, 1.6 / truth(capture, 0)[0].max())
+    removed = [
+        load(capture, response="srgb", **given)[0][0].selection.removed["saturated"]
+        for given in ({}, {"saturation": "auto"})
+    ]
+    assert removed[0] == removed[1] > 5
+
+
+@pytest.mark.parametrize("response", ["srgb", "linear"])
+def test_rounding_is_known(capture, response):
+    """Decoded values lie as far from the truth, in the usual pixel, as is said."""
+    radiance, _ = truth(capture, 0)
+    factor = 0.9 / radiance.max()
+    stored = response_named(response).encode(factor * radiance).clip(0, 1)
+    write_image(capture / "images/0.png", stored)
+    change_frame(capture, 0, file_path="images/0.png", exposure=factor)
+    photograph = load(capture, response=response)[0][0]
+    usable = photograph.selection.usable
+    off = np.abs(photograph.radiance - radiance)[usable]
+    # Of errors that are even between two bounds, half are below sqrt(12) / 4 deviations.
+    assert photograph.rounding == pytest.approx(np.median(off) * 4 / 12**0.5, rel=0.25)
+    assert observations_of([photograph]).rounding == pytest.approx(photograph.rounding)
+    assert load(capture, response=response)[0][1].rounding == 0
 
 
 def test_integer_pictures_need_a_stated_response(capture):

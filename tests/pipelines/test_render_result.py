@@ -59,7 +59,7 @@ def test_every_promised_key_is_there(result):
     assert result["residual"]["samples"] == result["pixels"]["usable"] > 300
     assert {"gauge", "directional"} <= set(result["lighting"])
     assert result["lighting"]["gauge"] == "given"
-    assert {"relative", "floor"} == set(result["noise"])
+    assert {"relative", "floor", "rounding"} == set(result["noise"])
     stages = {"load", "trace", "compile", "solve", "refine", "total"}
     assert stages <= set(result["seconds"])
     assert all(seconds >= 0 for seconds in result["seconds"].values())

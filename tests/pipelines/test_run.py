@@ -152,8 +152,11 @@ def test_8_bit_pictures_with_saturation(capture):
             capture / "transforms.json",
             lambda content, number=number, keys=keys: content["frames"][number].update(keys),
         )
-    result = fit(capture, *FAST, "capture.response=srgb")
+    result = fit(capture, *FAST, "capture.response=srgb", "capture.saturation=auto")
     assert result["pixels"]["removed"]["saturated"] > 20
+    assert result["pixels"]["saturation"] == [0.998] * 4
+    # Steps of 1 / 255, through a slope of about 1, over sqrt(12).
+    assert result["noise"]["floor"] >= result["noise"]["rounding"] > 1e-4
     assert result["outcome"] == "converged"
     assert max(standard_errors_off(result).values()) < STANDARD_ERRORS
     assert result["residual"]["relative_rms"] < 0.01

@@ -239,7 +239,7 @@ def fit_brdf_spectrum(
         found = solve_spectrum(basis, equations, prior)
         predicted = found.radiance(light, observations.samples)
         if not given:
-            model = estimate_noise(radiance - predicted, predicted)
+            model = estimate_noise(radiance - predicted, predicted, observations.rounding)
     left = radiance - predicted
     found = found._replace(
         noise=model,

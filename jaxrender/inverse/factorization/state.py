@@ -293,7 +293,9 @@ def in_deviations(task: Task, state: State, solved: Solved | None = None) -> Dev
         solved = state.joint.solved
     predicted = np.asarray(solved.predicted)
     left, even = task.radiance - predicted, as_pixels(task.observations)
-    noise = task.settings.noise or estimate_noise(left[even], predicted[even])
+    noise = task.settings.noise
+    if noise is None:
+        noise = estimate_noise(left[even], predicted[even], task.observations.rounding)
     deviation = deviations(noise, predicted, _rms(task, task.radiance))
     return Deviations(left / deviation, deviation, noise)
 

@@ -32,7 +32,8 @@ def noise_left(
     measured, fitted = seen * channels, channels + 1
     usable = (measured > fitted) & (predicted > 0).all(axis=1)
     inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
-    return estimate_noise((radiance - predicted)[usable] * inflation, predicted[usable])
+    left = (radiance - predicted)[usable] * inflation
+    return estimate_noise(left, predicted[usable], observations.rounding)
 
 
 def judged(

@@ -20,7 +20,7 @@ class SiteObservations(NamedTuple):
 
     ``index`` is each one's place among the observations that they are from; ``share`` the part of
     it that counts for this site (1, unless it was split among several).  ``clusters`` are of
-    observations that may err together.
+    observations that may err together.  ``rounding`` is the least floor of their noise.
     """
 
     radiance: Float[np.ndarray, "sample channel"]
@@ -30,6 +30,7 @@ class SiteObservations(NamedTuple):
     share: Float[np.ndarray, "sample"]
     clusters: Clusters
     count: int
+    rounding: float = 0.0
 
     @property
     def seen(self) -> Int[np.ndarray, "site"]:
@@ -46,6 +47,7 @@ class SiteObservations(NamedTuple):
             self.share[chosen],
             self.clusters.take(chosen),
             self.count,
+            self.rounding,
         )
 
     def of_sites(self, chosen: Bool[np.ndarray, "site"]) -> "SiteObservations":
@@ -113,7 +115,16 @@ def _sorted(
         raise ValueError("the radiance is not finite somewhere: leave such pixels out (site -1)")
     cosines = np.asarray(observations.samples.exit_cosines)[index]
     clusters = Clusters.of(observations).take(index)
-    return SiteObservations(radiance, cosines, site[order], index, share[order], clusters, count)
+    return SiteObservations(
+        radiance,
+        cosines,
+        site[order],
+        index,
+        share[order],
+        clusters,
+        count,
+        observations.rounding,
+    )
 
 
 def whole_sites(measured: SiteObservations, most: int, seed: int) -> SiteObservations:

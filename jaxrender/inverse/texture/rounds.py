@@ -156,7 +156,7 @@ def _noise_left(
         )
     inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
     left = (some.radiance - predicted)[usable] * inflation
-    return estimate_noise(left, np.maximum(predicted[usable], 0))
+    return estimate_noise(left, np.maximum(predicted[usable], 0), some.rounding)
 
 
 def weighted(

@@ -172,7 +172,7 @@ def _noise_left(some: SiteObservations, solved: Solved, numbers: int) -> NoiseMo
         )
     inflation = np.sqrt(measured[usable] / (measured[usable] - fitted))[:, None]
     left = (some.radiance - solved.predicted)[usable] * inflation
-    return estimate_noise(left, np.maximum(solved.predicted[usable], 0))
+    return estimate_noise(left, np.maximum(solved.predicted[usable], 0), some.rounding)
 
 
 def _learned(asked: Asked, solved: Solved) -> Asked:

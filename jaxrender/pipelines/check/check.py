@@ -155,7 +155,12 @@ def _remarks_on(one: Judged) -> list[str]:
             f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points: by "
             "its gloss, or by its exposure (solve.free_exposure: true finds that)"
         )
-    if one.saturated > _CLIPPED:
+    if one.clipped_at is not None:
+        found.append(
+            f"{one.name}: {100 * one.saturated:.2g} % of the object is clipped: values pile up at "
+            f"{one.clipped_at:.4g}; capture.saturation: auto leaves them out"
+        )
+    elif one.saturated > _CLIPPED:
         found.append(f"{one.name}: {100 * one.saturated:.2g} % of the object is clipped")
     if one.sharpness < _BLURRED:
         found.append(f"{one.name}: blurred, {one.sharpness:.2f} of the usual sharpness")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.geometry import Shape
-from jaxrender.imaging import erode
+from jaxrender.imaging import clipped_at, erode
 from jaxrender.inverse.conventions import Framing, Silhouettes
 from jaxrender.inverse.conventions.silhouettes import overlap
 from jaxrender.inverse.photographs import Photograph
@@ -16,16 +16,15 @@ from jaxrender.shapes import Bool, Float
 _POINTS, _SAME_POINT = 300, 0.01
 # Fewer points in common say nothing of two exposures.
 _FEWEST = 20
-_FULL_SCALE = 0.998
-# More equal highest values than this are clipped.
-_AT_THE_TOP = 3
 
 
 class Judged(NamedTuple):
     """One photograph in numbers; ``photograph`` and ``mask`` are what the numbers are of.
 
-    ``saturated`` is the clipped part of the object, ``black`` the darkest hundredth of the picture
-    relative to the object's mean, ``sharpness`` the energy of its gradients relative to the median
+    ``saturated`` is the clipped part of the object, ``clipped_at`` the stored value at which values
+    pile up below what the config leaves out, None where none do.  ``black`` is the darkest
+    hundredth of the picture relative to the object's mean, ``sharpness`` the energy of its
+    gradients relative to the median
     photograph.  ``exposure`` is by how much it is brighter than the others at the same points of
     the surface; None where nothing is known of that.
     """
@@ -34,6 +33,7 @@ class Judged(NamedTuple):
     mask: Bool[np.ndarray, "row column"] | None
     overlap: float | None
     saturated: float
+    clipped_at: float | None
     black: float
     sharpness: float
     exposure: float | None
@@ -59,9 +59,6 @@ def judged(
     for photograph, energy, gain in zip(photographs, sharp, gains):
         name, mask = photograph.frame.name, masks.get(photograph.frame.name)
         pixels = images[name].pixels
-        level = raw.reading.saturation
-        if level is None and images[name].metadata.get("is_integer"):
-            level = _FULL_SCALE
         common = None if mask is None else overlap(mask, photograph.view.hit)
         object_pixels = pixels[:, ::-1] if framing.mirrored else pixels
         found.append(
@@ -69,7 +66,7 @@ def judged(
                 photograph,
                 mask,
                 common,
-                _saturated(object_pixels[photograph.view.hit], level),
+                *_saturated(object_pixels[photograph.view.hit], photograph.saturation),
                 _black(pixels, object_pixels[photograph.view.hit]),
                 float(energy) / middle,
                 gain,
@@ -78,13 +75,20 @@ def judged(
     return tuple(found)
 
 
-def _saturated(values: Float[np.ndarray, "pixel channel"], level: float | None) -> float:
+class _Clipped(NamedTuple):
+    share: float
+    at: float | None
+
+
+def _saturated(
+    values: Float[np.ndarray, "pixel channel"], levels: Float[np.ndarray, "channel"]
+) -> _Clipped:
+    """Find which part is clipped: what is left out, and what piles up although nobody said so."""
     finite = np.nan_to_num(values, posinf=np.inf)
-    top = float(finite.max())
-    if level is None:
-        # A measured highest value is one pixel's alone.
-        level = top if top > 0 and np.count_nonzero(finite == top) > _AT_THE_TOP else np.inf
-    return float(np.mean(np.any(finite >= level, axis=1)))
+    kept = finite[~np.any(finite >= levels, axis=1)]
+    tops = [clipped_at(channel) or np.inf for channel in kept.T] if len(kept) else [np.inf]
+    share = float(np.mean(np.any(finite >= np.minimum(levels, tops), axis=1)))
+    return _Clipped(share, min(tops) if np.isfinite(tops).any() else None)
 
 
 def _black(

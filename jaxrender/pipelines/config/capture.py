@@ -70,9 +70,10 @@ class _Photographs(Section):
     """How pixel values become radiance: linear, srgb or {curve: path}."""
     invalid: Literal["refuse", "mask"] = "refuse"
     """What happens to NaN, infinite and negative pixels: refuse the photograph or mask them."""
-    saturation: Positive | None = None
+    saturation: Literal["auto"] | Positive | None = None
     """Pixel value from which a pixel is left out.  Default: no limit for float formats, 0.998 for
-    integer formats, whose largest value is 1."""
+    integer formats, whose largest value is 1.  auto finds it in each channel of each photograph:
+    many pixels at one highest value are clipped."""
     saturation_grow: WholeNumber = 0
     """Pixels left out around saturated ones.  Use 1 where demosaicing or resizing mixed pixels; it
     costs the rim of a narrow highlight."""

@@ -71,6 +71,9 @@ def figures(contents: Contents) -> tuple[Figure, ...]:
         Figure("Unexplained", percent(error), f"rms of {counted(samples)} samples"),
         Figure("Noise", percent(relative), f"of the radiance, and a floor of {shown(floor, 2)}"),
     ]
+    if noise.get("rounding"):
+        remark = "of radiance, by the rounding of stored values: the least floor"
+        found.append(Figure("Rounding", shown(noise["rounding"], 2), remark))
     misfit = residual.get("misfit", {})
     if is_number(misfit.get("rms")):
         remark = f"of the radiance; {percent(misfit.get('share'))} of χ²"

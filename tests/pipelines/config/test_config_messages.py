@@ -106,8 +106,8 @@ VALUES = {
         "found 'sRGB', accepted: 'linear', 'srgb' or {curve}, did you mean 'srgb'?"
     ),
     ("capture.invalid", "no"): "found 'no', accepted: 'refuse' or 'mask'",
-    ("capture.saturation", "0"): "found 0, accepted: a number above 0",
-    ("capture.saturation", ".inf"): "found inf, accepted: a number above 0",
+    ("capture.saturation", "0"): "found 0, accepted: 'auto' or a number above 0",
+    ("capture.saturation", ".inf"): "found inf, accepted: 'auto' or a number above 0",
     ("capture.black_level", "-1"): "found -1, accepted: a number of at least 0",
     ("capture.black_level", ".nan"): "found nan, accepted: a number of at least 0",
     ("capture.black_level", "true"): "found true, accepted: a number of at least 0",
