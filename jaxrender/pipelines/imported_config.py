@@ -17,10 +17,13 @@ from jaxrender.io.captures import (
 _WIDTH = 96
 
 
-def config_text(name: str, contents: Contents, *, images: Path | None, outside: bool) -> str:
+def config_text(
+    name: str, contents: Contents, *, parts: tuple[str, ...], images: Path | None, outside: bool
+) -> str:
     """Write the config that fits a capture, with all that was found and assumed.
 
-    ``name`` is that of the format, ``images`` the folder that the paths of photographs start from.
+    ``name`` is that of the format, ``parts`` the files of cameras: one, or one of each photograph.
+    ``images`` is the folder that the paths of photographs start from.
     """
     light = contents.light
     lines = _comment(f"Imported from {contents.capture.source} (format: {name}).")
@@ -31,15 +34,22 @@ def config_text(name: str, contents: Contents, *, images: Path | None, outside: 
             "known, say `task: brdf` and give `lighting`."
         )
     lines += [f"task: {_task(contents)}", "capture:"]
-    lines += ["  transforms: transforms.json"]
-    if images is not None:
-        lines += [f"  images: {_text(images)}"]
-    if outside:
-        lines += ["  allow_outside: true"]
+    reading = [f"images: {_text(images)}"] if images is not None else []
+    reading += ["allow_outside: true"] if outside else []
+    if contents.curve is not None:
+        reading += ["response: {curve: response.txt}"]
+    elif contents.response is not None:
+        reading += [f"response: {contents.response}"]
+    first = parts[0] if not light.environments else _text(Path(parts[0]))
+    lines += [f"  transforms: {first}", *(f"  {one}" for one in reading)]
     lines += [f"  geometry: {_geometry(contents)}"]
-    if contents.response is not None:
-        lines += [f"  response: {contents.response}"]
-    lines += _lighting(light)
+    own = light.environments or ()
+    lines += _lighting(light if not own else light._replace(environment=own[0]))
+    if len(parts) > 1:
+        lines += ["captures:"]
+    for part, panorama in list(zip(parts, own))[1:]:
+        lines += [f"  - transforms: {_text(Path(part))}", *(f"    {one}" for one in reading)]
+        lines += [f"    lighting: {{environment: {_panorama(panorama)}}}"]
     if contents.square is not None:
         lines += ["texture:", f"  size: {contents.capture.frames[0].camera.width}"]
     facets = "ggx, mu: none" if contents.head_on else "ggx"
@@ -100,8 +110,10 @@ def _lighting(light: StatedLight) -> list[str]:
 
 
 def _panorama(panorama: StatedEnvironment) -> str:
-    scale = "" if panorama.scale == 1 else f", scale: {float(panorama.scale)!r}"
-    return f"{{path: {_text(panorama.path)}, convention: {panorama.convention}{scale}}}"
+    more = "" if panorama.scale == 1 else f", scale: {float(panorama.scale)!r}"
+    more += ", mirrored: true" if panorama.mirrored else ""
+    more += f", yaw: {float(panorama.yaw)!r}" if panorama.yaw else ""
+    return f"{{path: {_text(panorama.path)}, convention: {panorama.convention}{more}}}"
 
 
 def _source(source: StatedSource | StatedPoint) -> str:

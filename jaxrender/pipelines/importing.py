@@ -21,6 +21,7 @@ from jaxrender.io import (
     read_environment,
     read_mesh,
     write_capture,
+    write_curve,
     write_environment,
     write_mesh,
 )
@@ -28,6 +29,7 @@ from jaxrender.io.captures import (
     Contents,
     Looking,
     StatedEnvironment,
+    StatedLight,
     StatedSphere,
     read_contents,
     recognise,
@@ -42,6 +44,7 @@ from jaxrender.shapes import Float
 
 CONFIG = "capture.yaml"
 _CAMERAS, _LIGHTS, _PANORAMA = "transforms.json", "lights.json", "environment.exr"
+_RESPONSE = "response.txt"
 
 
 class ImportOptions(NamedTuple):
@@ -148,19 +151,37 @@ def _write(folder: Path, name: str, contents: Contents, options: ImportOptions, 
     elif contents.square is not None:
         mesh = Path("shape.obj")
         write_mesh(folder / mesh, _square(contents.square.side))
-    write_capture(folder / _CAMERAS, Capture(frames, root / _CAMERAS))
+    parts = _parts(frames, light)
+    for name_of_part, own in parts.items():
+        write_capture(folder / name_of_part, Capture(own, root / _CAMERAS))
+    if contents.curve is not None:
+        write_curve(folder / _RESPONSE, contents.curve, "as the format says")
     if light.per_frame is not None:
         _write_lights(folder / _LIGHTS, contents)
     panorama = light.environment
     if panorama is not None and (options.copy or panorama.turn is not None):
-        panorama = _written(folder, panorama)
+        panorama = _written(folder, panorama, _PANORAMA)
+    if light.environments is not None:
+        own = (
+            _written(folder, one, f"environments/{frame.name}.exr")
+            for one, frame in zip(light.environments, frames)
+        )
+        light = light._replace(environments=tuple(own))
     text = config_text(
         name,
         contents._replace(mesh=mesh, light=light._replace(environment=panorama)),
+        parts=tuple(parts),
         images=None if options.copy else root.resolve(),
         outside=not all(_inside(frame, root) for frame in frames),
     )
     (folder / CONFIG).write_text(text, encoding="utf-8")
+
+
+def _parts(frames: tuple[Frame, ...], light: StatedLight) -> dict[str, tuple[Frame, ...]]:
+    """Name the files of cameras: one of all photographs, or one of each that has its own light."""
+    if light.environments is None:
+        return {_CAMERAS: frames}
+    return {f"transforms_{frame.name}.json": (frame,) for frame in frames}
 
 
 def _copied(folder: Path, frame: Frame) -> Frame:
@@ -216,13 +237,20 @@ def _write_lights(path: Path, contents: Contents) -> None:
     path.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
 
 
-def _written(folder: Path, panorama: StatedEnvironment) -> StatedEnvironment:
+def _written(folder: Path, panorama: StatedEnvironment, name: str) -> StatedEnvironment:
     """Copy a panorama, turned as the world has it."""
+    (folder / name).parent.mkdir(exist_ok=True)
     if panorama.turn is None:
-        own = Path(_PANORAMA).with_suffix(panorama.path.suffix)
+        own = Path(name).with_suffix(panorama.path.suffix)
         shutil.copyfile(panorama.path, folder / own)
         return panorama._replace(path=own)
     image_size(panorama.path)
-    environment = read_environment(panorama.path, panorama.convention, panorama.scale)
-    write_environment(folder / _PANORAMA, environment.turned(panorama.turn))
-    return StatedEnvironment(Path(_PANORAMA), "z-up")
+    environment = read_environment(
+        panorama.path,
+        panorama.convention,
+        panorama.scale,
+        yaw=panorama.yaw,
+        mirrored=panorama.mirrored,
+    )
+    write_environment(folder / name, environment.turned(panorama.turn))
+    return StatedEnvironment(Path(name), "z-up")

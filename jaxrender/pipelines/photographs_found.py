@@ -91,7 +91,9 @@ def _with_response(contents: Contents, headers: list[PhotoHeader]) -> Contents:
             "point; import photographs of one kind"
         )
     if kinds == {False}:
-        return contents._replace(response=None)
+        return contents._replace(response=None, curve=None)
+    if contents.curve is not None:
+        return contents
     if contents.response is not None:
         said = f"pixels are {contents.response}, as the format says"
         return contents._replace(found=(*contents.found, said))

@@ -20,6 +20,8 @@
     scenes of Mitsuba 3 in XML; their named values
 ``metashape``
     cameras of Metashape in XML
+``stanford_orb`` ``objects_with_lighting``
+    the layouts of two benchmarks, with panoramas and masks
 ``paths`` ``photo_headers``
     what formats share: where paths lead, EXIF
 """

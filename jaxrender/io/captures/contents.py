@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxrender.imaging.response import Curve
 from jaxrender.io.captures.capture import Capture
 
 
@@ -27,27 +28,34 @@ class StatedEnvironment(NamedTuple):
     """A panorama, its convention, and the factor from its values to radiance.
 
     ``turn`` takes directions of the panorama's world to those of the capture; None where they are
-    the same.
+    the same.  One that is ``mirrored`` is read from right to left, and then turned by the ``yaw``.
     """
 
     path: Path
     convention: str
     scale: float = 1.0
     turn: Float[np.ndarray, "3 3"] | None = None
+    mirrored: bool = False
+    yaw: float = 0.0
 
 
 class StatedLight(NamedTuple):
-    """The light of the photographs; ``per_frame`` has the sources of each, in their order."""
+    """The light of the photographs; ``per_frame`` has the sources of each, in their order.
+
+    ``environments`` are panoramas of each, where it has one of its own.
+    """
 
     environment: StatedEnvironment | None = None
     directional: tuple[StatedSource, ...] = ()
     point: tuple[StatedPoint, ...] = ()
     per_frame: tuple[tuple[StatedSource | StatedPoint, ...], ...] | None = None
+    environments: tuple[StatedEnvironment, ...] | None = None
 
     @property
     def given(self) -> bool:
         """Whether there is any light."""
-        return bool(self.environment or self.directional or self.point or self.per_frame)
+        shared = self.environment or self.directional or self.point
+        return bool(shared or self.per_frame or self.environments)
 
 
 class StatedSphere(NamedTuple):
@@ -68,9 +76,10 @@ class Contents(NamedTuple):
 
     ``mesh``, ``sphere`` or ``square`` is the shape, where the format brings one; ``mesh_placed``
     takes it to the world (a rotation, a shift and one scale; None: it is there).  ``response`` is
-    what it says of the pixels (linear, srgb).  ``head_on`` says that the only light stands at the
-    camera.  ``files`` are those that were read.  ``found`` and ``assumed`` are sentences for
-    whoever reads the capture: what the folder says, and what it leaves open.
+    what it says of the pixels (linear, srgb), and ``curve`` their response where it is another.
+    ``head_on`` says that the only light stands at the camera.  ``files`` are those that were read.
+    ``found`` and ``assumed`` are sentences for whoever reads the capture: what the folder says, and
+    what it leaves open.
     """
 
     capture: Capture
@@ -81,6 +90,7 @@ class Contents(NamedTuple):
     square: StatedSquare | None = None
     light: StatedLight = StatedLight()
     response: str | None = None
+    curve: Curve | None = None
     head_on: bool = False
     found: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()

@@ -5,18 +5,33 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxrender.errors import InputError
-from jaxrender.io.captures import colmap, diligent, flash, metashape, mitsuba, opencv, transforms
+from jaxrender.io.captures import (
+    colmap,
+    diligent,
+    flash,
+    metashape,
+    mitsuba,
+    objects_with_lighting,
+    opencv,
+    stanford_orb,
+    transforms,
+)
 from jaxrender.io.captures.capture import Capture
 from jaxrender.io.captures.contents import Contents
 from jaxrender.io.captures.paths import Looking
 
 
 class Format(NamedTuple):
-    """A format: what it is known by, how such files are found in a folder, and their reader."""
+    """A format: what it is known by, how such files are found in a folder, and their reader.
+
+    ``instead_of`` is a format that would take the same files for its own, without what stands
+    beside them; of several files of a folder the first is then meant.
+    """
 
     looked_for: str
     find: Callable[[Path], list[Path]]
     read: Callable[[Path, Looking], Contents]
+    instead_of: str | None = None
 
 
 FORMATS: dict[str, Format] = {
@@ -29,6 +44,17 @@ FORMATS: dict[str, Format] = {
     "flash": Format(flash.LOOKED_FOR, flash.find_flash, flash.read_flash),
     "mitsuba": Format(mitsuba.LOOKED_FOR, mitsuba.find_mitsuba, mitsuba.read_mitsuba),
     "metashape": Format(metashape.LOOKED_FOR, metashape.find_metashape, metashape.read_metashape),
+    "stanford-orb": Format(
+        stanford_orb.LOOKED_FOR,
+        stanford_orb.find_stanford_orb,
+        stanford_orb.read_stanford_orb,
+        instead_of="transforms",
+    ),
+    "objects-with-lighting": Format(
+        objects_with_lighting.LOOKED_FOR,
+        objects_with_lighting.find_objects_with_lighting,
+        objects_with_lighting.read_objects_with_lighting,
+    ),
 }
 
 
@@ -61,6 +87,9 @@ def recognise(place: Path, name: str | None = None) -> Recognised:
         for path in form.find(folder)
         if place.is_dir() or path.samefile(place)
     ]
+    special = [one for one in found if FORMATS[one.name].instead_of]
+    plain = {FORMATS[one.name].instead_of for one in special}
+    found = [*special[:1], *(one for one in found if one not in special and one.name not in plain)]
     if len(found) == 1:
         return found[0]
     if not found:
