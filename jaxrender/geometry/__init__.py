@@ -54,7 +54,13 @@ from jaxrender.geometry.lens_models import (
     metashape_lens,
     opencv_lens,
 )
-from jaxrender.geometry.lenses import FisheyeLens, Lens, PerspectiveLens
+from jaxrender.geometry.lenses import (
+    EnhancedUnifiedLens,
+    EquirectangularLens,
+    FisheyeLens,
+    Lens,
+    PerspectiveLens,
+)
 from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.periodic import PeriodicSurface
 from jaxrender.geometry.placement import Placement, axis_turns
@@ -83,6 +89,8 @@ __all__ = [
     "Division",
     "Embedding",
     "FieldOfView",
+    "EnhancedUnifiedLens",
+    "EquirectangularLens",
     "FisheyeLens",
     "Hits",
     "Lens",

@@ -5,6 +5,7 @@ those of OpenCV, too.  ``opencv_lens`` takes OpenCV's list of coefficients, ``me
 frame camera of Metashape.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,13 @@ from jaxrender.geometry.distortions import (
     RadialTangential,
     Skew,
 )
-from jaxrender.geometry.lenses import FisheyeLens, Lens, PerspectiveLens
+from jaxrender.geometry.lenses import (
+    EnhancedUnifiedLens,
+    EquirectangularLens,
+    FisheyeLens,
+    Lens,
+    PerspectiveLens,
+)
 
 # How many coefficients OpenCV gives, and which ones they are in its order.
 _OPENCV = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty")
@@ -25,7 +32,8 @@ _COUNTS = (0, 4, 5, 8, 12, 14)
 class LensModel(NamedTuple):
     """A camera model: its numbers in the order of its files, and the lens that they make.
 
-    ``parameters`` begin with the focal length or lengths and the principal point, in pixels.
+    ``parameters`` begin with the focal length or lengths and the principal point, in pixels, or
+    are the width and the height of a panorama.
     ``lens`` takes the numbers after these; None is a lens without distortion.
     """
 
@@ -35,7 +43,17 @@ class LensModel(NamedTuple):
     @property
     def intrinsics(self) -> int:
         """How many numbers come before those of the lens."""
-        return self.parameters.index("cy") + 1
+        return self.parameters.index("cy") + 1 if "cy" in self.parameters else len(self.parameters)
+
+    def pinhole(self, numbers: Sequence[float]) -> dict[str, float | None]:
+        """Name the focal lengths and the principal point of so many numbers, in pixels."""
+        named = dict(zip(self.parameters, numbers))
+        if "w" in named:
+            width, height = named["w"], named["h"]
+            lengths = {"fl_x": width / (2 * math.pi), "fl_y": height / math.pi}
+            return lengths | {"cx": width / 2, "cy": height / 2}
+        lengths = {"fl_x": named.get("fx", named.get("f", 0.0)), "fl_y": named.get("fy")}
+        return lengths | {"cx": named["cx"], "cy": named["cy"]}
 
 
 def perspective(*distortions: Distortion) -> Lens | None:
@@ -136,4 +154,6 @@ LENS_MODELS: dict[str, LensModel] = {
     "RAD_TAN_THIN_PRISM_FISHEYE": _model(
         "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3", _rad_tan_thin_prism_fisheye
     ),
+    "EUCM": _model("fx fy cx cy alpha beta", lambda n: EnhancedUnifiedLens(*n)),
+    "EQUIRECTANGULAR": _model("w h", lambda n: EquirectangularLens()),
 }

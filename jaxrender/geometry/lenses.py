@@ -4,7 +4,8 @@ Directions are in the camera's frame as OpenCV and COLMAP have it: x right, y do
 are (x, y) in focal lengths from the principal point.  A ``PerspectiveLens`` begins with the ideal
 places (x, y) / z of a pinhole.  A ``FisheyeLens`` begins with those at a distance of the angle
 from the axis, so that it may see more than 90 degrees aside.  Distortions then follow one upon the
-other.  Where a lens has no value, both ways give NaN.  Host side, NumPy float64.
+other.  An ``EnhancedUnifiedLens`` and an ``EquirectangularLens`` are whole formulas without any.
+Where a lens has no value, both ways give NaN.  Host side, NumPy float64.
 
 ``lens_models`` makes lenses by the names that programs have for them.
 """
@@ -128,3 +129,80 @@ class FisheyeLens(Lens):
             np.where(near, 1 / ahead - radius**2 / (3 * ahead**3), gain),
             np.where(near, -2 / (3 * ahead**3), rise),
         )
+
+
+class EnhancedUnifiedLens(Lens):
+    """The enhanced unified camera model, EUCM (Khomutenko, Garcia and Martinet 2016).
+
+    (x, y) / (alpha d + (1 - alpha) z) with d^2 = beta (x^2 + y^2) + z^2.  Raises ``ValueError``
+    unless alpha is from 0 to 1 and beta positive.
+    """
+
+    alpha: float
+    beta: float
+
+    def __check_init__(self):
+        if not 0 <= self.alpha <= 1:
+            raise ValueError(f"alpha is {self.alpha}: give a number from 0 to 1")
+        if not (math.isfinite(self.beta) and self.beta > 0):
+            raise ValueError(f"beta is {self.beta}: give a finite number above 0")
+
+    @property
+    def distortions(self) -> tuple[Distortion, ...]:
+        """None: the formula has all of it."""
+        return ()
+
+    def _ideal(self, directions: np.ndarray) -> np.ndarray:
+        return directions[..., :2] / self._divisor(directions)[0][..., None]
+
+    def _direction(self, places: np.ndarray) -> np.ndarray:
+        square = np.sum(places**2, axis=-1)
+        inside = 1 - (2 * self.alpha - 1) * self.beta * square
+        root = np.sqrt(np.where(inside >= 0, inside, np.nan))
+        depth = (1 - self.beta * self.alpha**2 * square) / (self.alpha * root + 1 - self.alpha)
+        directions = np.concatenate([places, depth[..., None]], axis=-1)
+        return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+    def _slopes(self, directions: np.ndarray) -> np.ndarray:
+        divisor, distance = (part[..., None] for part in self._divisor(directions))
+        rise = self.alpha * np.array([self.beta, self.beta, 1.0]) * directions / distance
+        rise[..., 2] += 1 - self.alpha
+        places = directions[..., :2] / divisor
+        straight = np.broadcast_to(np.eye(2, 3), (len(directions), 2, 3))
+        return (straight - places[..., :, None] * rise[..., None, :]) / divisor[..., None]
+
+    def _divisor(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Evaluate alpha d + (1 - alpha) z, NaN beyond the formula's range, and d."""
+        depth, low = directions[..., 2], min(self.alpha, 1 - self.alpha)
+        distance = np.sqrt(self.beta * np.sum(directions[..., :2] ** 2, axis=-1) + depth**2)
+        seen = depth > -low / (1 - low) * distance
+        divisor = self.alpha * distance + (1 - self.alpha) * depth
+        return np.where(seen, divisor, np.nan), distance
+
+
+class EquirectangularLens(Lens):
+    """A panorama of all directions: longitude (0 ahead, to the right) and latitude (down)."""
+
+    @property
+    def distortions(self) -> tuple[Distortion, ...]:
+        """None."""
+        return ()
+
+    def _ideal(self, directions: np.ndarray) -> np.ndarray:
+        x, y, z = np.moveaxis(directions, -1, 0)
+        return np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=-1)
+
+    def _direction(self, places: np.ndarray) -> np.ndarray:
+        longitude, latitude = np.moveaxis(places, -1, 0)
+        shown = (np.abs(longitude) <= math.pi) & (np.abs(latitude) <= math.pi / 2)
+        latitude = np.where(shown, latitude, np.nan)
+        x, z = (np.cos(latitude) * part(longitude) for part in (np.sin, np.cos))
+        return np.stack([x, np.sin(latitude), z], axis=-1)
+
+    def _slopes(self, directions: np.ndarray) -> np.ndarray:
+        x, y, z = np.moveaxis(directions, -1, 0)
+        level = np.hypot(x, z)
+        square = level**2 + y**2
+        longitude = np.stack([z, 0 * y, -x], axis=-1) / (level**2)[..., None]
+        latitude = np.stack([-x * y / level, level, -y * z / level], axis=-1) / square[..., None]
+        return np.stack([longitude, latitude], axis=-2)

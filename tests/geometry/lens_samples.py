@@ -17,6 +17,8 @@ NUMBERS: dict[str, list[float]] = {
     "RADIAL_FISHEYE": FISHEYE[:2],
     "OPENCV_FISHEYE": FISHEYE,
     "THIN_PRISM_FISHEYE": [*FISHEYE[:2], 1e-3, -2e-3, *FISHEYE[2:], 1e-3, -5e-4],
+    "EUCM": [0.6, 1.1],
+    "EQUIRECTANGULAR": [],
     "RAD_TAN_THIN_PRISM_FISHEYE": [*FISHEYE, 1e-5, -1e-5, 1e-3, -2e-3, 1e-3, -5e-4, 7e-4, 3e-4],
 }
 PRISM = [-0.1, 0.02, 1e-3, -2e-3, 0.01, 0.05, -0.02, 0.003, 1e-3, -5e-4, 7e-4, 3e-4]
@@ -32,6 +34,8 @@ def lenses() -> dict[str, Lens]:
 
 def parameters(name: str) -> list[float]:
     """List all numbers of a model of COLMAP."""
+    if name == "EQUIRECTANGULAR":
+        return [64.0, 48.0]
     lengths = [100.0] if LENS_MODELS[name].parameters[0] == "f" else [100.0, 120.0]
     return [*lengths, 31.0, 23.5, *NUMBERS[name]]
 

@@ -20,6 +20,8 @@ from lens_samples import FISHEYE, NUMBERS, PRISM, camera, lenses
 from jaxrender.geometry import (
     LENS_MODELS,
     Division,
+    EnhancedUnifiedLens,
+    EquirectangularLens,
     FieldOfView,
     FisheyeLens,
     PerspectiveLens,
@@ -98,6 +100,16 @@ def fitzgibbon(x, y, n):
     return x / r * bent, y / r * bent
 
 
+def khomutenko(x, y, n):
+    alpha, beta = map(mpmath.mpf, n)
+    divisor = alpha * mpmath.sqrt(beta * (x**2 + y**2) + 1) + 1 - alpha
+    return x / divisor, y / divisor
+
+
+def panorama(x, y, n):
+    return mpmath.atan(x), mpmath.asin(y / mpmath.sqrt(x**2 + y**2 + 1))
+
+
 def padded(n):
     return [*n, *([0.0] * (12 - len(n)))]
 
@@ -117,6 +129,8 @@ FORMULAS = {
     "OPENCV_FISHEYE": kannala,
     "THIN_PRISM_FISHEYE": thin_prism,
     "RAD_TAN_THIN_PRISM_FISHEYE": aria,
+    "EUCM": khomutenko,
+    "EQUIRECTANGULAR": panorama,
     "prism": opencv,
     "metashape": metashape,
 }
@@ -183,6 +197,33 @@ def test_a_barrel_that_folds_back_shows_nothing_beyond():
     found = lens.undistort(places)
     np.testing.assert_array_equal(np.isnan(found[:, 0]), [False, True])
     assert found[0, 0] / found[0, 2] < turn
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 0.7, 1.0])
+def test_a_unified_lens_sees_aside_as_far_as_it_is_one_to_one(alpha):
+    lens = EnhancedUnifiedLens(alpha, 1.2)
+    angle = np.linspace(0, 0.99 * np.pi, 100)
+    along = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    shown = lens.distort(along)
+    seen = np.isfinite(shown[:, 0])
+    assert seen[0]
+    # At one half only what lies straight behind has no place.
+    assert seen[-1] == (alpha == 0.5)
+    assert (np.diff(shown[seen, 0]) > 0).all()
+    np.testing.assert_allclose(lens.undistort(shown[seen]), along[seen], atol=1e-9)
+    for bad in ((1.2, 1.0), (0.5, 0.0), (0.5, np.inf)):
+        with pytest.raises(ValueError, match=r"alpha is 1\.2|beta is (0\.0|inf)"):
+            EnhancedUnifiedLens(*bad)
+
+
+def test_a_panorama_sees_all_and_no_more():
+    lens = EquirectangularLens()
+    np.testing.assert_allclose(lens.distort(np.array([0.0, 0, -1])), [np.pi, 0])
+    np.testing.assert_allclose(
+        lens.distort(np.array([-1.0, 1, -1])), [-0.75 * np.pi, 0.6155], atol=1e-4
+    )
+    places = np.array([[3.15, 0.0], [0.0, 1.58], [3.14, 1.57]])
+    np.testing.assert_array_equal(np.isnan(lens.undistort(places)[:, 0]), [True, True, False])
 
 
 def test_poles_and_bounds():

@@ -132,17 +132,13 @@ def _frame(
 
 def _pinhole(image: _Image, camera: _Camera) -> Pinhole:
     model = LENS_MODELS[camera.model]
-    named = dict(zip(model.parameters, camera.numbers))
     pose = _world_from_camera(image)
     try:
         return Pinhole(
             camera.width,
             camera.height,
             pose,
-            fl_x=named.get("fx", named.get("f", 0.0)),
-            fl_y=named.get("fy"),
-            cx=named["cx"],
-            cy=named["cy"],
+            **model.pinhole(camera.numbers),
             lens=model.lens(camera.numbers[model.intrinsics :]),
         )
     except ValueError as error:

@@ -2,7 +2,8 @@
 
 The keys are those of Nerfstudio: ``camera_model`` is OPENCV (k1, k2, k3, p1, p2) or OPENCV_FISHEYE
 (k1 .. k4).  Ours are FULL_OPENCV with the rational k4 .. k6 and the prism s1 .. s4, SIMPLE_RADIAL
-and RADIAL, and for all other lenses ``lens``: its kind and its distortions one after the other.
+and RADIAL, and for all other lenses ``lens``: its kind and its distortions one after the other, or
+the numbers of its whole formula.
 """
 
 from typing import Any
@@ -16,7 +17,13 @@ from jaxrender.geometry.distortions import (
     Skew,
 )
 from jaxrender.geometry.lens_models import opencv_lens
-from jaxrender.geometry.lenses import FisheyeLens, Lens, PerspectiveLens
+from jaxrender.geometry.lenses import (
+    EnhancedUnifiedLens,
+    EquirectangularLens,
+    FisheyeLens,
+    Lens,
+    PerspectiveLens,
+)
 from jaxrender.io.jsonfiles import number
 
 _RADIAL, _TANGENTIAL = ("k1", "k2", "k3", "k4", "k5", "k6"), ("p1", "p2")
@@ -37,6 +44,11 @@ PLAIN = ("perspective",)
 _KINDS: dict[str, type[PerspectiveLens] | type[FisheyeLens]] = {
     "perspective": PerspectiveLens,
     "fisheye": FisheyeLens,
+}
+# Lenses of one formula, with the names of its numbers.
+_WHOLE: dict[str, tuple[type[Lens], tuple[str, ...]]] = {
+    "enhanced_unified": (EnhancedUnifiedLens, ("alpha", "beta")),
+    "equirectangular": (EquirectangularLens, ()),
 }
 _DISTORTIONS: dict[str, type[Distortion]] = {
     "radial_tangential": RadialTangential,
@@ -68,6 +80,9 @@ def keys_of(lens: Lens | None) -> dict[str, Any]:
     """State a lens, by the keys of other programs where they have them."""
     if lens is None:
         return {}
+    for name, (made, fields) in _WHOLE.items():
+        if isinstance(lens, made):
+            return {"lens": {"kind": name} | {field: getattr(lens, field) for field in fields}}
     one = lens.distortions[0] if lens.distortions else RadialTangential()
     if len(lens.distortions) < 2 and isinstance(one, RadialTangential):
         plain = not any(one.denominator) and not any(one.prism)
@@ -112,14 +127,27 @@ def _fields(part: Distortion) -> dict[str, Any]:
 
 def _stated_lens(place: str, stated: Any) -> Lens:
     place = f"{place}: `lens`"
+    whole = _WHOLE.get(stated["kind"]) if _is_named(stated) else None
+    if whole is not None:
+        made, fields = whole
+        if set(stated) != {"kind", *fields}:
+            raise InputError(f"{place}: wanted the keys kind {' '.join(fields)}, found {stated!r}")
+        try:
+            return made(*(number(place, stated, field) for field in fields))
+        except ValueError as error:
+            raise InputError(f"{place}: {error}") from None
     if not isinstance(stated, dict) or set(stated) != {"kind", "distortions"}:
         raise InputError(f"{place}: wanted the keys kind and distortions, found {stated!r}")
     kind, parts = stated["kind"], stated["distortions"]
     if not isinstance(kind, str) or kind not in _KINDS:
-        raise InputError(f"{place}: kind {kind!r} is none of {', '.join(_KINDS)}")
+        raise InputError(f"{place}: kind {kind!r} is none of {', '.join((*_KINDS, *_WHOLE))}")
     if not isinstance(parts, list):
         raise InputError(f"{place}: distortions must be a list, found {parts!r}")
     return _KINDS[kind](tuple(_distortion(place, part) for part in parts))
+
+
+def _is_named(stated: Any) -> bool:
+    return isinstance(stated, dict) and isinstance(stated.get("kind"), str)
 
 
 def _distortion(place: str, part: Any) -> Distortion:
