@@ -209,7 +209,7 @@ def analyze(
 @app.command(
     help_epilogue=examples(
         "light ball_1.jpg ball_2.jpg ball_3.jpg --ball 550 756 69 --out probe",
-        "light ball/transforms.json --response srgb --out probe",
+        "light sky_1.jpg sky_2.jpg sky_3.jpg --fisheye 180 --out probe",
     )
 )
 def light(
@@ -220,9 +220,11 @@ def light(
     exposure: Literal["stated", "measured"] = "stated",
     ball: tuple[float, float, float] | None = None,
     mask: Path | None = None,
+    fisheye: float | None = None,
+    panorama: bool = False,
     focal: float | None = None,
-    reflectance: float = 0.65,
-    camera_angle: float = 5.0,
+    reflectance: float | None = None,
+    camera_angle: float | None = None,
     height: int | None = None,
     sigma: float = 0.1,
     align: bool = False,
@@ -230,7 +232,7 @@ def light(
     force: bool = False,
     reporting: Reporting = AS_USUAL,
 ) -> int:
-    """Make an environment from photographs of a mirror ball, with its errors.
+    """Make an environment from photographs of a mirror ball, or of the light itself.
 
     probe.exr is the light as a latitude-longitude image (z-up), deviation.exr its standard
     deviation, confidence.exr how well each direction was seen.  light.json states what was done,
@@ -239,8 +241,8 @@ def light(
     Parameters
     ----------
     photographs
-        One view of the ball at one exposure or several, or a transforms.json with several views.
-        Without one the camera looks along +Y, with +Z up.
+        One view of the ball, or of the light, at one exposure or several, or a transforms.json with
+        several views.  Without one the camera looks along +Y, with +Z up.
     out
         Folder to write into.
     response
@@ -254,14 +256,22 @@ def light(
         Row, column and radius of the ball's outline in pixels, from the top left corner.
     mask
         A picture that is white on the ball.
+    fisheye
+        The photographs show the light itself, in a circle as high as the picture, or as wide where
+        that is less.  Its angle of view in degrees; distance from the middle is the angle.  Other
+        fisheyes are stated in a transforms.json; the angle is then where they end.
+    panorama
+        The photographs are panoramas of all directions, twice as wide as high, level, +Y in the
+        middle.
     focal
         Focal length in pixels.  Without it, and without a transforms.json, the camera is distant.
     reflectance
-        Of the ball; 0.65 is that of chromium.
+        Of the ball; by default 0.65, that of chromium.
     camera_angle
-        Degrees about the camera's own reflection that are left out.
+        Degrees about the camera's own reflection in the ball that are left out; 5 by default.
     height
-        Rows of the environment; by default the ball's radius in pixels.
+        Rows of the environment; by default the ball's radius in pixels, or what a lens resolves, at
+        most 512.
     sigma
         Roughness at which light counts as slow, for the list of lamps.
     align
@@ -276,8 +286,16 @@ def light(
     from jaxrender.pipelines.probe_views import Reading
 
     times = None if exposures is None else tuple(exposures)
-    reading = Reading(response, times, exposure, align, shift, focal)
-    options = probing.ProbeOptions(reading, mask, ball, reflectance, camera_angle, height, sigma)
+    if fisheye is not None and panorama:
+        raise InputError("--fisheye and --panorama are two kinds of photographs: give one of them")
+    lens = "fisheye" if fisheye is not None else "panorama" if panorama else None
+    if lens is not None and (reflectance is not None or camera_angle is not None):
+        raise InputError(f"--{lens} shows no ball: leave out --reflectance and --camera-angle")
+    field = 360.0 if fisheye is None else fisheye
+    reading = Reading(response, times, exposure, align, shift, focal, lens, field)
+    share = 0.65 if reflectance is None else reflectance
+    angle = 5.0 if camera_angle is None else camera_angle
+    options = probing.ProbeOptions(reading, mask, ball, share, angle, height, sigma)
     done = probing.light_probe(photographs, out, options, reporting.progress(), force)
     for line in done.lines:
         process.say(line)

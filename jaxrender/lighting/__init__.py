@@ -20,9 +20,9 @@
     light that is nowhere negative, from coefficients that were measured
 ``cells`` ``split``
     near-equal cells of the sphere; slow and fast light apart (T 6.3)
-``mirror_ball`` ``ball_views`` ``ball_outline`` ``filling``
-    the light around a chrome ball, from one photograph or several; where the ball lies; directions
-    that none shows
+``mirror_ball`` ``ball_views`` ``ball_outline`` ``lens_views`` ``filling``
+    the light around a chrome ball, from one photograph or several; where the ball lies; the light
+    that a fisheye or a panorama sees; directions that none shows
 ``layouts`` ``panoramas``
     where other panoramas show a direction; their conversion to our grid (host side)
 """
@@ -44,6 +44,7 @@ from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.filling import fill_smoothly
 from jaxrender.lighting.function import FunctionLight
 from jaxrender.lighting.layouts import PANORAMAS, panorama_named
+from jaxrender.lighting.lens_views import view_of_lens
 from jaxrender.lighting.lobes import SmoothLobes
 from jaxrender.lighting.mirror_ball import BallLight, light_of_ball
 from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
@@ -113,4 +114,5 @@ __all__ = [
     "to_latlong",
     "to_own_latlong",
     "view_of_ball",
+    "view_of_lens",
 ]

@@ -111,7 +111,7 @@ def view_of_ball(
     layers = np.concatenate([_filled(layers, good), good[..., None].astype(float)], axis=-1)
     found = np.empty((rows, 2 * rows, layers.shape[-1]))
     for row in range(rows):
-        directions, weights = _samples_of_row(row, rows)
+        directions, weights = samples_of_row(row, rows)
         seen = sight.of_directions(directions)
         values = _interpolate(layers, seen.places)
         shown = seen.cosines * (seen.angles >= camera_angle) * seen.visible
@@ -238,8 +238,11 @@ def _filled(pixels: np.ndarray, good: Bool[np.ndarray, "row column"]) -> np.ndar
     return pixels[nearest[0], nearest[1]]
 
 
-def _samples_of_row(row: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spread directions over each texel of a row; their weights are parts of its solid angle."""
+def samples_of_row(row: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spread directions over each texel of a row of an environment of so many rows.
+
+    Returned are [texel, sample, 3] directions and the samples' parts of the texel's solid angle.
+    """
     inside = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
     polar = np.repeat((row + inside) * np.pi / rows, _SAMPLES)
     azimuth = (np.arange(2 * rows)[:, None] + np.tile(inside, _SAMPLES)[None, :]) * np.pi / rows

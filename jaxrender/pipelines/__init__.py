@@ -9,8 +9,8 @@
     the capture of another program as one of ours, with its config
 ``exporting``
     a result in the files of other programs
-``light_probe`` ``probe_views``
-    light from photographs of a mirror ball
+``light_probe`` ``probe_views`` ``probe_unwrapping``
+    light from photographs of a mirror ball, through a fisheye, or of a panorama
 ``tasks``
     what a run may recover: a module for each task
 ``output`` ``progress`` ``kept``

@@ -1,4 +1,4 @@
-"""Light from photographs of a mirror ball: an environment with its errors, and what was done.
+"""Light from photographs of a mirror ball, through a fisheye, or of a panorama, with its errors.
 
 The folder holds, as latitude-longitude images of the convention ``z-up``:
 
@@ -8,7 +8,7 @@ The folder holds, as latitude-longitude images of the convention ``z-up``:
     its standard deviation; where it was filled, that of the light that was seen; where all
     photographs saturate, as much as the radiance, which is then a lower bound
 ``confidence.exr``
-    the exit cosine of the best view: 0 where nothing was shown
+    the exit cosine of the best view, or the part of a texel that it shows: 0 where nothing was
 
 and ``light.json`` (what was done, slow light and lamps), ``light.png``, and ``response.txt`` where
 the response was recovered.  Where no camera is given the world's +X is to the right in the picture,
@@ -27,49 +27,29 @@ import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.harmonics import LatLongGrid
-from jaxrender.imaging import Circle, Curve
-from jaxrender.io import read_image, write_curve, write_image
+from jaxrender.imaging import Curve
+from jaxrender.io import write_curve, write_image
 from jaxrender.lighting import (
     Ball,
-    BallView,
     Environment,
-    Evidence,
     MergedViews,
-    ball_of_circle,
-    ball_of_mask,
     candidates,
     fill_smoothly,
-    merge_views,
     take,
-    view_of_ball,
 )
 from jaxrender.pipelines.contact_sheet import write_contact_sheet
 from jaxrender.pipelines.lamps import Lamp, lamps_of
 from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
-from jaxrender.pipelines.probe_views import MergedView, Reading, View, merged_views, read_views
+from jaxrender.pipelines.probe_unwrapping import (
+    LEAST_ROWS,
+    SEEN,
+    ProbeOptions,
+    ball_of,
+    unwrapped,
+)
+from jaxrender.pipelines.probe_views import MergedView, merged_views, read_views
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.shapes import Bool, Float
-
-# Light that was seen with less than this exit cosine is filled.
-_SEEN = 0.1
-_LEAST_ROWS = 16
-
-
-class ProbeOptions(NamedTuple):
-    """How a ball becomes an environment.
-
-    ``ball`` is row, column and radius of its circle in pixels, ``mask`` a picture that is white on
-    the ball.  ``camera_angle`` in degrees: what shows the camera itself.  ``sigma``: the roughness
-    at which light is slow.
-    """
-
-    reading: Reading = Reading()
-    mask: Path | None = None
-    ball: tuple[float, float, float] | None = None
-    reflectance: float = 0.65
-    camera_angle: float = 5.0
-    height: int | None = None
-    sigma: float = 0.1
 
 
 class LightProbe(NamedTuple):
@@ -103,19 +83,20 @@ def light_probe(
     with progress.stage("merge"):
         found, curve, said = merged_views(views, options.reading, progress.note)
     with progress.stage("unwrap"):
-        balls = [_ball(view.view, options) for view in found]
-        merged, clipped = _unwrapped(found, balls, options)
+        balls = [ball_of(view.view, options) for view in found]
+        merged, clipped = unwrapped(found, balls, options)
         environment, deviation, filled = _whole(merged)
         lamps, slow = lamps_of(environment, options.sigma)
     about = {
         "convention": "z-up",
         "channels": "linear red, green and blue of the camera",
         "units": "radiance 1 fills the scale of a photograph of exposure 1 that sees it directly",
-        "reflectance": options.reflectance,
+        "seen": options.reading.lens or "ball",
+        "reflectance": None if options.reading.lens else options.reflectance,
         "response": said,
         "views": [_account(one, ball) for one, ball in zip(found, balls)],
         "disagreement_of_views": merged.disagreement if len(found) > 1 else None,
-        "left_out": f"within {options.camera_angle:g} degrees of the camera, and saturated pixels",
+        "left_out": _left_out(options),
         "filled_part": filled,
         "saturated_part": _part(clipped),
         "sigma": options.sigma,
@@ -138,109 +119,27 @@ def light_probe(
     return LightProbe(out, tuple(lines))
 
 
+def _left_out(options: ProbeOptions) -> str:
+    if options.reading.lens is not None:
+        return "what is masked or beyond the field of view, and saturated pixels"
+    return f"within {options.camera_angle:g} degrees of the camera, and saturated pixels"
+
+
 def _check(options: ProbeOptions) -> None:
     for name, value in (("reflectance", options.reflectance), ("sigma", options.sigma)):
         if not 0 < value <= 1:
             raise InputError(f"--{name} is {value:g}: give a number above 0 and up to 1")
     if not 0 <= options.camera_angle < 90:
         raise InputError(f"--camera-angle is {options.camera_angle:g}: give 0 to below 90 degrees")
-    if options.height is not None and options.height < _LEAST_ROWS:
-        raise InputError(f"--height is {options.height}: give {_LEAST_ROWS} rows or more")
+    if options.height is not None and options.height < LEAST_ROWS:
+        raise InputError(f"--height is {options.height}: give {LEAST_ROWS} rows or more")
+    lens = options.reading.lens
+    if lens is not None and (options.ball is not None or options.mask is not None):
+        raise InputError(f"--{lens} shows no ball: leave out --ball and --mask")
+    if not 0 < options.reading.field <= 360:
+        raise InputError(f"--fisheye {options.reading.field:g}: give 1 to 360 degrees")
     if options.ball is not None and options.mask is not None:
         raise InputError("--ball and --mask both say where the ball is: give one of them")
-
-
-def _ball(view: View, options: ProbeOptions) -> Ball:
-    """Find the ball of a view: as stated, by its mask, or by its alpha."""
-    place = str(view.paths[0])
-    try:
-        if options.ball is not None:
-            row, column, radius = options.ball
-            if not radius > 0:
-                raise ValueError(f"--ball: the radius is {radius:g}; give one above 0")
-            return ball_of_circle(Circle(row, column, radius, 0.0, 1.0), view.camera)
-        if options.mask is not None:
-            place = str(options.mask)
-            mask = read_image(options.mask).pixels.mean(axis=-1)
-            return ball_of_mask(mask / max(float(mask.max()), 1e-300), view.camera)
-        if view.mask is not None:
-            return ball_of_mask(view.mask, view.camera)
-        if view.images[0].alpha is not None:
-            return ball_of_mask(view.images[0].alpha, view.camera)
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(f"{place}: {error}") from None
-    raise InputError(
-        f"{place}: where is the ball? give --ball ROW,COLUMN,RADIUS in pixels, --mask PICTURE, or "
-        "mask_path in transforms.json"
-    )
-
-
-class _Unwrapped(NamedTuple):
-    """Merged views, and where all of them saturate: there their radiance is a lower bound."""
-
-    merged: MergedViews
-    clipped: Bool[np.ndarray, "row column"]
-
-
-def _unwrapped(
-    found: Sequence[MergedView], balls: Sequence[Ball], options: ProbeOptions
-) -> _Unwrapped:
-    """Unwrap every view, all to one height, and merge them.
-
-    Saturated pixels are left out.  Where nothing else was seen, they come back as a bound.
-    """
-    lit = [np.asarray(np.isfinite(one.merged.standard_deviation).all(axis=-1)) for one in found]
-    height = options.height or max(map(_rows, found, balls))
-    if height < _LEAST_ROWS:
-        raise InputError(
-            f"{found[0].view.paths[0]}: the ball's radius is {height} pixels: photograph it "
-            f"larger, {_LEAST_ROWS} or more"
-        )
-    merged = merge_views([_view(*each, height, options) for each in zip(found, balls, lit)])
-    clipped = np.zeros(merged.confidence.shape, bool)
-    if all(mask.all() for mask in lit):
-        return _Unwrapped(merged, clipped)
-    whole = merge_views(
-        [_view(one, ball, None, height, options) for one, ball in zip(found, balls)]
-    )
-    clipped = (merged.confidence < _SEEN) & (whole.confidence >= _SEEN)
-    radiance = np.where(clipped[..., None], whole.radiance, merged.radiance)
-    deviation = np.where(clipped[..., None], whole.radiance, merged.deviation)
-    confidence = np.where(clipped, whole.confidence, merged.confidence)
-    return _Unwrapped(MergedViews(radiance, deviation, confidence, merged.disagreement), clipped)
-
-
-def _rows(one: MergedView, ball: Ball) -> int:
-    """The ball's radius in pixels."""
-    camera = one.view.camera
-    right = camera.world_from_camera[:3, 0] * ball.radius
-    edge = camera.project(np.stack([ball.centre, ball.centre + right]))
-    return round(float(np.linalg.norm(edge[1] - edge[0])))
-
-
-def _view(
-    one: MergedView,
-    ball: Ball,
-    usable: Bool[np.ndarray, "photo_row photo_column"] | None,
-    height: int,
-    options: ProbeOptions,
-) -> BallView:
-    deviation = one.merged.standard_deviation
-    deviation = np.where(np.isfinite(deviation), deviation, 0)
-    try:
-        return view_of_ball(
-            one.merged.radiance,
-            one.view.camera,
-            ball,
-            height,
-            Evidence(deviation, usable),
-            reflectance=options.reflectance,
-            camera_angle=math.radians(options.camera_angle),
-        )
-    except ValueError as error:
-        raise InputError(f"{one.view.paths[0]}: {error}") from None
 
 
 class _Whole(NamedTuple):
@@ -252,7 +151,7 @@ class _Whole(NamedTuple):
 
 
 def _whole(merged: MergedViews) -> _Whole:
-    seen = merged.confidence >= _SEEN
+    seen = merged.confidence >= SEEN
     weights = LatLongGrid(*seen.shape).weights()
     radiance = fill_smoothly(merged.radiance, seen)
     mean = np.average(radiance[seen], axis=0, weights=weights[seen])
@@ -267,11 +166,13 @@ def _part(marked: Bool[np.ndarray, "row column"]) -> float:
     return float(weights[marked].sum() / weights.sum())
 
 
-def _account(one: MergedView, ball: Ball) -> dict:
+def _account(one: MergedView, ball: Ball | None) -> dict:
     """What is said of a view: its photographs, and where the ball's outline is."""
     camera = one.view.camera
-    xy = camera.project(np.asarray(ball.centre, float)[None])[0]
-    account = one.account | {"ball": {"row": float(xy[1]), "column": float(xy[0])}}
+    account = dict(one.account)
+    if ball is not None:
+        xy = camera.project(np.asarray(ball.centre, float)[None])[0]
+        account["ball"] = {"row": float(xy[1]), "column": float(xy[0])}
     account["camera_to_world"] = camera.world_from_camera.tolist()
     saturated = ~np.isfinite(one.merged.standard_deviation).all(axis=-1)
     account["saturated_part_of_the_picture"] = float(saturated.mean())
@@ -319,7 +220,7 @@ def _draw(
         "lamps": marked[..., None] + 0.02,
         "confidence": merged.confidence[..., None],
     }
-    write_contact_sheet(path, pictures, "light around the ball: +Z up, azimuth to the right")
+    write_contact_sheet(path, pictures, "the light: +Z up, azimuth to the right")
 
 
 def _stored(path: Path) -> dict:

@@ -1,4 +1,4 @@
-"""Photographs of a chrome ball, gathered by view and merged into radiance.
+"""Photographs of a chrome ball, or of the light itself, gathered by view and merged.
 
 A *view* is one camera in one place, with its photographs at several exposures.  Photographs named
 one by one are one view.  Those of a ``transforms.json`` are gathered by their pose.
@@ -6,14 +6,21 @@ one by one are one view.  Those of a ``transforms.json`` are gathered by their p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Camera, Orthographic, Pinhole
+from jaxrender.geometry import (
+    Camera,
+    EquirectangularLens,
+    FisheyeLens,
+    Orthographic,
+    Pinhole,
+)
 from jaxrender.imaging import (
     Bracket,
     Merged,
@@ -47,7 +54,9 @@ class Reading(NamedTuple):
     ``response``: linear, srgb, recover (or None), or the path of a curve.  ``exposures`` in
     seconds, or None for those of the files; ``exposure`` measured: what the pixels tell replaces
     them.  ``align``: photographs that moved are moved back; else more than ``shift`` pixels are
-    refused.  ``focal`` in pixels, or None for a distant camera.
+    refused.  ``focal`` in pixels, or None for a distant camera.  ``lens``: the photographs show the
+    light itself, through a fisheye whose picture is a circle, or as a panorama of all directions;
+    None: a ball.  ``field`` is the angle of view of a fisheye in degrees.
     """
 
     response: str | None = None
@@ -56,6 +65,8 @@ class Reading(NamedTuple):
     align: bool = False
     shift: float = 0.5
     focal: float | None = None
+    lens: Literal["fisheye", "panorama"] | None = None
+    field: float = 360.0
 
 
 class View(NamedTuple):
@@ -86,7 +97,7 @@ def read_views(photographs: Sequence[Path], reading: Reading) -> list[View]:
                 f"{photographs[0]}: a capture is given alone: it has the cameras and exposures of "
                 "all its photographs; leave out other photographs, --focal and --exposures"
             )
-        return _views_of_capture(photographs[0])
+        return [_through(view, reading) for view in _views_of_capture(photographs[0])]
     images = tuple(read_image(path) for path in photographs)
     sizes = {image.pixels.shape[:2] for image in images}
     if len(sizes) > 1:
@@ -96,10 +107,41 @@ def read_views(photographs: Sequence[Path], reading: Reading) -> list[View]:
         )
     rows, columns = images[0].pixels.shape[:2]
     camera: Camera = Orthographic(columns, rows, POSE, scale=1.0)
-    if reading.focal is not None:
+    if reading.lens is not None:
+        camera = _lens_camera(photographs[0], rows, columns, reading)
+    elif reading.focal is not None:
         camera = Pinhole(columns, rows, POSE, fl_x=reading.focal)
     exposures = _exposures(photographs, images, reading.exposures)
     return [View(tuple(photographs), images, exposures, camera, None)]
+
+
+def _lens_camera(path: Path, rows: int, columns: int, reading: Reading) -> Pinhole:
+    """Make the camera of a photograph of the light itself."""
+    if reading.focal is not None:
+        raise InputError(f"--{reading.lens} has its own focal length: leave out --focal")
+    if reading.lens == "fisheye":
+        length = min(rows, columns) / math.radians(reading.field)
+        return Pinhole(columns, rows, POSE, fl_x=length, lens=FisheyeLens(()))
+    if columns != 2 * rows:
+        raise InputError(
+            f"{path}: the picture is {columns} x {rows} pixels (width x height); a panorama of all "
+            "directions is twice as wide as high"
+        )
+    length = columns / (2 * math.pi)
+    return Pinhole(columns, rows, POSE, fl_x=length, lens=EquirectangularLens())
+
+
+def _through(view: View, reading: Reading) -> View:
+    """Check that the camera of a capture has the lens that is asked for."""
+    lens = view.camera.lens if isinstance(view.camera, Pinhole) else None
+    wanted = {"fisheye": FisheyeLens, "panorama": EquirectangularLens}
+    if reading.lens is not None and not isinstance(lens, wanted[reading.lens]):
+        model = {"fisheye": "OPENCV_FISHEYE", "panorama": "lens: {kind: equirectangular}"}
+        raise InputError(
+            f"{view.paths[0]}: its camera is no {reading.lens}; state it in the capture, such as "
+            f"{model[reading.lens]}"
+        )
+    return view
 
 
 def merged_views(

@@ -225,7 +225,8 @@ EXCEPTIONS = {
     "Sky": "what a sky is: its rows are those of the two skies",
     "light_of": "of a name",
     **dict.fromkeys(
-        ("light_of_ball", "view_of_ball"), "reads a photograph on the host, by SciPy's look-up"
+        ("light_of_ball", "view_of_ball", "view_of_lens"),
+        "reads a photograph on the host, by SciPy's look-up",
     ),
     **dict.fromkeys(("ball_of_circle", "ball_of_mask"), "reads an outline on the host"),
     **dict.fromkeys(("Ball", "BallView", "Evidence", "MergedViews"), "numbers, no function"),
