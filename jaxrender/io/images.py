@@ -1,4 +1,4 @@
-"""Image files to and from arrays of pixel values, through OpenImageIO.
+"""Image files to and from arrays of pixel values, through OpenImageIO; camera RAW through ``raw``.
 
 Contract: row 0 is the top of the picture, channels are red, green, blue, values are those that the
 file stores.  Integer formats are scaled to 0..1 and *not* linearised: what a value means is the
@@ -22,7 +22,8 @@ from jaxtyping import Bool, Float
 
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
-from jaxrender.io.encodings import stated_encoding
+from jaxrender.io.encodings import LINEAR, stated_encoding
+from jaxrender.io.raw import is_raw, read_raw, read_raw_header
 from jaxrender.limits import PIXELS, check_packing
 from jaxrender.shapes import AnyArray
 
@@ -53,9 +54,11 @@ class Image(NamedTuple):
 
     ``metadata`` has ``is_integer`` and ``bit_depth``, and where the file states them
     ``exposure_time`` in seconds and ``radiance_exposure``, the factor by which the writer of a
-    Radiance file multiplied its values (it is not undone).  ``invalid`` can be True only where
-    the caller asked for broken pixels to be masked; such pixels are 0.  ``encoding`` is what the
-    file itself states about its values (``encodings``), None where it states nothing.
+    Radiance file multiplied its values (it is not undone).  Of camera RAW it has ``white_red`` and
+    ``white_blue``, by which the camera would balance white; that is not done.  ``invalid`` can be
+    True only where the caller asked for broken pixels to be masked; such pixels are 0.
+    ``encoding`` is what the file itself states about its values (``encodings``), None where it
+    states nothing.
     """
 
     pixels: Float[np.ndarray, "row column channel"]
@@ -75,6 +78,8 @@ def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR
     """
     if invalid not in INVALID_RULES:
         raise ValueError(f"invalid={invalid!r}: choose one of {', '.join(INVALID_RULES)}")
+    if is_raw(path):
+        return _of_raw(path)
     with _damage(Path(path)):
         file, spec = _open(Path(path))
         values = _values(Path(path), file, spec)
@@ -92,6 +97,9 @@ def read_image(path: str | Path, invalid: str = "refuse", remedy: str = _MEND_OR
 
 def image_size(path: str | Path) -> tuple[int, int]:
     """Read width and height in pixels from a picture's header."""
+    if is_raw(path):
+        header = read_raw_header(path)
+        return header.width, header.height
     with _damage(Path(path)):
         _, spec = _open(Path(path))
     return spec.width, spec.height
@@ -107,6 +115,15 @@ def write_image(path: str | Path, pixels: Float[AnyArray, "row column channel"])
     values = _writable(path, np.asarray(pixels))
     with replacing(path) as aside:
         _write(path, aside, values)
+
+
+def _of_raw(path: str | Path) -> Image:
+    """Read camera RAW, which is linear, has whole numbers, and nothing that is broken."""
+    found = read_raw(path)
+    bits = read_raw_header(path).bits
+    red, _, blue = (float(one) for one in found.camera_white)
+    metadata = {"is_integer": True, "bit_depth": bits, "white_red": red, "white_blue": blue}
+    return Image(found.values, None, metadata, np.zeros(found.values.shape[:2], bool), LINEAR)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from jaxrender.errors import InputError
 from jaxrender.io import Frame
 from jaxrender.io.captures import Contents, PhotoHeader, read_photo_header
 from jaxrender.io.images import image_size
+from jaxrender.io.raw import RawHeader
 
 # Below this many bits a picture is what a camera makes for a screen.
 _LINEAR_BITS = 12
@@ -77,6 +78,24 @@ def _with_exposures(contents: Contents, headers: list[PhotoHeader]) -> Contents:
     return contents._replace(capture=capture, found=(*contents.found, said))
 
 
+def _of_raw(contents: Contents, headers: list[PhotoHeader], raw: RawHeader) -> Contents:
+    """Say how camera RAW is read."""
+    if any(header.raw is None for header in headers):
+        path = next(
+            frame.image_path
+            for frame, header in zip(contents.capture.frames, headers)
+            if header.raw is None
+        )
+        raise InputError(f"{path}: no camera RAW, as others are; import photographs of one kind")
+    red, _, blue = raw.camera_white
+    said = (
+        f"camera RAW: linear, the black level {raw.black_level:g} taken off, white at "
+        f"{raw.white_level:g}; the colours are the camera's own, whose white balance would be "
+        f"{red:.3g}, 1, {blue:.3g}"
+    )
+    return contents._replace(response="linear", curve=None, found=(*contents.found, said))
+
+
 def _with_response(contents: Contents, headers: list[PhotoHeader]) -> Contents:
     """Say how pixels become radiance: what the format says, or what such files usually hold."""
     kinds = {header.is_integer for header in headers}
@@ -90,6 +109,9 @@ def _with_response(contents: Contents, headers: list[PhotoHeader]) -> Contents:
             f"{contents.capture.source}: {names[0]} holds whole numbers and {names[1]} floating "
             "point; import photographs of one kind"
         )
+    raw = next((header.raw for header in headers if header.raw is not None), None)
+    if raw is not None:
+        return _of_raw(contents, headers, raw)
     if kinds == {False}:
         return contents._replace(response=None, curve=None)
     if contents.curve is not None:

@@ -9,9 +9,11 @@ from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from jaxrender.errors import InputError
+from jaxrender.io.raw import RAW_SUFFIXES
 
 # What a path may leave out, in the order of preference: linear formats first.
-IMAGE_SUFFIXES = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".tga", ".tiff", ".tif")
+_PICTURES = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".tga", ".tiff", ".tif")
+IMAGE_SUFFIXES = (*_PICTURES, *RAW_SUFFIXES)
 
 
 class Looking(NamedTuple):

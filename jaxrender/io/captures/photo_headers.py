@@ -6,6 +6,7 @@ from typing import NamedTuple
 import OpenImageIO as oiio
 
 from jaxrender.io.images import image_size
+from jaxrender.io.raw import RawHeader, is_raw, read_raw_header
 
 # The longer side of a film of 35 mm.
 _FILM = 36.0
@@ -15,7 +16,7 @@ class PhotoHeader(NamedTuple):
     """A photograph's size in pixels, and what it says of how it was taken; None where nothing.
 
     ``focal_length`` is in pixels.  ``exposure`` is seconds times ISO / 100 over the f-number
-    squared; what it does not state of these counts as 1.
+    squared; what it does not state of these counts as 1.  ``raw`` is what camera RAW states.
     """
 
     width: int
@@ -24,10 +25,14 @@ class PhotoHeader(NamedTuple):
     bits: int
     focal_length: float | None
     exposure: float | None
+    raw: RawHeader | None = None
 
 
 def read_photo_header(path: Path) -> PhotoHeader:
     """Read a header; raises InputError for what is no picture."""
+    if is_raw(path):
+        raw = read_raw_header(path)
+        return PhotoHeader(raw.width, raw.height, True, raw.bits, None, None, raw)
     width, height = image_size(path)
     file = oiio.ImageInput.open(str(path))
     spec = oiio.ImageSpec() if file is None else file.spec()
