@@ -253,7 +253,8 @@ def light(
     exposure
         measured replaces the ratios of the exposures by what the pixels tell.
     ball
-        Row, column and radius of the ball's outline in pixels, from the top left corner.
+        Row, column and radius of the ball's outline in pixels, from the top left corner.  Without
+        it, and without a mask, the ball is found by its edges.
     mask
         A picture that is white on the ball.
     fisheye

@@ -7,8 +7,9 @@ value may.  ``brackets`` merges photographs of one scene at several exposures, `
 them against one another, ``registration`` finds how far one lies beside another, and
 ``response_recovery`` finds the response from them, by pixels of ``bracket_samples``.  ``white``
 reads grey cards and colour charts, ``calibration_frames`` dark frames and flat fields.
-``saturation`` finds where a sensor clips, ``silhouette`` the circle of a ball, and ``colour`` turns
-spectra into red, green and blue.  Host side, float64.
+``saturation`` finds where a sensor clips, ``silhouette`` the circle of a ball by its
+mask, and ``ball_edges`` by its edges.  ``colour`` turns spectra into red, green and blue.  Host
+side, float64.
 """
 
 from jaxrender.imaging.agreement import (
@@ -18,6 +19,7 @@ from jaxrender.imaging.agreement import (
     measure_exposures,
     measure_shifts,
 )
+from jaxrender.imaging.ball_edges import circle_of_edges
 from jaxrender.imaging.brackets import Bracket, BracketRules, Merged, merge_brackets
 from jaxrender.imaging.calibration_frames import (
     Dark,
@@ -92,6 +94,7 @@ __all__ = [
     "chart_patches",
     "check_shifts",
     "circle_of",
+    "circle_of_edges",
     "clipped_at",
     "colour_matching",
     "dark_of",

@@ -30,7 +30,6 @@ from jaxrender.harmonics import LatLongGrid
 from jaxrender.imaging import Curve
 from jaxrender.io import write_curve, write_image
 from jaxrender.lighting import (
-    Ball,
     Environment,
     MergedViews,
     candidates,
@@ -43,6 +42,7 @@ from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, res
 from jaxrender.pipelines.probe_unwrapping import (
     LEAST_ROWS,
     SEEN,
+    FoundBall,
     ProbeOptions,
     ball_of,
     unwrapped,
@@ -83,7 +83,8 @@ def light_probe(
     with progress.stage("merge"):
         found, curve, said = merged_views(views, options.reading, progress.note)
     with progress.stage("unwrap"):
-        balls = [ball_of(view.view, options) for view in found]
+        located = [ball_of(view.view, options) for view in found]
+        balls = [one.ball for one in located]
         merged, clipped = unwrapped(found, balls, options)
         environment, deviation, filled = _whole(merged)
         lamps, slow = lamps_of(environment, options.sigma)
@@ -94,7 +95,7 @@ def light_probe(
         "seen": options.reading.lens or "ball",
         "reflectance": None if options.reading.lens else options.reflectance,
         "response": said,
-        "views": [_account(one, ball) for one, ball in zip(found, balls)],
+        "views": [_account(*each) for each in zip(found, located)],
         "disagreement_of_views": merged.disagreement if len(found) > 1 else None,
         "left_out": _left_out(options),
         "filled_part": filled,
@@ -166,13 +167,13 @@ def _part(marked: Bool[np.ndarray, "row column"]) -> float:
     return float(weights[marked].sum() / weights.sum())
 
 
-def _account(one: MergedView, ball: Ball | None) -> dict:
+def _account(one: MergedView, located: FoundBall) -> dict:
     """What is said of a view: its photographs, and where the ball's outline is."""
     camera = one.view.camera
-    account = dict(one.account)
+    account, ball = dict(one.account), located.ball
     if ball is not None:
         xy = camera.project(np.asarray(ball.centre, float)[None])[0]
-        account["ball"] = {"row": float(xy[1]), "column": float(xy[0])}
+        account["ball"] = {"row": float(xy[1]), "column": float(xy[0]), "found": located.by}
     account["camera_to_world"] = camera.world_from_camera.tolist()
     saturated = ~np.isfinite(one.merged.standard_deviation).all(axis=-1)
     account["saturated_part_of_the_picture"] = float(saturated.mean())
@@ -181,6 +182,9 @@ def _account(one: MergedView, ball: Ball | None) -> dict:
 
 def _summary(about: dict, said: str, lamps: Sequence[Lamp]) -> list[str]:
     lines = [said]
+    for one in about["views"]:
+        if one.get("ball", {}).get("found", "").startswith("by its edges"):
+            lines.append(f"{one['photographs'][0]}: the ball was found {one['ball']['found']}")
     count = len(about["views"])
     if count > 1:
         share = 100 * about["disagreement_of_views"]

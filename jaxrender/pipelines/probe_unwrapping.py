@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Pinhole
-from jaxrender.imaging import Circle
+from jaxrender.imaging import Circle, circle_of_edges
 from jaxrender.io import read_image
 from jaxrender.lighting import (
     Ball,
@@ -51,33 +51,54 @@ class ProbeOptions(NamedTuple):
     sigma: float = 0.1
 
 
-def ball_of(view: View, options: ProbeOptions) -> Ball | None:
-    """Find the ball of a view: as stated, by its mask, or by its alpha; None of a lens."""
+class FoundBall(NamedTuple):
+    """The ball of a view, None where a lens sees the light itself, and how it was found."""
+
+    ball: Ball | None
+    by: str
+
+
+def ball_of(view: View, options: ProbeOptions) -> FoundBall:
+    """Find the ball of a view: as stated, by a mask, by alpha, or else by its edges."""
     if options.reading.lens is not None:
-        return None
+        return FoundBall(None, "no ball")
     place = str(view.paths[0])
     try:
         if options.ball is not None:
             row, column, radius = options.ball
             if not radius > 0:
                 raise ValueError(f"--ball: the radius is {radius:g}; give one above 0")
-            return ball_of_circle(Circle(row, column, radius, 0.0, 1.0), view.camera)
+            circle = Circle(row, column, radius, 0.0, 1.0)
+            return FoundBall(ball_of_circle(circle, view.camera), "as stated")
         if options.mask is not None:
             place = str(options.mask)
             mask = read_image(options.mask).pixels.mean(axis=-1)
-            return ball_of_mask(mask / max(float(mask.max()), 1e-300), view.camera)
+            mask /= max(float(mask.max()), 1e-300)
+            return FoundBall(ball_of_mask(mask, view.camera), "by the mask")
         if view.mask is not None:
-            return ball_of_mask(view.mask, view.camera)
+            return FoundBall(ball_of_mask(view.mask, view.camera), "by the mask")
         if view.images[0].alpha is not None:
-            return ball_of_mask(view.images[0].alpha, view.camera)
+            return FoundBall(ball_of_mask(view.images[0].alpha, view.camera), "by alpha")
+        return _by_edges(view)
     except InputError:
         raise
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
-    raise InputError(
-        f"{place}: where is the ball? give --ball ROW,COLUMN,RADIUS in pixels, --mask PICTURE, or "
-        "mask_path in transforms.json"
+
+
+def _by_edges(view: View) -> FoundBall:
+    try:
+        circle = circle_of_edges([image.pixels.mean(axis=-1) for image in view.images])
+    except ValueError as error:
+        raise InputError(
+            f"{view.paths[0]}: where is the ball? {error}; give --ball ROW COLUMN RADIUS in "
+            "pixels, --mask PICTURE, or mask_path in transforms.json"
+        ) from None
+    said = (
+        f"by its edges, at row {circle.row:.1f}, column {circle.column:.1f}, with a radius of "
+        f"{circle.radius:.1f} pixels ({100 * circle.support:.0f} % of its outline)"
     )
+    return FoundBall(ball_of_circle(circle, view.camera), said)
 
 
 class Unwrapped(NamedTuple):
@@ -97,10 +118,10 @@ def unwrapped(
     lit = [np.asarray(np.isfinite(one.merged.standard_deviation).all(axis=-1)) for one in found]
     height = options.height or max(map(_rows, found, balls))
     if height < LEAST_ROWS:
-        raise InputError(
-            f"{found[0].view.paths[0]}: the picture gives {height} rows, of a ball its radius in "
-            f"pixels: photograph it larger, for {LEAST_ROWS} or more"
-        )
+        said = f"the ball's radius is {height} pixels: photograph it larger"
+        if options.reading.lens is not None:
+            said = f"its lens resolves {height} rows: photograph it in more pixels"
+        raise InputError(f"{found[0].view.paths[0]}: {said}, {LEAST_ROWS} or more")
     merged = merge_views([_view(*each, height, options) for each in zip(found, balls, lit)])
     clipped = np.zeros(merged.confidence.shape, bool)
     if all(mask.all() for mask in lit):

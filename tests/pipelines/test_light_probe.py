@@ -227,7 +227,6 @@ def test_a_camera_that_moved(one_view, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (ProbeOptions(Reading("srgb")), "where is the ball"),
         (ProbeOptions(Reading("linear"), ball=(59, 62, -1)), "the radius is -1"),
         (ProbeOptions(Reading("linear"), ball=(59, 62, 9)), "radius is 9 pixels"),
         (ProbeOptions(reflectance=0.0), "--reflectance is 0"),
@@ -245,6 +244,18 @@ def test_what_is_missing_is_named(one_view, tmp_path, options, message):
     with pytest.raises(InputError, match=message):
         light_probe(one_view, tmp_path / "probe", options)
     assert not (tmp_path / "probe").exists()
+
+
+def test_the_ball_is_found_by_its_edges(one_view, tmp_path):
+    reading = Reading("srgb", exposures=EXPOSURES)
+    done = light_probe(one_view, tmp_path / "probe", ProbeOptions(reading, height=24))
+    about = json.loads((tmp_path / "probe/light.json").read_text())
+    assert about["views"][0]["ball"]["row"] == pytest.approx(59, abs=0.5)
+    assert about["views"][0]["ball"]["column"] == pytest.approx(62.5, abs=0.5)
+    assert any("the ball was found by its edges, at row " in line for line in done.lines)
+    write_image(tmp_path / "even.exr", np.full((60, 60, 3), 0.4))
+    with pytest.raises(InputError, match=r"where is the ball.* give --ball ROW COLUMN RADIUS"):
+        light_probe([tmp_path / "even.exr"], tmp_path / "none")
 
 
 def test_photographs_that_need_more(one_view, tmp_path):
