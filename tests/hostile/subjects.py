@@ -4,6 +4,7 @@ import json
 import struct
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,7 +49,9 @@ from jaxrender.reflection.shrm import GlobalShrm
 from jaxrender.wavelets import CoefficientTree, haar
 
 sys.path.append(str(Path(__file__).parents[1] / "io"))
+from benchmark_folders import objects_with_lighting, stanford_orb
 from capture_formats import FORMATS as CAPTURES
+from raw_files import even_dng
 
 NAMES = ("one", "two")
 _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f2", "f4", "f8")
@@ -217,6 +220,27 @@ def _foreign(name: str, form: str, read: str, kind: str = "text") -> Subject:
     return Subject(name, kind, make, contents)
 
 
+def _orb(path: Path) -> None:
+    scene = stanford_orb(path.parent.parent.parent, path.parent.name)
+    assert scene == path.parent
+
+
+def _owl(path: Path) -> None:
+    top = path.parent.parent if path.parent.name == "inputs" else path.parent
+    if not (top / "inputs").exists():
+        objects_with_lighting(top, np.eye(3), rotated=False)
+
+
+def _owl_contents(path: Path) -> object:
+    top = path.parent.parent if path.parent.name == "inputs" else path.parent
+    known_by = Recognised("objects-with-lighting", top / "inputs" / "exposure.txt")
+    return read_contents(known_by, Looking(top, require_images=False))
+
+
+def _orb_contents(path: Path) -> object:
+    return read_contents(Recognised("stanford-orb", path), Looking(path.parent))
+
+
 def _lights(path: Path) -> object:
     return read_per_frame_lights(path, NAMES)
 
@@ -258,8 +282,19 @@ _FOREIGN = {
     "metashape cameras": _foreign("cameras.xml", "metashape", "cameras.xml"),
 }
 
+_BENCHMARKS = {
+    "orb": Subject("blender_HDR/ball/transforms_test.json", "text", _orb, _orb_contents),
+    **{
+        f"owl {name.split('/')[-1].split('.')[0]}": Subject(name, "text", _owl, _owl_contents)
+        for name in ("inputs/camera_0001.txt", "inputs/exposure.txt", "world_to_env.txt")
+    },
+}
+_RAW = {"raw": Subject("p.dng", "binary", even_dng, read_image)} if find_spec("rawpy") else {}
+
 SUBJECTS: dict[str, Subject] = {
     **_FOREIGN,
+    **_BENCHMARKS,
+    **_RAW,
     **{one: _image(one) for one in ("exr", "hdr", "pfm", "tif", "png", "jpg", "tga")},
     "panorama": _image("hdr")._replace(read=lambda path: read_environment(path, height=8)),
     "exr tiled": _exr("piz", tiled=True),
