@@ -112,7 +112,7 @@ def fuzz(name: str, first: int, count: int) -> Counter[str]:
             print(f"  {name}, seed {seed}: {answer}", flush=True)
     child.end()
     row = (count, found["read"], found["refused"], found["else"])
-    print(f"{name:14s}" + "".join(f"{number:>10d}" for number in row), flush=True)
+    print(f"{name:22s}" + "".join(f"{number:>10d}" for number in row), flush=True)
     return found
 
 
@@ -131,7 +131,7 @@ def main() -> int:
     unknown = [name for name in options.formats if name not in SUBJECTS]
     if unknown:
         parser.error(f"unknown format {unknown[0]!r}; known are {', '.join(SUBJECTS)}")
-    print(f"{'format':14s}{'tried':>10s}{'read':>10s}{'refused':>10s}{'else':>10s}", flush=True)
+    print(f"{'format':22s}{'tried':>10s}{'read':>10s}{'refused':>10s}{'else':>10s}", flush=True)
     names = options.formats or list(SUBJECTS)
     rows = [fuzz(name, options.first, options.count) for name in names]
     return int(any(row["else"] for row in rows))

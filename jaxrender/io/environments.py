@@ -9,7 +9,7 @@ from jaxrender.errors import InputError
 from jaxrender.io.images import MEND, read_image, write_image
 from jaxrender.lighting.environment import Environment
 from jaxrender.lighting.layouts import panorama_named
-from jaxrender.lighting.panoramas import to_latlong, to_own_latlong
+from jaxrender.lighting.panoramas import from_polar_rows, to_latlong, to_own_latlong
 
 AXES = ("world", "probe")
 
@@ -23,6 +23,7 @@ def read_environment(
     *,
     yaw: float | int = 0.0,
     mirrored: bool = False,
+    at_poles: bool = False,
 ) -> Environment:
     """Read a panorama as the world's light, its radiance multiplied by ``scale``.
 
@@ -30,8 +31,9 @@ def read_environment(
     default about the file's own resolution.  With ``axes="probe"`` the panorama's own axes stand in
     the place of the world's, for tools that speak of a probe alone.  A picture that is ``mirrored``
     is read from right to left; ``yaw`` then turns the light about the panorama's up, in degrees,
-    counter-clockwise seen from above.  Raises InputError for a file
-    that cannot be read or has the wrong aspect, ValueError for an unknown convention, unknown axes
+    counter-clockwise seen from above.  ``at_poles``: its first and last
+    rows lie at the poles, as those of Mitsuba do.  Raises InputError for a file that cannot be read
+    or has the wrong aspect, ValueError for an unknown convention, unknown axes
     or a scale that is not positive.
     """
     panorama_named(convention)
@@ -48,6 +50,7 @@ def read_environment(
         )
     try:
         pixels = image.pixels[:, ::-1] if mirrored else image.pixels
+        pixels = from_polar_rows(pixels) if at_poles else pixels
         if axes == "probe":
             return Environment(scale * to_own_latlong(pixels, convention, height))
         return Environment(scale * to_latlong(pixels, convention, height, yaw))

@@ -55,6 +55,31 @@ def to_own_latlong(
 
 
 @checked
+def from_polar_rows(image: ImageArray) -> Float[np.ndarray, "latlong_row latlong_column channel"]:
+    """Read a latitude-longitude image whose first and last rows lie at the poles, as Mitsuba does.
+
+    Rows are interpolated linearly at the middles of ours, half as many as there are columns,
+    rounded down; columns have their middles where ours do.  Raises ValueError for fewer than two
+    rows or columns.
+    """
+    pixels = np.asarray(image, np.float64)
+    height, width = pixels.shape[:2]
+    if height < 2 or width < 2:
+        raise ValueError(f"the panorama is {width} x {height}: give two rows and columns or more")
+    rows = width // 2
+    down = (np.arange(rows) + 0.5) / rows * (height - 1)
+    upper = np.minimum(down.astype(int), height - 2)
+    far = (down - upper)[:, None, None]
+    found = (1 - far) * pixels[upper] + far * pixels[upper + 1]
+    if width == 2 * rows:
+        return found
+    across = (np.arange(2 * rows) + 0.5) / (2 * rows) * width - 0.5
+    left = np.floor(across).astype(int)
+    far = (across - left)[None, :, None]
+    return (1 - far) * found[:, left % width] + far * found[:, (left + 1) % width]
+
+
+@checked
 def turned_latlong(
     image: ImageArray, rotation: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "latlong_row latlong_column channel"]:

@@ -159,7 +159,7 @@ def _write(folder: Path, name: str, contents: Contents, options: ImportOptions, 
     if light.per_frame is not None:
         _write_lights(folder / _LIGHTS, contents)
     panorama = light.environment
-    if panorama is not None and (options.copy or panorama.turn is not None):
+    if panorama is not None and (options.copy or _is_other(panorama)):
         panorama = _written(folder, panorama, _PANORAMA)
     if light.environments is not None:
         own = (
@@ -237,10 +237,15 @@ def _write_lights(path: Path, contents: Contents) -> None:
     path.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
 
 
+def _is_other(panorama: StatedEnvironment) -> bool:
+    """Whether a panorama is laid out as no config can say."""
+    return panorama.turn is not None or panorama.at_poles
+
+
 def _written(folder: Path, panorama: StatedEnvironment, name: str) -> StatedEnvironment:
     """Copy a panorama, turned as the world has it."""
     (folder / name).parent.mkdir(exist_ok=True)
-    if panorama.turn is None:
+    if not _is_other(panorama):
         own = Path(name).with_suffix(panorama.path.suffix)
         shutil.copyfile(panorama.path, folder / own)
         return panorama._replace(path=own)
@@ -251,6 +256,9 @@ def _written(folder: Path, panorama: StatedEnvironment, name: str) -> StatedEnvi
         panorama.scale,
         yaw=panorama.yaw,
         mirrored=panorama.mirrored,
+        at_poles=panorama.at_poles,
     )
-    write_environment(folder / name, environment.turned(panorama.turn))
+    if panorama.turn is not None:
+        environment = environment.turned(panorama.turn)
+    write_environment(folder / name, environment)
     return StatedEnvironment(Path(name), "z-up")

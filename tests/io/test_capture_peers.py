@@ -1,7 +1,8 @@
 """Readers against the programs whose formats they read, where these are installed.
 
 - A model that COLMAP itself writes, as text and binary: projections agree with its own.
-- A scene that Mitsuba itself loads: rays of its sensors, and its environment from all sides.
+- A scene that Mitsuba itself loads: rays of its sensors, and its environment from all sides,
+  texel by texel at the poles, too.
 - A calibration that OpenCV itself writes: projections agree with ``projectPoints``.
 """
 
@@ -10,8 +11,9 @@ import pytest
 from capture_formats import HEIGHT, WIDTH, name, pictures, poses, world_to_camera
 from test_capture_formats import contents_of
 
-from jaxrender.io import read_environment, write_environment
+from jaxrender.io import read_environment, write_environment, write_image
 from jaxrender.lighting import Environment
+from jaxrender.lighting.panoramas import from_polar_rows
 
 POINTS = np.random.default_rng(3).uniform(-0.4, 0.4, (20, 3))
 FISHEYE = [30.0, 32.0, 11.5, 9.25, -0.03, 0.004, -0.001, 1e-4]
@@ -117,7 +119,8 @@ def test_an_environment_of_mitsuba(tmp_path):
         "</transform></emitter></scene>"
     )
     panorama = contents_of(tmp_path).light.environment
-    world = read_environment(panorama.path, panorama.convention, panorama.scale)
+    assert panorama.at_poles
+    world = read_environment(panorama.path, panorama.convention, panorama.scale, at_poles=True)
     world = world.turned(panorama.turn)
     scene = mi.load_file(str(tmp_path / "scene.xml"))
     directions = rng.normal(size=(12, 3))
@@ -130,6 +133,26 @@ def test_an_environment_of_mitsuba(tmp_path):
     nearest = np.argmax(directions @ nodes.T, axis=1)
     ours = np.asarray(world.radiance).reshape(-1, 3)[nearest]
     np.testing.assert_allclose(ours, theirs, rtol=0.06)
+
+
+@pytest.mark.parametrize("size", [(8, 16), (9, 16), (6, 15)])
+def test_rows_of_mitsuba_begin_and_end_at_the_poles(tmp_path, size):
+    """What it evaluates at the middles of our texels is what we read, texel by texel."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("scalar_rgb")
+    image = np.random.default_rng(1).uniform(0.1, 1, (*size, 3))
+    write_image(tmp_path / "rough.exr", image)
+    emitter = mi.load_dict({"type": "envmap", "filename": str(tmp_path / "rough.exr")})
+    ours = from_polar_rows(image)
+    rows, columns = ours.shape[:2]
+    assert (rows, columns) == (size[1] // 2, size[1] // 2 * 2)
+    for row, column in ((0, 0), (0, 5), (3, 13), (rows - 1, 2), (rows - 2, columns - 1)):
+        polar, azimuth = (row + 0.5) * np.pi / rows, (column + 0.5) * 2 * np.pi / columns
+        x, z = np.sin(polar) * np.sin(azimuth), -np.sin(polar) * np.cos(azimuth)
+        surface = mi.SurfaceInteraction3f()
+        surface.wi = mi.Vector3f(-x, -np.cos(polar), -z)
+        theirs = np.ravel(np.asarray(emitter.eval(surface)))
+        np.testing.assert_allclose(ours[row, column], theirs, rtol=2e-3)
 
 
 def test_calibrations_that_opencv_writes(tmp_path):

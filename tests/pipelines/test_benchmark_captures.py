@@ -111,6 +111,7 @@ def test_objects_with_lighting(tmp_path, rotated):
 
 MISTAKES = {
     "numbers": ("camera_0001.txt", "1 2 3", r"camera_0001\.txt: wanted 24 finite numbers"),
+    "large": ("camera_0001.txt", "1e300 " * 24, r"24 finite numbers, none above 1e\+12"),
     "rotation": ("camera_0001.txt", "1 " * 24, r"camera_0001\.txt: .* (skew|no rotation)"),
     "exposure": ("exposure.txt", "nan", r"exposure\.txt: wanted 1 finite"),
     "stops": ("exposure.txt", "1000", r"an exposure of 1000 stops"),

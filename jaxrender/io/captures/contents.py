@@ -28,7 +28,8 @@ class StatedEnvironment(NamedTuple):
     """A panorama, its convention, and the factor from its values to radiance.
 
     ``turn`` takes directions of the panorama's world to those of the capture; None where they are
-    the same.  One that is ``mirrored`` is read from right to left, and then turned by the ``yaw``.
+    the same.  ``at_poles``: its first and last rows lie at the poles.  One that is ``mirrored`` is
+    read from right to left, and then turned by the ``yaw``.
     """
 
     path: Path
@@ -37,6 +38,7 @@ class StatedEnvironment(NamedTuple):
     turn: Float[np.ndarray, "3 3"] | None = None
     mirrored: bool = False
     yaw: float = 0.0
+    at_poles: bool = False
 
 
 class StatedLight(NamedTuple):

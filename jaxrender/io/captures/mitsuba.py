@@ -172,9 +172,8 @@ def _panorama(emitter: Plugin, looking: Looking) -> StatedEnvironment:
     if scale <= 0:
         raise InputError(f"{emitter.place}: `scale` is {scale:g}; it must be positive")
     turn = matrix[:3, :3] / similarity(emitter.place, matrix)
-    return StatedEnvironment(
-        path, "y-up", scale, None if np.allclose(turn, np.eye(3), atol=1e-9) else turn
-    )
+    turned = None if np.allclose(turn, np.eye(3), atol=1e-9) else turn
+    return StatedEnvironment(path, "y-up", scale, turned, at_poles=True)
 
 
 def _source(emitter: Plugin) -> StatedSource:

@@ -29,6 +29,7 @@ _EXPOSURE, _WHOLE, _ROTATED, _MATRIX = (
     "exposure.txt", "env.hdr", "env_512_rotated.hdr", "world_to_env.txt",
 )  # fmt: skip
 _GAMMA = 2.2
+_LARGEST = 1e12
 # Exposures beyond this many stops are damage.
 _MOST_STOPS = 64
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -131,7 +132,8 @@ def _numbers(path: Path, counts: tuple[int, ...]) -> Float[np.ndarray, "number"]
         numbers = np.array([float(word) for word in read_text(path).split()])
     except ValueError:
         numbers = np.zeros(0)
-    if numbers.size not in counts or not np.isfinite(numbers).all():
+    # What is larger has no square in floating point.
+    if numbers.size not in counts or not (np.abs(numbers) < _LARGEST).all():
         wanted = " or ".join(map(str, counts))
-        raise InputError(f"{path}: wanted {wanted} finite numbers")
+        raise InputError(f"{path}: wanted {wanted} finite numbers, none above {_LARGEST:g}")
     return numbers
