@@ -3,6 +3,7 @@
 - Axes, mirror, unit, turn and the light's layout are named; ``--fix`` writes them, keeps comments,
   and a check of the mended capture finds nothing wrong; a fit of it then sees the object.
 - A file that cannot be mended stays as it was.
+- A photograph of another exposure is wrong; gloss, which is brighter from some sides, is none.
 - Meshes with holes or of two parts are said; so is a shape that no silhouette fits.
 """
 
@@ -10,15 +11,19 @@ import json
 
 import numpy as np
 import pytest
+import small_captures
 from scipy.ndimage import gaussian_filter
 from small_captures import Ball, edit_json, jaxrender, write_ball, write_json
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Pinhole, Placement, look_at, observe, sculpture
+from jaxrender.inverse.conventions import Framing
 from jaxrender.io import read_image, read_mesh, write_image, write_mesh
-from jaxrender.pipelines.check.check import check, config_path
+from jaxrender.pipelines.check.check import _remarks_on, _wrong_with, check, config_path
+from jaxrender.pipelines.check.conventions import RawCapture
 from jaxrender.pipelines.check.mend import changed_text, write_changes
 from jaxrender.pipelines.check.mesh import about_mesh
+from jaxrender.pipelines.check.photographs import judged
 from jaxrender.pipelines.config import load_run_config
 
 CONFIG = """\
@@ -184,11 +189,36 @@ def test_photographs_are_judged(tmp_path, unforeseen):
     assert found.photographs[0].saturated == 0
     assert three.sharpness < 0.7 * found.photographs[0].sharpness
     assert four.black > 0.3
-    assert any("1: 1." in said and "solve.free_exposure" in said for said in found.wrong)
+    # Beside so many spoilt ones it may be gloss as well.
+    said_of_one = [said for said in (*found.wrong, *found.remarks) if said.startswith("1: 1.")]
+    assert any("solve.free_exposure" in said for said in said_of_one)
     assert two.clipped_at == pytest.approx(0.1)
     assert one.clipped_at is None
     assert any("2: " in said and "values pile up at 0.1; " in said for said in found.remarks)
     assert any("4: " in said and "black level" in said for said in found.remarks)
+
+
+def glossy_ball(folder, gain=1.0, count=5):
+    """Five small views of a broad highlight under one lamp; one of them brighter by a factor."""
+    lamp = [[((1.0, 0.0, 0.5), (2.0, 2.0, 2.0))]] * count
+    write_ball(folder, Ball(views=count, size=32, lights=tuple(lamp), gains=(1, gain, 1, 1, 1)))
+    return load_run_config(folder / "config.yaml")
+
+
+@pytest.mark.parametrize(
+    ("ks", "sigma", "gain"), [(0.3, 0.4, 1), (0.12, 0.25, 1), (0.02, 0.25, 1.6)]
+)
+def test_gloss_is_told_from_another_exposure(tmp_path, monkeypatch, ks, sigma, gain):
+    monkeypatch.setattr(small_captures, "KS", ks)
+    monkeypatch.setattr(small_captures, "SIGMA", sigma)
+    config = glossy_ball(tmp_path / "a", gain)
+    raw = RawCapture.of(config, 0)
+    found = judged(raw, Framing("opengl", False), small_captures.UNIT_BALL, one_light=True)
+    wrong = [said for one in found for said in _wrong_with(one)]
+    assert max(one.exposure for one in found if one.exposure is not None) > 1.3
+    assert [said.split(":")[0] for said in wrong] == (["1"] if gain > 1 else [])
+    if not wrong:
+        assert any("by its gloss" in said for one in found for said in _remarks_on(one))
 
 
 @pytest.mark.slow

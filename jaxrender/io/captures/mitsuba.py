@@ -136,7 +136,10 @@ def _with_shape(contents: Contents, scene: Plugin, looking: Looking) -> Contents
         return contents._replace(assumed=(*contents.assumed, said))
     center = np.array(shape.numbers("center", (3,)) if shape.has("center") else np.zeros(3))
     radius = shape.number("radius", 1.0) * similarity(shape.place, matrix)
-    center = matrix[:3, :3] @ center + matrix[:3, 3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        center = matrix[:3, :3] @ center + matrix[:3, 3]
+    if not np.isfinite([*center, radius]).all():
+        raise InputError(f"{shape.place}: the sphere is not in a finite place; mend its numbers")
     return contents._replace(sphere=StatedSphere(tuple(map(float, center)), radius))
 
 

@@ -1,5 +1,6 @@
 """Goes through a capture: how it is meant, what is wrong with it, what it can tell."""
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +27,9 @@ CONFIG, PAGE = "capture.yaml", "check.html"
 # A silhouette that overlaps less is wrong, as is an exposure that is off by more than this factor.
 # From the lesser factor on it is worth a remark: gloss, too, is brighter from some sides.
 _LEAST_OVERLAP, _EXPOSURE, _PERHAPS_EXPOSURE = 0.7, 1.3, 1.15
+# It is sure beyond so many deviations of the ratios of a pair.  Where they spread by more than the
+# latter, gloss may make any factor.
+_SURE, _GLOSSY = 3.0, 0.15
 # More clipped values, less sharpness than that of other photographs, or a darkest hundredth of
 # more than this part of the object's mean, are worth a remark.
 _CLIPPED, _BLURRED, _HAZE = 0.02, 0.3, 0.2
@@ -135,12 +139,20 @@ def _wrong_with(one: Judged) -> list[str]:
     found = []
     if one.overlap is not None and one.overlap < _LEAST_OVERLAP:
         found.append(f"{one.name}: the silhouette overlaps the shape by {one.overlap:.2f} only")
-    if one.exposure is not None and _off(one.exposure) > _EXPOSURE:
+    if _has_other_exposure(one):
         found.append(
             f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points; "
             "give its exposure, or solve.free_exposure: true"
         )
     return found
+
+
+def _has_other_exposure(one: Judged) -> bool:
+    """Whether a photograph is off by more than its gloss can be."""
+    if one.exposure is None or one.exposure_error is None:
+        return False
+    least = max(math.log(_EXPOSURE), _SURE * one.exposure_error)
+    return one.exposure_error < _GLOSSY and abs(math.log(one.exposure)) > least
 
 
 def _off(factor: float) -> float:
@@ -150,7 +162,8 @@ def _off(factor: float) -> float:
 
 def _remarks_on(one: Judged) -> list[str]:
     found = []
-    if one.exposure is not None and _EXPOSURE >= _off(one.exposure) > _PERHAPS_EXPOSURE:
+    doubtful = one.exposure is not None and not _has_other_exposure(one)
+    if one.exposure is not None and doubtful and _off(one.exposure) > _PERHAPS_EXPOSURE:
         found.append(
             f"{one.name}: {one.exposure:.2f} times as bright as the others at the same points: by "
             "its gloss, or by its exposure (solve.free_exposure: true finds that)"

@@ -16,6 +16,9 @@ from jaxrender.shapes import Bool, Float
 _POINTS, _SAME_POINT = 300, 0.01
 # Fewer points in common say nothing of two exposures.
 _FEWEST = 20
+# Ratios of a pair spread by this much, at least, by where pixels lie; of a Gaussian, the median
+# absolute deviation is this part of the standard deviation.
+_LEAST_SPREAD, _MEDIAN_ABSOLUTE = 0.03, 0.6745
 
 
 class Judged(NamedTuple):
@@ -26,7 +29,8 @@ class Judged(NamedTuple):
     hundredth of the picture relative to the object's mean, ``sharpness`` the energy of its
     gradients relative to the median
     photograph.  ``exposure`` is by how much it is brighter than the others at the same points of
-    the surface; None where nothing is known of that.
+    the surface, and ``exposure_error`` how far its logarithm may be off by gloss; None where
+    nothing is known of that.
     """
 
     photograph: Photograph
@@ -37,6 +41,7 @@ class Judged(NamedTuple):
     black: float
     sharpness: float
     exposure: float | None
+    exposure_error: float | None
 
     @property
     def name(self) -> str:
@@ -69,7 +74,8 @@ def judged(
                 *_saturated(object_pixels[photograph.view.hit], photograph.saturation),
                 _black(pixels, object_pixels[photograph.view.hit]),
                 float(energy) / middle,
-                gain,
+                None if gain is None else gain.factor,
+                None if gain is None else gain.error,
             )
         )
     return tuple(found)
@@ -109,13 +115,23 @@ def _sharpness(photograph: Photograph) -> float:
     return float(np.sum(down[inside] ** 2 + across[inside] ** 2)) / power if power > 0 else 0.0
 
 
-def _exposures(photographs: list[Photograph], shape: Shape) -> list[float | None]:
+class _Gain(NamedTuple):
+    """By how much a photograph is brighter, and how far the logarithm may be off by its gloss."""
+
+    factor: float
+    error: float
+
+
+def _exposures(photographs: list[Photograph], shape: Shape) -> list[_Gain | None]:
     """Compare what photographs show at the same points, and solve for a gain of each.
 
-    Highlights move over the surface, so that the median of the ratios is taken.
+    Highlights move over the surface, so that the median of the ratios is taken.  Another exposure
+    multiplies all points alike; gloss does not, so that the spread of the ratios of a pair says how
+    much of them gloss may be.
     """
     count, near = len(photographs), _SAME_POINT * shape.diagonal()
-    rows, right, told = [], [], np.zeros(count, bool)
+    rows, right, spreads = [], [], []
+    of_photograph: list[list[float]] = [[] for _ in photographs]
     for i, one in enumerate(photographs):
         points, values = _points_of(one)
         for j, other in enumerate(photographs):
@@ -124,18 +140,32 @@ def _exposures(photographs: list[Photograph], shape: Shape) -> list[float | None
                 row = np.zeros(count)
                 row[j], row[i] = 1, -1
                 rows.append(row)
-                right.append(ratio)
-                told[[i, j]] = True
+                right.append(ratio.middle)
+                spreads.append(ratio.spread)
+                of_photograph[i].append(ratio.spread)
+                of_photograph[j].append(ratio.spread)
+    told = np.array([bool(own) for own in of_photograph])
     if not rows:
         return [None] * count
-    logs = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
+    weights = 1 / np.maximum(spreads, _LEAST_SPREAD)
+    logs = np.linalg.lstsq(np.array(rows) * weights[:, None], right * weights, rcond=None)[0]
     logs = logs - np.median(logs[told])
-    return [float(np.exp(log)) if known else None for log, known in zip(logs, told)]
+    return [
+        _Gain(float(np.exp(log)), float(np.min(own))) if own else None
+        for log, own in zip(logs, of_photograph)
+    ]
 
 
 class _Points(NamedTuple):
     points: Float[np.ndarray, "point 3"]
     values: Float[np.ndarray, "point"]
+
+
+class _Ratio(NamedTuple):
+    """The logarithm by which one photograph is brighter than another at the same points."""
+
+    middle: float
+    spread: float
 
 
 def _points_of(photograph: Photograph) -> _Points:
@@ -150,7 +180,7 @@ def _ratio(
     values: Float[np.ndarray, "point"],
     other: Photograph,
     near: float,
-) -> float | None:
+) -> _Ratio | None:
     places = other.frame.camera.project(points)
     shape = np.array(other.view.hit.shape)
     cell = np.floor(np.where(np.isfinite(places), places, -1)).astype(int)[:, ::-1]
@@ -162,4 +192,6 @@ def _ratio(
     both &= seen > 0
     if np.count_nonzero(both) < _FEWEST:
         return None
-    return float(np.median(np.log(seen[both] / values[inside][both])))
+    logs = np.log(seen[both] / values[inside][both])
+    middle = float(np.median(logs))
+    return _Ratio(middle, float(np.median(np.abs(logs - middle))) / _MEDIAN_ABSOLUTE)
