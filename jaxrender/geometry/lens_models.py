@@ -45,15 +45,17 @@ class LensModel(NamedTuple):
         """How many numbers come before those of the lens."""
         return self.parameters.index("cy") + 1 if "cy" in self.parameters else len(self.parameters)
 
-    def pinhole(self, numbers: Sequence[float]) -> dict[str, float | None]:
-        """Name the focal lengths and the principal point of so many numbers, in pixels."""
+    def pinhole(self, numbers: Sequence[float]) -> dict[str, float]:
+        """Name the focal lengths (the second where it is another) and the principal point."""
         named = dict(zip(self.parameters, numbers))
         if "w" in named:
             width, height = named["w"], named["h"]
             lengths = {"fl_x": width / (2 * math.pi), "fl_y": height / math.pi}
             return lengths | {"cx": width / 2, "cy": height / 2}
-        lengths = {"fl_x": named.get("fx", named.get("f", 0.0)), "fl_y": named.get("fy")}
-        return lengths | {"cx": named["cx"], "cy": named["cy"]}
+        centre = {"cx": named["cx"], "cy": named["cy"]}
+        if "f" in named:
+            return {"fl_x": named["f"]} | centre
+        return {"fl_x": named["fx"], "fl_y": named["fy"]} | centre
 
 
 def perspective(*distortions: Distortion) -> Lens | None:

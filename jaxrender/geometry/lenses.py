@@ -140,17 +140,13 @@ class EnhancedUnifiedLens(Lens):
 
     alpha: float
     beta: float
+    distortions: tuple[Distortion, ...] = eqx.field(default=(), init=False)
 
     def __check_init__(self):
         if not 0 <= self.alpha <= 1:
             raise ValueError(f"alpha is {self.alpha}: give a number from 0 to 1")
         if not (math.isfinite(self.beta) and self.beta > 0):
             raise ValueError(f"beta is {self.beta}: give a finite number above 0")
-
-    @property
-    def distortions(self) -> tuple[Distortion, ...]:
-        """None: the formula has all of it."""
-        return ()
 
     def _ideal(self, directions: np.ndarray) -> np.ndarray:
         return directions[..., :2] / self._divisor(directions)[0][..., None]
@@ -183,10 +179,7 @@ class EnhancedUnifiedLens(Lens):
 class EquirectangularLens(Lens):
     """A panorama of all directions: longitude (0 ahead, to the right) and latitude (down)."""
 
-    @property
-    def distortions(self) -> tuple[Distortion, ...]:
-        """None."""
-        return ()
+    distortions: tuple[Distortion, ...] = eqx.field(default=(), init=False)
 
     def _ideal(self, directions: np.ndarray) -> np.ndarray:
         x, y, z = np.moveaxis(directions, -1, 0)

@@ -90,7 +90,12 @@ def _shrunk(picture: np.ndarray, step: int) -> np.ndarray:
 
 def _edges(picture: np.ndarray) -> _Edges:
     """Find where the gradient is a maximum across the edge, and among the largest."""
-    down, across = (ndimage.gaussian_filter(picture, _BLUR, order=o) for o in ((1, 0), (0, 1)))
+    down, across = (
+        ndimage.gaussian_filter1d(
+            ndimage.gaussian_filter1d(picture, _BLUR, axis=1 - axis), _BLUR, axis=axis, order=1
+        )
+        for axis in (0, 1)
+    )
     size = np.hypot(down, across)
     unit = np.stack([down, across]) / np.maximum(size, 1e-300)
     places = np.indices(picture.shape, float)

@@ -23,7 +23,7 @@ def test_camera_models_of_colmap(name):
     pycolmap = pytest.importorskip("pycolmap")
     theirs = pycolmap.Camera(model=name, width=64, height=48, params=parameters(name))
     named = LENS_MODELS[name].pinhole(parameters(name))
-    focal = np.array([named["fl_x"], named["fl_y"] or named["fl_x"]])
+    focal = np.array([named["fl_x"], named.get("fl_y", named["fl_x"])])
     centre = np.array([named["cx"], named["cy"]])
     lens, along = LENS_MODELS[name].lens(NUMBERS[name]), directions(4)
     pixels = theirs.img_from_cam(along)

@@ -43,6 +43,15 @@ def test_a_ball_before_stripes(seed):
     assert found.support > 0.6
 
 
+def test_the_outline_is_the_largest_circle():
+    """What stands around is a sharper circle in the ball's middle."""
+    rows, columns = np.indices((260, 340)) + 0.5
+    distance = np.hypot(rows - ROW, columns - COLUMN)
+    inner = 2.0 * np.clip(0.55 * RADIUS - distance + 0.5, 0, 1)
+    found = circle_of_edges([photograph(1) + inner])
+    assert found.radius == pytest.approx(RADIUS, abs=0.5)
+
+
 def test_no_ball_is_refused():
     for seed in range(3):
         with pytest.raises(ValueError, match=r"edges"):

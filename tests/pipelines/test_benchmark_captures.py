@@ -4,20 +4,28 @@
   put, for each photograph in the axes of its own camera, or in those of a panorama that is turned.
 - The tone curve of Objects With Lighting is undone.
 - Photographs of the training, which have no panorama, are a capture without light.
+- A fit finds the true paint, and what one of a plain capture finds (slow).
 - Damage is named.
 """
 
+import json
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from small_captures import jaxrender, read_result
 
+import jaxrender as jr
+from jaxrender.brdf import Lambertian
 from jaxrender.errors import InputError
+from jaxrender.geometry import Sphere
+from jaxrender.harmonics import LatLongGrid
 from jaxrender.inverse.photographs import read_photographs
 from jaxrender.io import read_mask
 from jaxrender.io.captures import Looking, StatedSphere, read_contents, recognise
+from jaxrender.lighting import Environment
 from jaxrender.pipelines.captures import captures_of
 from jaxrender.pipelines.config import load_run_config
 from jaxrender.pipelines.importing import ImportOptions, import_capture
@@ -32,7 +40,7 @@ from benchmark_folders import (
     shine,
     stanford_orb,
 )
-from capture_formats import Written, cameras
+from capture_formats import Written, cameras, poses
 
 BALL = StatedSphere((0.0, 0.0, 0.0), 1.0)
 WANTED = cameras(Written(stanford_orb, lens=False))
@@ -126,3 +134,42 @@ def test_mistakes_are_named(tmp_path, mistake):
     (folder / "inputs" / name).write_text(text)
     with pytest.raises(InputError, match=message):
         read_contents(recognise(folder), Looking(folder))
+
+
+@pytest.mark.slow
+def test_a_fit_of_stanford_orb_finds_what_a_plain_capture_does(tmp_path):
+    """A ball in the exact integral: the true paint, and the same values by either way to 1e-9."""
+    paint, ball = Lambertian(np.array([0.2, 0.1, 0.05])), Sphere(np.zeros(3), 1.0)
+    light = Environment(shine(LatLongGrid(64, 128).directions()))
+    pictures = [np.asarray(jr.render(paint, light, ball, camera), float) for camera in WANTED]
+    folder = stanford_orb(tmp_path / "data", pictures=pictures)
+    for path in folder.rglob("*_mask/*.png"):
+        path.unlink()
+    found = {}
+    for name, place in (("theirs", folder), ("plain", None)):
+        out = tmp_path / name
+        if place is None:
+            plain_capture(tmp_path / "theirs", out)
+        else:
+            import_capture(place, out, ImportOptions(sphere=BALL))
+        path = out / "capture.yaml"
+        text = path.read_text().replace("{model: ggx}", "{model: lambertian}")
+        path.write_text(text.replace("output: runs", f"output: {out}/runs"))
+        options = ("samples.count=300", "samples.min_cosine=0.1")
+        assert jaxrender("fit", path, *options) == 0
+        found[name] = read_result(next((out / "runs").iterdir()))["brdf"]["kd"]
+    np.testing.assert_allclose(found["theirs"], paint.kd, rtol=0.01)
+    np.testing.assert_allclose(found["theirs"], found["plain"], rtol=1e-9)
+
+
+def plain_capture(imported_folder, out):
+    """The photographs and panoramas of an import, with cameras written anew by hand."""
+    out.mkdir()
+    text = (imported_folder / "capture.yaml").read_text()
+    for i in (0, 1):
+        cameras_of = imported_folder / f"transforms_{i:04d}.json"
+        (frame,) = json.loads(cameras_of.read_text())["frames"]
+        frame["transform_matrix"] = poses()[i].tolist()
+        (out / cameras_of.name).write_text(json.dumps({"frames": [frame]}))
+    text = text.replace('path: "environments', f'path: "{imported_folder}/environments')
+    (out / "capture.yaml").write_text(text.replace(f"{imported_folder}/runs", "runs"))

@@ -132,13 +132,16 @@ def _frame(
 
 def _pinhole(image: _Image, camera: _Camera) -> Pinhole:
     model = LENS_MODELS[camera.model]
-    pose = _world_from_camera(image)
+    named, pose = model.pinhole(camera.numbers), _world_from_camera(image)
     try:
         return Pinhole(
             camera.width,
             camera.height,
             pose,
-            **model.pinhole(camera.numbers),
+            fl_x=named["fl_x"],
+            fl_y=named.get("fl_y"),
+            cx=named["cx"],
+            cy=named["cy"],
             lens=model.lens(camera.numbers[model.intrinsics :]),
         )
     except ValueError as error:

@@ -184,7 +184,8 @@ def _source(emitter: Plugin) -> StatedSource:
     along = emitter.transform()[:3, 2]
     if emitter.has("direction"):
         along = np.array(emitter.numbers("direction", (3,)))
-    length = float(np.linalg.norm(along))
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = float(np.linalg.norm(along))
     if not 1e-9 < length < 1e9:
         raise InputError(f"{emitter.place}: `direction` is {along.tolist()}: no direction")
     colour = emitter.colour("irradiance")

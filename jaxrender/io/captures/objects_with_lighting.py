@@ -95,10 +95,9 @@ def _frame(path: Path, name: str, value: str, looking: Looking) -> Frame:
     pose = np.eye(4)
     pose[:3, :3] = turn.T @ _FLIP
     pose[:3, 3] = -turn.T @ numbers[18:21]
-    lengths = {"fl_x": float(matrix[0, 0]), "fl_y": float(matrix[1, 1])}
-    centre = {"cx": float(matrix[0, 2]), "cy": float(matrix[1, 2])}
+    fl_x, fl_y, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     try:
-        camera = Pinhole(width, height, pose, **lengths, **centre)
+        camera = Pinhole(width, height, pose, fl_x=fl_x, fl_y=fl_y, cx=cx, cy=cy)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     image = looking.resolve(str(path), "image", value)
