@@ -173,6 +173,9 @@ def spoil(folder, pattern, old, new):
 
 
 MISTAKES = {
+    "mitsuba direction": (
+        "mitsuba", "scene.xml", b'z="-0.8"', b'z="-1e308"', r"<emitter .*: no direction",
+    ),
     "colmap model": (
         "colmap text", "cameras.txt", b"FULL_OPENCV", b"EUCN",
         r"cameras\.txt:2: the camera model EUCN is not known here; known are SIMPLE_PINHOLE",

@@ -6,6 +6,7 @@ and RADIAL, and for all other lenses ``lens``: its kind and its distortions one 
 the numbers of its whole formula.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from jaxrender.errors import InputError
@@ -129,7 +130,8 @@ def _stated_lens(place: str, stated: Any) -> Lens:
     place = f"{place}: `lens`"
     whole = _WHOLE.get(stated["kind"]) if _is_named(stated) else None
     if whole is not None:
-        made, fields = whole
+        made: Callable[..., Lens] = whole[0]
+        fields = whole[1]
         if set(stated) != {"kind", *fields}:
             raise InputError(f"{place}: wanted the keys kind {' '.join(fields)}, found {stated!r}")
         try:
