@@ -46,10 +46,10 @@ _KINDS: dict[str, type[PerspectiveLens] | type[FisheyeLens]] = {
     "perspective": PerspectiveLens,
     "fisheye": FisheyeLens,
 }
-# Lenses of one formula, with the names of its numbers.
-_WHOLE: dict[str, tuple[type[Lens], tuple[str, ...]]] = {
-    "enhanced_unified": (EnhancedUnifiedLens, ("alpha", "beta")),
-    "equirectangular": (EquirectangularLens, ()),
+# Lenses of one formula, with the names of its numbers, and what makes them of these.
+_WHOLE: dict[str, tuple[type[Lens], tuple[str, ...], Callable[..., Lens]]] = {
+    "enhanced_unified": (EnhancedUnifiedLens, ("alpha", "beta"), EnhancedUnifiedLens),
+    "equirectangular": (EquirectangularLens, (), EquirectangularLens),
 }
 _DISTORTIONS: dict[str, type[Distortion]] = {
     "radial_tangential": RadialTangential,
@@ -81,7 +81,7 @@ def keys_of(lens: Lens | None) -> dict[str, Any]:
     """State a lens, by the keys of other programs where they have them."""
     if lens is None:
         return {}
-    for name, (made, fields) in _WHOLE.items():
+    for name, (made, fields, _) in _WHOLE.items():
         if isinstance(lens, made):
             return {"lens": {"kind": name} | {field: getattr(lens, field) for field in fields}}
     one = lens.distortions[0] if lens.distortions else RadialTangential()
@@ -130,8 +130,7 @@ def _stated_lens(place: str, stated: Any) -> Lens:
     place = f"{place}: `lens`"
     whole = _WHOLE.get(stated["kind"]) if _is_named(stated) else None
     if whole is not None:
-        made: Callable[..., Lens] = whole[0]
-        fields = whole[1]
+        _, fields, made = whole
         if set(stated) != {"kind", *fields}:
             raise InputError(f"{place}: wanted the keys kind {' '.join(fields)}, found {stated!r}")
         try:
