@@ -217,7 +217,7 @@ def _with_the_light(
     given = reflectances_of(unknowns, channels)
     if given is not None:
         found = in_units_of(found, *given)
-    light = HarmonicLight(found.scene.slow) + found.scene.sources
+    light = HarmonicLight(found.scene.slow) + found.scene.points
     return _estimate(material, found, light, found.noise, found.relative_rms)
 
 

@@ -18,6 +18,7 @@ _LIGHT = {
     "irradiance": (_SOURCE, "irradiance", "irradiance of each source, facing it"),
     "irradiance_error": (_SOURCE, "irradiance", "standard errors of irradiance"),
     "direction_error": (("source",), "radian", "standard error of each source's direction"),
+    "width": (("source",), "radian", "where each source has fallen to 1/e; 0 is a point"),
 }
 
 

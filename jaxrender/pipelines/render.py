@@ -10,6 +10,7 @@ from jaxrender.brdf import Glossy
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape, SurfaceView, observe
 from jaxrender.inverse import KnownLight
+from jaxrender.inverse.factorization import as_points
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.photographs import camera_samples, posed
 from jaxrender.inverse.prepared_light import prepare_light
@@ -127,7 +128,8 @@ def light_of_run(run: FinishedRun, shape: Shape | None, scene: Scene = OWN_SCENE
             shown = [source.get("irradiance_shown", source["irradiance"]) for source in found]
             energies = np.array(shown).clip(0)
             directions = np.array([source["direction"] for source in found])
-            sources = DirectionalSources(directions, energies)
+            widths = np.radians([source.get("width_degrees", 0.0) for source in found])
+            sources = as_points(DirectionalSources(directions, energies), widths)
         return KnownLight(read_environment(run.folder / "lighting_slow.exr"), sources)
     return light_of_captures(captures_of(config, require_images=False), shape)
 

@@ -155,7 +155,7 @@ def test_groups_of_samples_move_the_answer_as_whole_matrices_say(photographs):
         np.arange(photographs.count) % 5,
     )
     free = free_unknowns(task, state)
-    inverse = _inverse(system, free)
+    inverse = _inverse(system, free, state)
     drawn = Drawn(np.ones(photographs.count), group)
     ours = _moves(system, scatter(in_blocks(response, data), guess, drawn, system), inverse)
     slopes = _slopes(response, guess, system.solved.light)

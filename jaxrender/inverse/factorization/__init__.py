@@ -11,6 +11,8 @@
 ``state`` ``sources`` ``correction`` ``starts`` ``rounds``
     where a fit stands; sources added and dropped; what the dual model lacks of the exact integral;
     the best of several widths to begin with; the order of all that
+``crowds`` ``source_nodes``
+    sources that make up a window get a width, and errors that know of what lies between them
 ``band_limits``
     to which degree slow light is followed
 ``gauges`` ``account`` ``recovered_scene`` ``source_clusters`` ``chroma``
@@ -35,6 +37,7 @@ from jaxrender.inverse.factorization.given import in_units_of, known_of, reflect
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.recover import Factorization, factorize
 from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
+from jaxrender.inverse.factorization.source_nodes import as_points
 from jaxrender.inverse.factorization.state import FactorSettings, Known, Round
 
 __all__ = [
@@ -46,6 +49,7 @@ __all__ = [
     "Known",
     "RecoveredScene",
     "Round",
+    "as_points",
     "factorize",
     "in_units_of",
     "known_of",

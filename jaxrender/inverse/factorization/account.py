@@ -18,7 +18,9 @@ import scipy.linalg
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.clusters import Clusters, widened
 from jaxrender.inverse.factorization.blocks import in_blocks
+from jaxrender.inverse.factorization.crowds import with_grain
 from jaxrender.inverse.factorization.gauges import GAUGES, carried, gauge_factors, in_gauge
+from jaxrender.inverse.factorization.joint import unknown_count
 from jaxrender.inverse.factorization.projection import (
     Drawn,
     Scatter,
@@ -30,6 +32,7 @@ from jaxrender.inverse.factorization.recovered_scene import RecoveredScene
 from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.slopes import tangent_frames
 from jaxrender.inverse.factorization.source_clusters import SourceCluster, centred, grouped
+from jaxrender.inverse.factorization.source_nodes import widths_of
 from jaxrender.inverse.factorization.state import (
     State,
     Task,
@@ -41,7 +44,7 @@ from jaxrender.inverse.factorization.state import (
 from jaxrender.inverse.intervals import Uncertain
 from jaxrender.inverse.weights import variance_factor
 from jaxrender.lighting import DirectionalSources
-from jaxrender.shapes import AnyArray, Float, Int
+from jaxrender.shapes import AnyArray, Bool, Float, Int
 
 # The prior variance of an unknown's logarithm: it matters only where the data are silent.
 _PRIOR_VARIANCE = 4.0
@@ -61,9 +64,10 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     """
     if gauge not in GAUGES:
         raise ValueError(f"gauge={gauge!r}: choose one of {', '.join(GAUGES)}")
-    response, data = response_of(task, state), measured(task, state)
-    blocks = in_blocks(response, data)
-    system = reduced_system(blocks, state.guess)
+    grain = with_grain(task, state)
+    response, data = response_of(task, grain.state), measured(task, grain.state)
+    blocks = in_blocks(response, data._replace(penalty=grain.penalty))
+    system = reduced_system(blocks, grain.state.guess)
     solved = system.solved
     left = np.asarray(data.weights) * (task.radiance - np.asarray(solved.predicted))
     free = free_unknowns(task, state)
@@ -72,14 +76,20 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     )
     variance = float(np.sum(left**2)) / max(left.size - used, 1)
     variance *= variance_factor(in_deviations(task, state, solved).left, task.settings.loss)
-    inverse = _inverse(system, free)
+    inverse = _inverse(system, grain.free(free), grain.state)
     together, group = Clusters.of(task.observations).both
     drawn = Drawn(task.observations.shares, group)
-    spread = scatter(blocks, state.guess, drawn, system)
-    exact = _joint_covariance(system, spread, inverse, variance)
+    spread = scatter(blocks, grain.state.guess, drawn, system)
+    exact = _joint_covariance(system, spread, inverse, _prior(grain.state), variance)
     moves = _moves(system, spread, inverse)[: len(together.cell)]
     whole = widened(exact, together.covariance(moves))
-    covariance, light = whole[: len(free), : len(free)], np.asarray(solved.light)
+    if state.joint is not None and grain.count < len(grain.state.active):
+        light, own = np.asarray(state.joint.solved.light), grain.kept(*solved.light.shape)
+        moved = grain.moved(system, inverse, light)
+        exact, whole = (one[np.ix_(own, own)] for one in (exact, whole + np.outer(moved, moved)))
+    else:
+        light = np.asarray(solved.light)
+    covariance = whole[: len(free), : len(free)]
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     # Of the nonlinear unknowns the directions of sources move no number that the gauge changes.
     kept = np.r_[: len(unknown) - light.size, len(covariance) : len(whole)]
@@ -98,11 +108,24 @@ def account_of(task: Task, state: State, gauge: str) -> Account:
     return Account(parameters, scene._replace(clusters=clusters, direction_error=aside))
 
 
-def _inverse(system: System, free: np.ndarray) -> Float[np.ndarray, "unknown unknown"]:
+def _prior(state: State) -> Float[np.ndarray, "unknown"]:
+    """Say what is expected of the nonlinear unknowns (1 / variance), hardly anything.
+
+    A source is not much wider than the lobe that shows it: else it is found as several.
+    """
+    prior = np.full(unknown_count(state.guess), 1 / _PRIOR_VARIANCE)
+    if state.guess.variance is not None:
+        prior[-len(state.active) :] = np.exp(-4 * float(state.guess.sigma))
+    return prior
+
+
+def _inverse(
+    system: System, free: Bool[np.ndarray, "unknown"], state: State
+) -> Float[np.ndarray, "unknown unknown"]:
     """Invert the reduced curvature over what is free, with a prior so wide that it never shows."""
     curvature = np.asarray(system.curvature)[np.ix_(free, free)]
     found = np.zeros_like(np.asarray(system.curvature))
-    found[np.ix_(free, free)] = np.linalg.inv(curvature + np.eye(len(curvature)) / _PRIOR_VARIANCE)
+    found[np.ix_(free, free)] = np.linalg.inv(curvature + np.diag(_prior(state)[free]))
     return found
 
 
@@ -110,14 +133,14 @@ def _joint_covariance(
     system: System,
     spread: Scatter,
     inverse: Float[np.ndarray, "unknown unknown"],
+    prior: Float[np.ndarray, "unknown"],
     variance: float,
 ) -> Float[np.ndarray, "number number"]:
     """Put nonlinear unknowns and the light, channel by channel, together.
 
     The light's error is that of its own equations, less its answer to the other unknowns.
     """
-    prior = np.eye(len(inverse)) / _PRIOR_VARIANCE
-    blocks = [inverse @ (np.asarray(spread.own) + prior) @ inverse]
+    blocks = [inverse @ (np.asarray(spread.own) + np.diag(prior)) @ inverse]
     mixed, answers = [], []
     parts = (system.solved.normal, system.across, spread.light, spread.both)
     for factor, across, own, both in zip(*map(np.asarray, parts)):
@@ -155,14 +178,14 @@ def parameter_slopes(
     """Differentiate material and light in the gauge by the nonlinear unknowns, and by the light.
 
     The parameters of the material come first, then the light, channel by channel, and then how far
-    every source moves along either axis of its tangent frame.
+    every source moves along either axis of its tangent frame, and how wide it is if it has a width.
     """
     assert state.joint is not None
     light = np.asarray(state.joint.solved.light)
     unknown = np.concatenate([np.ravel(part) for part in (*state.guess[:3], light.T)])
     slopes = np.asarray(carried(unknown, task.response.variant, gauge, light.shape)[1])
     by_material, by_light = np.split(slopes, [len(unknown) - light.size], axis=1)
-    steps = np.eye(2 * len(state.active))
+    steps = np.eye(unknown_count(state.guess) - len(by_material[0]))
     by_light = np.pad(by_light, ((0, len(steps)), (0, 0)))
     return np.asarray(scipy.linalg.block_diag(by_material, steps)), by_light.reshape(
         -1, *light.T.shape
@@ -185,10 +208,11 @@ def widened_light(
     share = np.asarray(specular_share(state.guess))
     order = _brightest_first(state, light / gauge_factors(share, light[0], gauge))
     slow = len(light) - len(state.active)
-    of_light, steps = np.split(shifts, [light.size])
+    sources = len(state.active)
+    of_light, steps, _ = np.split(shifts, [light.size, light.size + 2 * sources])
     own = of_light.reshape(*light.T.shape, -1)[:, np.r_[:slow, slow + order]]
     frames = np.asarray(tangent_frames(jnp.asarray(state.guess.directions)))[order]
-    moves = np.einsum("sxa,asc->sxc", frames, steps.reshape(2, len(state.active), -1)[:, order])
+    moves = np.einsum("sxa,asc->sxc", frames, steps.reshape(2, sources, -1)[:, order])
     aside = np.sqrt(scene.direction_error**2 + np.sum(moves**2, axis=(1, 2)))
     energies = np.asarray(scene.sources.irradiance, float).sum(axis=1)
     return scene._replace(
@@ -226,8 +250,9 @@ def _scene(
     slow = light.shape[0] - len(state.active)
     order = _brightest_first(state, light)
     directions, energies = np.asarray(state.guess.directions)[order], light[slow:][order]
-    variance = np.diag(covariance)[len(covariance) - 2 * len(state.active) :]
-    first, second = np.split(variance, 2)
+    sources = len(state.active)
+    aside = np.diag(covariance)[light.shape[1] + 2 :][: 2 * sources]
+    first, second = np.split(aside, 2)
     kept = np.r_[:slow, slow + order]
     return RecoveredScene(
         light[:slow],
@@ -235,6 +260,7 @@ def _scene(
         np.einsum("cpcq->cpq", lit)[:, kept[:, None], kept],
         np.sqrt(first + second)[order],
         determined,
+        widths=widths_of(state.guess.variance, state.guess.sigma, sources)[order],
     )
 
 
@@ -271,8 +297,8 @@ def _clusters(
         taken = np.zeros((3 * count, len(whole)))
         for channel in range(channels):
             taken[range(count), unknowns + channel * parts + at] = 1 / factor[channel]
-        taken[range(count, 2 * count), unknowns - 2 * sources + among] = 1
-        taken[range(2 * count, 3 * count), unknowns - sources + among] = 1
+        taken[range(count, 2 * count), channels + 2 + among] = 1
+        taken[range(2 * count, 3 * count), channels + 2 + sources + among] = 1
         energies = light[at]
         variance = np.einsum("cpcq->c", lit[:, at][:, :, :, at])
         where = taken @ whole @ taken.T

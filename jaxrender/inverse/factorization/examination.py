@@ -20,6 +20,7 @@ from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization.account import Account, account_of
 from jaxrender.inverse.factorization.band_limits import followed_farther
 from jaxrender.inverse.factorization.calibrate import OF_LIGHT, Calibrated, absorbed, calibrate
+from jaxrender.inverse.factorization.crowds import may_be_wide, pays, with_widths
 from jaxrender.inverse.factorization.free_capture import Lit
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.rounds import settle
@@ -117,12 +118,12 @@ def examine(task: Task, state: State, asked: Asked) -> Examined[End]:
     free, begun = task.settings.free, Examined(End.of(task, state, asked), refused=OF_LIGHT)
     if free == "auto":
         return free_what_is_named(
-            _explained(_followed(begun, asked), asked),
+            _explained(_with_widths(_followed(begun, asked), asked), asked),
             lambda now, names: _explained(_freed(now, asked, names), asked),
         )
     if free:
         return _explained(_freed(_measured(begun, asked), asked, check_free(free)), asked)
-    return _explained(_followed(begun, asked), asked)
+    return _explained(_with_widths(_followed(begun, asked), asked), asked)
 
 
 def _freed(examined: Examined[End], asked: Asked, free: tuple[str, ...]) -> Examined[End]:
@@ -168,6 +169,19 @@ def _followed(examined: Examined[End], asked: Asked) -> Examined[End]:
     return again if again.end.relative_rms < end.relative_rms else examined
 
 
+def _with_widths(examined: Examined[End], asked: Asked) -> Examined[End]:
+    """Give sources a width, where that pays."""
+    end = examined.end
+    with asked.stage("refine"), one_blas_thread():
+        if not may_be_wide(end.task, end.state):
+            return examined
+        state = settle(end.task, with_widths(end.state), asked.watch)
+        if not pays(end.task, end.state, state):
+            return examined
+    there = End.of(end.task, state, asked, end.calibrated)._replace(coarse=end.coarse or end)
+    return _measured(dataclasses.replace(examined, end=there), asked)
+
+
 def _measured(examined: Examined[End], asked: Asked) -> Examined[End]:
     """Measure the noise between neighbouring pixels, and what is left above it."""
     if asked.pool is None:
@@ -198,7 +212,7 @@ def _explained(examined: Examined[End], asked: Asked) -> Examined[End]:
         return examined
     with asked.stage("diagnosis"):
         scene = end.account.scene
-        found = Found(end.brdf, LightParts.found(scene.slow, scene.sources), asked.gauge)
+        found = Found(end.brdf, LightParts.found(scene.slow, scene.points), asked.gauge)
         told = asked.told.observations
         photographs = Photographs(told, pool, asked.shape, examined.freed)
         suspect = suspect_of(end.task, end.state, found, photographs)

@@ -19,6 +19,7 @@ from jaxrender.inverse.factorization.projection import (
 )
 from jaxrender.inverse.factorization.response import Guess, Response
 from jaxrender.inverse.factorization.slopes import tangent_frames
+from jaxrender.inverse.factorization.source_nodes import range_of
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -31,6 +32,8 @@ _MOST_IN_VAIN = 10
 _NOTHING = 0.1
 # Where ks / kd is beyond e^8 or below e^-8, one of both is as good as 0.
 _MOST_LOGIT = 8.0
+# A variance within this factor of its bound is at it.
+_JUST = 1 + 1e-6
 # No step changes a logarithm by more than this, nor a direction by more (radians).
 _LONGEST = 0.4
 
@@ -74,7 +77,8 @@ def descend_jointly(
     blocks = in_blocks(response, measured)
     system = reduced_system(blocks, guess)
     while step < descent.steps and in_vain < _MOST_IN_VAIN and not converged:
-        move, expected = _damped(system.curvature, system.slope, free, damping)
+        held = movable(guess, system.slope, free)
+        move, expected = _damped(system.curvature, system.slope, held, damping)
         if float(expected) < _NOTHING * descent.tolerance * float(system.solved.cost):
             converged = True
             break
@@ -92,8 +96,25 @@ def descend_jointly(
 
 
 def unknown_count(guess: Guess) -> int:
-    """Count the nonlinear unknowns: ks / kd of each channel, sigma, mu, two for each source."""
-    return guess.specular_logit.shape[0] + 2 + 2 * guess.directions.shape[0]
+    """Count the nonlinear unknowns: ks / kd of each channel, sigma, mu, a few for each source."""
+    own = 2 if guess.variance is None else 3
+    return guess.specular_logit.shape[0] + 2 + own * guess.directions.shape[0]
+
+
+def movable(
+    guess: Guess, slope: Float[AnyArray, "unknown"], free: Bool[np.ndarray, "unknown"]
+) -> Bool[np.ndarray, "unknown"]:
+    """Leave out variances at their bounds that the slope would move beyond."""
+    if guess.variance is None:
+        return free
+    least, most = (float(bound) for bound in range_of(guess.sigma))
+    variance, found = np.asarray(guess.variance), np.array(free)
+    falls = np.asarray(slope)[-len(variance) :]
+    stuck = ((variance <= _JUST * least) & (falls <= 0)) | (
+        (variance * _JUST >= most) & (falls >= 0)
+    )
+    found[-len(variance) :] &= ~stuck
+    return found
 
 
 @stored(jax.jit, effort="least")
@@ -122,7 +143,8 @@ def _damped(
 @stored(partial(jax.jit, static_argnames="bounds"), effort="least")
 def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess:
     channels, sources = guess.specular_logit.shape[0], guess.directions.shape[0]
-    logit, lobe, first, second = jnp.split(step, [channels, channels + 2, channels + 2 + sources])
+    cuts = np.cumsum([channels, 2, sources, sources])
+    logit, lobe, first, second, wider = jnp.split(step, cuts)
     directions = jnp.asarray(guess.directions)
     frames = tangent_frames(directions)
     moved = directions + first[:, None] * frames[..., 0] + second[:, None] * frames[..., 1]
@@ -132,4 +154,7 @@ def _moved(guess: Guess, step: Float[Array, "unknown"], bounds: Bounds) -> Guess
     # A share of 0 or 1 is known beforehand, and stays.
     within = jnp.clip(guess.specular_logit + logit, -_MOST_LOGIT, _MOST_LOGIT)
     logit = jnp.where(jnp.isinf(guess.specular_logit), guess.specular_logit, within)
-    return Guess(logit, sigma, mu, moved)
+    variance = guess.variance
+    if variance is not None:
+        variance = jnp.clip(variance + wider, *range_of(sigma))
+    return Guess(logit, sigma, mu, moved, variance)

@@ -33,7 +33,7 @@ def predict(
     shape: Shape | None = None,
 ) -> Float[np.ndarray, "sample channel"]:
     """Predict samples by the exact integral; ``shape`` where it may cast shadows on itself."""
-    slow, sources = jnp.asarray(scene.slow), scene.sources.nodes()
+    slow, sources = jnp.asarray(scene.slow), scene.points.nodes()
     samples = observations.samples
     hiding = concave(shape)
     sight = None if hiding is None else Sight(hiding, places_of(observations))

@@ -2,10 +2,12 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.harmonics import band_limit_of, real_basis
 from jaxrender.inverse.factorization.source_clusters import SourceCluster
+from jaxrender.inverse.factorization.source_nodes import as_points, nodes_of, summed
 from jaxrender.lighting import DirectionalSources
 from jaxrender.shapes import Float
 
@@ -17,6 +19,7 @@ class RecoveredScene(NamedTuple):
     ``determined`` is the share of each degree that the photographs determine, from 0 to 1.  The
     rest is what smooth light is expected to have.  ``clusters`` are sources that the lobe does not
     tell apart; where each of them lies is not known better than to the width of its cluster.
+    ``widths`` say where sources have fallen to 1/e (radians); None: all are points.
     """
 
     slow: Float[np.ndarray, "coefficient channel"]
@@ -25,6 +28,12 @@ class RecoveredScene(NamedTuple):
     direction_error: Float[np.ndarray, "source"]
     determined: Float[np.ndarray, "degree"]
     clusters: tuple[SourceCluster, ...] = ()
+    widths: Float[np.ndarray, "source"] | None = None
+
+    @property
+    def points(self) -> DirectionalSources:
+        """The sources as points: a wide one is several (``source_nodes``)."""
+        return self.sources if self.widths is None else as_points(self.sources, self.widths)
 
     @property
     def slow_error(self) -> Float[np.ndarray, "coefficient channel"]:
@@ -49,5 +58,8 @@ class RecoveredScene(NamedTuple):
 
     @property
     def _towards(self) -> Float[np.ndarray, "source coefficient"]:
-        directions = np.asarray(self.sources.directions)
-        return np.asarray(real_basis(directions, band_limit_of(len(self.slow))))
+        directions, degree = np.asarray(self.sources.directions), band_limit_of(len(self.slow))
+        if self.widths is None or not self.widths.any():
+            return np.asarray(real_basis(directions, degree))
+        nodes = nodes_of(directions, self.widths**2 / 2)
+        return np.asarray(summed(jnp.asarray(real_basis(nodes, degree)).T)).T

@@ -28,6 +28,7 @@ from jaxrender.geometry import (
     pair_in_frame,
 )
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
+from jaxrender.inverse.factorization.source_nodes import nodes_of, summed
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, as_jax
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 
@@ -36,12 +37,25 @@ class Guess(NamedTuple):
     """The nonlinear unknowns in the variables of the search; ``mu`` is unused for a metal.
 
     ``specular_logit`` is log(ks / kd) of each channel, ``sigma`` log sigma, ``mu`` log(mu - 1).
+    ``variance`` is that of each source along either axis (``source_nodes``); None: all are points.
     """
 
     specular_logit: Float[AnyArray, "channel"]
     sigma: Float[AnyArray, ""]
     mu: Float[AnyArray, ""]
     directions: Float[AnyArray, "source 3"]
+    variance: Float[AnyArray, "source"] | None = None
+
+    @property
+    def nodes(self) -> Float[Array, "node 3"]:
+        """The directions that light comes from: those of the sources, or of all their points."""
+        if self.variance is None:
+            return jnp.asarray(self.directions)
+        return nodes_of(self.directions, self.variance)
+
+    def by_source(self, columns: Float[Array, "sample node"]) -> Float[Array, "sample source"]:
+        """Add up what the nodes of each source send."""
+        return columns if self.variance is None else summed(columns)
 
 
 class Columns(NamedTuple):
@@ -140,7 +154,7 @@ class Response(eqx.Module):
         """Evaluate the same where what the lobe passes on is known."""
         slow = self.slow_specular(passed, guess)
         specular = jnp.concatenate([slow, self.source_specular(guess)], axis=1)
-        diffuse = self.source_diffuse(jnp.asarray(guess.directions))
+        diffuse = self.source_diffuse(guess)
         return Columns(jnp.concatenate([jnp.asarray(self.diffuse_basis), diffuse], 1), specular)
 
     def towards(self, guess: Guess) -> Columns:
@@ -149,13 +163,14 @@ class Response(eqx.Module):
         lobe = lobes_towards(self.lobe(guess), self.samples, directions)
         return Columns(self.base_towards(directions), lobe)
 
-    def source_diffuse(self, directions: Float[Array, "source 3"]) -> Float[Array, "sample source"]:
+    def source_diffuse(self, guess: Guess) -> Float[Array, "sample source"]:
         """Evaluate the base towards every source."""
-        return self.base_towards(directions) * self.lit
+        return guess.by_source(self.base_towards(guess.nodes)) * self.lit
 
     def source_specular(self, guess: Guess) -> Float[Array, "sample source"]:
         """Evaluate the lobe towards every source."""
-        return lobes_towards(self.lobe(guess), self.samples, guess.directions) * self.lit
+        columns = lobes_towards(self.lobe(guess), self.samples, guess.nodes)
+        return guess.by_source(columns) * self.lit
 
 
 class MirrorResponse(Response):

@@ -21,7 +21,10 @@ class Lobe(NamedTuple):
 
 
 class _SourceSlopes(NamedTuple):
-    """Derivatives of the sources' columns: of the lobe, and of both lobes by two steps aside."""
+    """Derivatives of the sources' columns: of the lobe, and of both lobes by two steps aside.
+
+    Where sources have a variance, the derivatives by that come third.
+    """
 
     by_lobe: Float[Array, "2 sample source"]
     aside: Columns
@@ -103,17 +106,26 @@ def _prediction_slopes(
 
 
 def _source_slopes(response: Response, guess: Guess) -> _SourceSlopes:
-    """Differentiate the sources' columns: the lobe by sigma and mu, both by steps aside."""
+    """Differentiate the sources' columns: the lobe by sigma and mu, both by their own unknowns."""
     directions = jnp.asarray(guess.directions)
 
     def by_lobe(sigma, mu) -> Float[Array, "sample source"]:
         return response.source_specular(guess._replace(sigma=sigma, mu=mu))
 
     def by_directions(directions) -> Columns:
-        specular = response.source_specular(guess._replace(directions=directions))
-        return Columns(response.source_diffuse(directions), specular)
+        there = guess._replace(directions=directions)
+        return Columns(response.source_diffuse(there), response.source_specular(there))
+
+    def by_variance(variance) -> Columns:
+        there = guess._replace(variance=variance)
+        return Columns(response.source_diffuse(there), response.source_specular(there))
 
     steps = jnp.moveaxis(tangent_frames(directions), -1, 0)
     aside = jax.vmap(lambda step: jax.jvp(by_directions, (directions,), (step,))[1])(steps)
+    if guess.variance is not None:
+        # A column depends on the variance of its own source alone.
+        variance = jnp.asarray(guess.variance)
+        own = jax.jvp(by_variance, (variance,), (jnp.ones_like(variance),))[1]
+        aside = jax.tree.map(lambda both, one: jnp.concatenate([both, one[None]]), aside, own)
     lobe = _value_and_slopes(by_lobe, jnp.asarray(guess.sigma), jnp.asarray(guess.mu))[1]
     return jax.lax.optimization_barrier(_SourceSlopes(lobe, aside))

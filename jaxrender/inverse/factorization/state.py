@@ -238,7 +238,8 @@ def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
     seen_sharply = bool(state.active.any()) or bool(state.rounds)
     material = [known.share is None] * channels + [task.sigma.free and seen_sharply]
     material.append(task.mu.free and task.response.variant.mu is not None)
-    return np.concatenate([np.array(material), np.tile(state.active, 2)])
+    own = 2 if state.guess.variance is None else 3
+    return np.concatenate([np.array(material), np.tile(state.active, own)])
 
 
 def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> State:

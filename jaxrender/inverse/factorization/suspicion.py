@@ -21,6 +21,7 @@ from jaxrender.inverse.factorization.gauges import amplitudes_of
 from jaxrender.inverse.factorization.projection import mixed
 from jaxrender.inverse.factorization.response import specular_share
 from jaxrender.inverse.factorization.slopes import columns_at, lobe_slopes, prediction_slopes
+from jaxrender.inverse.factorization.source_nodes import as_points, widths_of
 from jaxrender.inverse.factorization.state import State, Task, free_unknowns, measured, response_of
 from jaxrender.inverse.observations import Observations
 from jaxrender.lighting import DirectionalSources
@@ -47,6 +48,8 @@ class Found(NamedTuple):
         brdf = task.response.lobe(guess).with_amplitudes(*amplitudes)
         on = state.active
         sources = DirectionalSources(np.asarray(guess.directions)[on], light[slow:][on])
+        widths = widths_of(guess.variance, guess.sigma, len(on))[on]
+        sources = as_points(sources, widths)
         return cls(brdf, LightParts.found(light[:slow], sources), "per-channel")
 
 

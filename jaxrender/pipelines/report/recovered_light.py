@@ -66,6 +66,7 @@ def light_page(contents: LightContents) -> Page:
         "band_limit": contents.result["lighting"]["band_limit"],
         "finer": found.rounds[-1].band_limit > found.rounds[0].band_limit,
         "clusters": len(found.scene.clusters),
+        "wide": 0 if found.scene.widths is None else int(np.count_nonzero(found.scene.widths)),
         "diffuse": is_diffuse(contents),
         "identifiable": contents.result["lighting"]["sentence"],
         "path": path_plots(contents),

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxrender.harmonics import LatLongGrid, band_limit_of, real_basis
 from jaxrender.inverse.blas import one_blas_thread
-from jaxrender.inverse.factorization import RecoveredScene, tied
+from jaxrender.inverse.factorization import RecoveredScene, as_points, tied
 from jaxrender.lighting import DirectionalSources, positive_light
 from jaxrender.shapes import Float, Int
 
@@ -44,8 +44,9 @@ def light_images(scene: RecoveredScene, sigma: float) -> LightImages:
         )
     slow = np.asarray(light.radiance)
     whole = slow.copy()
-    rows, columns, shares = texels_of(sources, grid)
-    energy = shares[..., None] * np.asarray(sources.irradiance)
+    points = sources if scene.widths is None else as_points(sources, scene.widths)
+    rows, columns, shares = texels_of(points, grid)
+    energy = shares[..., None] * np.asarray(points.irradiance)
     np.add.at(whole, (rows, columns), energy / grid.weights()[rows, columns, None])
     return LightImages(whole, slow, _deviation(scene, grid), sources)
 

@@ -65,7 +65,7 @@ class LightRecovery(Recovery):
     def light(self) -> DualLight:
         """The recovered light as the dual model sees it."""
         scene = self.found.scene
-        return DualLight(jnp.asarray(scene.slow), scene.sources)
+        return DualLight(jnp.asarray(scene.slow), scene.points)
 
     def result(self) -> Result:
         """Sum up light and material."""
@@ -99,6 +99,7 @@ class LightRecovery(Recovery):
             irradiance=sources.irradiance,
             irradiance_error=scene.energy_error,
             direction_error=scene.direction_error,
+            width=scene.widths if scene.widths is not None and scene.widths.any() else None,
         )
         samples = Group(sample_arrays(self.found.observations, self.found.predicted))
         covariance = covariance_groups(self.found.parameters)

@@ -149,6 +149,7 @@ def _directional(scene: RecoveredScene, shown: DirectionalSources) -> list[dict[
         scene.energy_error,
         scene.direction_error,
         shown.irradiance,
+        np.zeros(len(scene.direction_error)) if scene.widths is None else scene.widths,
     )
     return [
         {
@@ -157,7 +158,8 @@ def _directional(scene: RecoveredScene, shown: DirectionalSources) -> list[dict[
             "irradiance_error": error.tolist(),
             "direction_error_degrees": float(np.degrees(step)),
             "irradiance_shown": np.asarray(beside).tolist(),
+            "width_degrees": float(np.degrees(width)),
             "cluster": cluster.get(at),
         }
-        for at, (direction, energy, error, step, beside) in enumerate(rows)
+        for at, (direction, energy, error, step, beside, width) in enumerate(rows)
     ]
