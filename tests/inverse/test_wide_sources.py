@@ -47,7 +47,8 @@ from jaxrender.inverse.factorization.state import (
 from jaxrender.lighting import DirectionalSources, LightNodes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
-PAINT = Microfacet(np.array([0.24, 0.28, 0.2]), np.full(3, 0.12), 0.2, 1.45)
+MU = 1.45
+PAINT = Microfacet(np.array([0.24, 0.28, 0.2]), np.full(3, 0.12), 0.2, MU)
 NOISE = NoiseModel(0.01, 0.0005)
 MIDDLE = unit(np.array([-0.35, 0.8, 0.5]))
 # Per axis: .06 beside the lobe's .2.
@@ -90,9 +91,7 @@ def lit(task: Task, directions: np.ndarray) -> State:
     """Begin at the true material, lit by the sources alone."""
     share = tuple(PAINT.ks / (PAINT.kd + PAINT.ks))
     state = begin(task._replace(known=Known(share)), 0.2)
-    guess = state.guess._replace(
-        directions=jnp.asarray(directions), mu=jnp.asarray(np.log(PAINT.mu - 1))
-    )
+    guess = state.guess._replace(directions=jnp.asarray(directions), mu=jnp.asarray(np.log(MU - 1)))
     weights = 1 / np.asarray(NOISE.standard_deviation(task.radiance))
     return state._replace(guess=guess, active=np.ones(len(directions), bool), weights=weights)
 
@@ -152,7 +151,7 @@ def test_derivatives_by_the_width_and_its_bounds():
 
     def predict(there) -> np.ndarray:
         diffuse, specular = (np.asarray(part @ light).T for part in response.columns(there))
-        return (1 - share)[:, None] * diffuse + share[:, None] * specular
+        return np.asarray((1 - share)[:, None] * diffuse + share[:, None] * specular)
 
     for unknown in (5, 8, 9, 10):
         step = np.zeros(11)
@@ -218,6 +217,7 @@ def test_errors_know_of_the_grain_of_a_crowd():
     np.testing.assert_array_equal(grain.penalty[: len(plain)], plain)
     assert np.all(grain.penalty[len(plain) :] > 0)
     known = account_of(task, state, "per-channel").parameters
+    assert known.if_exact is not None
     system = reduced_system(in_blocks(response_of(task, state), measured(task, state)), state.guess)
     free = free_unknowns(task, state)
     alone = np.linalg.inv(

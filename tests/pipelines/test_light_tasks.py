@@ -11,6 +11,7 @@
   the cameras, and in the predicted photographs.
 - A source's texels have their middle where it stands; it is rendered as it stands beside the
   picture.
+- A source with a width is rendered with it.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
 """
@@ -33,7 +34,8 @@ from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.io import read_capture, read_environment, read_image, write_environment
 from jaxrender.lighting import DirectionalSources, Environment
 from jaxrender.pipelines import fit, load_run_config
-from jaxrender.pipelines.render import Scene, render_config
+from jaxrender.pipelines.render import Scene, light_of_run, render_config
+from jaxrender.pipelines.result import read_run
 from jaxrender.pipelines.summary import summary_of
 from jaxrender.pipelines.tasks.light import light_images
 from jaxrender.pipelines.tasks.light.images import texels_of
@@ -329,3 +331,22 @@ def test_missing_environment_is_named(factorized, tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.exr: no such file"):
         render_config(factorized[0], tmp_path / "out", scene=Scene(tmp_path / "nowhere.exr"))
     assert not (tmp_path / "out").exists()
+
+
+def test_a_source_with_a_width_is_rendered_with_it(factorized, tmp_path):
+    folder, _ = factorized
+    changed = tmp_path / "wide"
+    shutil.copytree(folder, changed)
+    edited = json.loads((changed / "result.json").read_text())
+    sources = edited["lighting"]["directional"]
+    assert [one["width_degrees"] for one in sources] == [0] * len(sources)
+    sources[0]["width_degrees"] = 5.0
+    (changed / "result.json").write_text(json.dumps(edited))
+    before, after = (light_of_run(read_run(one), None).directional for one in (folder, changed))
+    count = len(np.asarray(before.directions))
+    # Its seven points share its energy.
+    assert len(np.asarray(after.directions)) == count + 6
+    whole = [np.asarray(one.irradiance).sum(axis=0) for one in (before, after)]
+    np.testing.assert_allclose(whole[1], whole[0], rtol=1e-6)
+    nearest = np.asarray(after.directions) @ np.asarray(sources[0]["direction"])
+    assert np.count_nonzero(nearest > np.cos(np.radians(5 * np.sqrt(2) + 0.1))) == 7
