@@ -105,6 +105,8 @@ def _summary_of_texture(result: dict[str, Any]) -> list[str]:
         f"{texture['kd_marked']}, ks {texture['ks_marked']}",
         f"median error of kd: {100 * texture['median_relative_error_kd']:.2g} %",
     ]
+    if "ks_colour_marked" in texture:
+        lines.append(f"ks of each channel; its colour is marked: {texture['ks_colour_marked']}")
     if "sigma_range" in texture:
         low, high = texture["sigma_range"]
         marked = f", marked: {texture['sigma_marked']}" if "sigma_marked" in texture else ""

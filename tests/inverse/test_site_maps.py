@@ -6,6 +6,8 @@
   their errors, with the mu that they share: under lamps, and under continuous light that no fit
   uses.
 - Where no photograph tells, errors are wide, and marks say so.
+- A K_s of every channel is found within its errors, alone or with all these; where the photographs
+  do not tell its colour, marks say so.  Colourless paint has none.
 """
 
 import jax.numpy as jnp
@@ -32,14 +34,18 @@ from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.texture import (
+    COLOR,
     MAPS,
+    Forward,
     NormalMap,
     SigmaField,
     SpecularPrior,
     TextureSettings,
     by_site,
+    fit_texture,
     recover_texture,
 )
+from jaxrender.inverse.texture.coloured_sites import ColouredPrior
 from jaxrender.inverse.texture.site_equations import Expected, chi_squared, equations_of
 from jaxrender.inverse.texture.site_numbers import TiltedModel, tangents_of
 from jaxrender.inverse.texture.site_search import numbers_of
@@ -55,26 +61,29 @@ BOTH = TextureSettings(starts=1, diagnose=False, maps=tuple(MAPS))
 class World:
     """Texels of three sigmas, with tilts of a few degrees, as eight cameras see them."""
 
-    def __init__(self, light, columns_of, tilt=0.05):
+    def __init__(self, light, columns_of, tilt=0.05, colour=0.0, sigmas=SIGMAS):
         self.light = light
         rng = np.random.default_rng(3)
         self.samples, self.frame, self.site = samples_of(views(8))
         self.axes = tangents_of(np.asarray(self.samples.normals), self.site, SITES)
-        self.sigma = rng.choice(SIGMAS, SITES)
+        self.sigma = rng.choice(sigmas, SITES)
         self.tilt = rng.normal(0, tilt, (SITES, 2))
-        self.kd, self.ks = texture()
+        self.kd, ks = texture()
+        # Half of the sites are metals of their own colours.
+        metal = rng.random((SITES, 1)) < 0.5
+        self.ks = ks[:, None] * np.exp(colour * metal * rng.normal(size=(SITES, 3)))
         own = np.asarray(self.samples.normals)
         offset = np.einsum("sk,ski->si", self.tilt, self.axes)[self.site]
         tilted = own + offset - np.sum(offset * own, axis=1, keepdims=True) * own
         self.normals = tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
         self.radiance = np.zeros((len(self.site), 3))
-        for sigma in SIGMAS:
+        for sigma in sigmas:
             rows = np.flatnonzero(self.sigma[self.site] == sigma)
             seen = SurfaceSamples(self.normals[rows], np.asarray(self.samples.outgoing)[rows])
             columns = columns_of(seen, sigma)
             site = self.site[rows]
             self.radiance[rows] = self.kd[site] * columns[:, 0]
-            self.radiance[rows] += self.ks[site][:, None] * columns[:, 1]
+            self.radiance[rows] += self.ks[site] * columns[:, 1]
 
     @property
     def observations(self):
@@ -135,13 +144,19 @@ def test_a_tilted_model_is_that_of_tilted_normals(world):
         np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-6)
 
 
-def test_the_equations_are_derivatives_of_chi_squared(world):
+PRIORS = {
+    "one ks": SpecularPrior(np.asarray(0.2), np.asarray(200.0)),
+    "coloured ks": ColouredPrior(np.asarray(0.2), np.asarray(200.0), np.asarray(900.0)),
+}
+
+
+@pytest.mark.parametrize("prior", PRIORS.values(), ids=PRIORS)
+def test_the_equations_are_derivatives_of_chi_squared(world, prior):
     measured, rows = few(world, np.flatnonzero(np.bincount(world.site) > 20)[:6])
     nodes = exact_nodes(LAMPS, world.frame[rows], 0.2)
     samples = world.observations.take(rows).samples
     names = numbers_of(tuple(MAPS))
     expected = Expected(np.array([np.log(0.2), 0.0, 0.0]), np.array([4.0, 300.0, 300.0]))
-    prior = SpecularPrior(np.asarray(0.2), np.asarray(200.0))
     asked = Asked(
         names,
         microfacet_unknowns(),
@@ -163,11 +178,12 @@ def test_the_equations_are_derivatives_of_chi_squared(world):
     found, _ = equations_of(part.near, part.data, prior, expected, part.value, names)
     gradient = np.asarray(found.gradient)[: measured.count]
     # K_d and K_s are at their best, so that nothing is left of their slopes.
-    np.testing.assert_allclose(gradient[:, :4], 0, atol=1e-6 * np.abs(gradient).max())
+    own = 3 + prior.amplitudes(3)
+    np.testing.assert_allclose(gradient[:, :own], 0, atol=1e-6 * np.abs(gradient).max())
     for number in range(3):
         step = 1e-5 * np.eye(3)[number]
         difference = (at(value + step)[1] - at(value - step)[1]) / 2e-5
-        np.testing.assert_allclose(-2 * gradient[:, 4 + number], difference, rtol=1e-4)
+        np.testing.assert_allclose(-2 * gradient[:, own + number], difference, rtol=1e-4)
 
 
 def fitted(world, observations=None, **changed):
@@ -234,6 +250,66 @@ def test_one_lobe_for_all_would_be_a_misfit(found):
     assert fitted(world, maps=()).texture.relative_rms > 3 * NOISE.relative
 
 
+def in_colour(world, maps, **changed):
+    """Fit a K_s of each channel; say how far it is off in standard errors, where it was seen."""
+    fit = fitted(world, maps=(*maps, COLOR), **changed)
+    texture = fit.texture
+    z = np.abs(texture.ks - world.ks)[texture.seen > 0] / texture.ks_error[texture.seen > 0]
+    return fit, z
+
+
+def check_colours(world, fit, z):
+    assert 0.7 < np.quantile(z, 0.683) < 1.3
+    assert np.mean(z < 1.645) > 0.8
+    texture, seen = fit.texture, fit.texture.seen > 0
+    told = seen & ~texture.ks_marked & ~texture.ks_colour_marked
+    assert told.sum() > 60
+    off = np.abs(texture.ks / world.ks - 1)
+    assert np.median(off[told]) < 0.05
+    assert np.median(off[seen & texture.ks_colour_marked]) > 2 * np.median(off[told])
+    assert fit.noise.relative == pytest.approx(NOISE.relative, rel=0.15)
+    assert texture.relative_rms < 1.3 * NOISE.relative
+    assert abs(fit.mu - MU) < 3.5 * fit.mu_error
+
+
+@pytest.mark.slow
+def test_a_coloured_ks_is_found_within_its_errors():
+    """Its quick sister is a run: ``tests/pipelines/test_texture_of_maps.py``."""
+    world = World(LAMPS, under_lamps, 0.0, 0.5, SIGMAS[1:2])
+    fit, z = in_colour(world, ())
+    check_colours(world, fit, z)
+    assert abs(fit.sigma - SIGMAS[1]) < 3.5 * fit.sigma_error
+    assert fitted(world, maps=()).texture.relative_rms > 2 * NOISE.relative
+    plain = World(LAMPS, under_lamps, 0.0, 0.0, SIGMAS[1:2])
+    fit, z = in_colour(plain, ())
+    assert np.mean(z < 1.645) > 0.8
+    ks = fit.texture.ks[fit.texture.seen > 0]
+    assert np.median(np.ptp(ks, axis=1) / ks.mean(axis=1)) < 0.01
+
+
+@pytest.mark.slow
+def test_a_coloured_ks_is_found_with_sigma_and_normals():
+    world = World(LAMPS, under_lamps, 0.05, 0.5)
+    fit, z = in_colour(world, tuple(MAPS))
+    check_colours(world, fit, z)
+    seen = fit.texture.seen > 0
+    sigma, error = fit.variation
+    off = np.abs(np.log(sigma / world.sigma) / (error / sigma))[seen]
+    assert 0.7 < np.quantile(off, 0.683) < 1.3
+
+
+@pytest.mark.slow
+def test_what_is_wrong_is_named_beside_a_coloured_ks():
+    world = World(LAMPS, under_lamps, 0.0, 0.5, SIGMAS[1:2])
+    clean, _ = in_colour(world, (), noise=NOISY, diagnose=True)
+    assert clean.outcome is Outcome.CONVERGED
+    gains = 1 + 0.02 * np.cos(1.7 * world.frame)
+    seen = world.observations
+    wrong = seen._replace(radiance=seen.radiance * gains[:, None])
+    fit = fitted(world, wrong, maps=(COLOR,), noise=NOISY, diagnose=True)
+    assert fit.diagnosis[0].cause == "exposure"
+
+
 @pytest.mark.slow
 def test_what_is_wrong_is_named(world):
     """Causes are tested on the model with the sigmas and normals that were found."""
@@ -261,7 +337,11 @@ def test_what_maps_cannot_be_combined_with(world):
     refused("on the integral alone", settings=BOTH._replace(exact_samples=0))
     refused("nothing is freed", settings=BOTH._replace(free=("camera",)))
     refused("choose joint", settings=BOTH._replace(method="thesis"))
-    refused("choose of sigma, normal", settings=BOTH._replace(maps=("gloss",)))
+    refused("choose of sigma, normal, color", settings=BOTH._replace(maps=("gloss",)))
+    grey = seen._replace(radiance=np.asarray(seen.radiance)[:, :1])
+    measured, asked = by_site(grey, world.site, SITES), BOTH._replace(maps=(COLOR,))
+    with pytest.raises(ValueError, match="K_s has no colour"):
+        fit_texture(measured, Forward(*2 * (lambda index: None,)), unknowns, asked)
     refused("change its shadows", shape=hollow())
     places = np.asarray(seen.samples.normals)[:SITES]
     refused("goes with no maps", field=SigmaField.over(places, 4))

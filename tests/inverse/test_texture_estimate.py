@@ -9,6 +9,7 @@
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.photographs import observations_of
 from jaxrender.inverse.texture import (
+    COLOR,
     LitTexture,
     RegionLobe,
     TextureSettings,
@@ -126,6 +128,34 @@ def test_it_is_printed_and_saved(found, tmp_path):
     kd = read_image(tmp_path / "ball" / saved["maps"]["kd"]).pixels.reshape(-1, 3)
     known = found.seen & np.isfinite(found.standard_error["kd"]).all(axis=1)
     np.testing.assert_allclose(kd[known], found.values["kd"][known], rtol=1e-5)
+
+
+def test_a_coloured_ks_is_printed_saved_and_predicted(found, glossy, tmp_path):
+    """As the found K_s is grey, giving it three channels changes no prediction."""
+    texture, marks = found.texture, np.arange(2 * ROWS**2) % 3 == 0
+    names = ("ks", "ks_error", "ks_exact_error")
+    of_channels = {name: np.tile(getattr(texture, name)[:, None], 3) for name in names}
+    coloured = replace(
+        found, texture=texture._replace(**of_channels, ks_colour_marked=marks), maps=(COLOR,)
+    )
+    saved = json.loads((coloured.save(tmp_path / "ball") / "estimate.json").read_text())
+    ks = read_image(tmp_path / "ball" / saved["maps"]["ks"]).pixels.reshape(-1, 3)
+    known = found.seen & np.isfinite(texture.ks_error) & np.isfinite(texture.ks)
+    np.testing.assert_allclose(ks[known], of_channels["ks"][known], rtol=1e-5)
+    shown = read_image(tmp_path / "ball" / saved["maps"]["ks_colour_marked"]).pixels[..., 0] > 0.5
+    np.testing.assert_array_equal(shown.ravel(), marks)
+    assert coloured.interval90["ks"].shape == (2 * ROWS**2, 3, 2)
+    (row,) = (row for row in str(coloured).split("\n") if row.startswith("  ks "))
+    assert len(row.split("median")[1].split("its")[0].split()) == 3
+    photographs = glossy.photographs(BALL)[:1]
+    seen, light = observations_of(photographs), KnownLight.of(SOURCES)
+    views = [one.view for one in photographs]
+    grey, image = (
+        LitTexture(one, seen, light, exact=False).predict(views)[0] for one in (found, coloured)
+    )
+    np.testing.assert_allclose(image, grey, rtol=1e-12)
+    joined = coloured.texture.with_sites(marks, coloured.texture._replace(ks_colour_marked=~marks))
+    np.testing.assert_array_equal(joined.ks_colour_marked, np.zeros(2 * ROWS**2, bool))
 
 
 def test_it_predicts_the_photographs(found, glossy):

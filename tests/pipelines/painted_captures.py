@@ -32,7 +32,8 @@ KS = np.array([0.06, 0.12])
 class Paint(NamedTuple):
     """Two paints, and where each is; sigma grows by this power from the bottom to the top.
 
-    Normals lean up by ``tilt`` where the second paint is, and down where the first is.
+    A paint has one K_s, or one of each channel.  Normals lean up by ``tilt`` where the second paint
+    is, and down where the first is.
     """
 
     kd: np.ndarray = KD
@@ -87,7 +88,7 @@ def write_painted(
         normals = paint.normals_of(view.points[view.hit], view.normals[view.hit])
         diffuse, specular = columns(normals, view.outgoing[view.hit], sources, sigma)
         image = np.zeros((*view.hit.shape, 4))
-        exact = kd * diffuse + ks[:, None] * specular
+        exact = kd * diffuse + ks.reshape(len(ks), -1) * specular
         image[view.hit, :3] = exact * (1 + NOISE * rng.normal(size=exact.shape))
         image[..., 3] = view.hit
         write_image(folder / f"images/{number}.exr", image)

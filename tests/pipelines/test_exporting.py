@@ -134,3 +134,10 @@ def test_maps_change_the_nearest_texel_by_texel():
         found.textures.specular_color[0, 1], 0.5 * found.textures.specular_color[0, 0], rtol=1e-6
     )
     assert found.too_bright == 0
+    gold = maps._replace(ks=maps.ks[..., None] * np.array([1.0, 0.8, 0.4]))
+    mean = mean.with_amplitudes(mean.kd, 0.1 * np.array([1.0, 0.8, 0.4]))
+    found = nearest_textured(gold._replace(mean=mean))
+    colour = found.textures.specular_color
+    # What is left of the highlights is nearly as coloured as they are.
+    np.testing.assert_allclose(colour[0, 0] / colour[0, 0, 0], [1, 0.8, 0.4], atol=0.05)
+    np.testing.assert_allclose(colour[0, 1], 0.5 * colour[0, 0], rtol=1e-6)

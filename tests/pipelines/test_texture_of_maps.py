@@ -2,6 +2,7 @@
 
 - Both are found, and written as maps with errors, by which predictions and renderings go.
 - Where nobody saw a highlight sigma is marked, and its error says that it may be anything.
+- A coloured K_s is found, written as a map with errors and marks, shown, rendered and exported.
 - What maps cannot be combined with is refused in words.
 """
 
@@ -14,6 +15,8 @@ from texture_runs import ROWS, arrays, off_photograph, run
 
 from jaxrender.errors import InputError
 from jaxrender.pipelines import load_run_config
+from jaxrender.pipelines.exporting.contents import contents_of
+from jaxrender.pipelines.result import read_run
 
 LEANING = CHECKER._replace(growth=0.25, tilt=0.06)
 MAPS = "task: texture\ntexture: {size: 16, sigma: map, normals: map}\n"
@@ -113,6 +116,51 @@ def test_maps_render_again(mapped, tmp_path):
     assert off_photograph(capture, folder, tmp_path / "again") < 1.5 * NOISE
 
 
+# A checker of plastic and metal.
+METALS = CHECKER._replace(ks=np.array([[0.06, 0.06, 0.06], [0.2, 0.14, 0.06]]))
+
+
+@pytest.fixture(scope="module")
+def coloured(tmp_path_factory):
+    capture = write_painted(tmp_path_factory.mktemp("colour") / "capture", METALS)
+    task = TASK.replace("sigma: map, normals: map", "ks: color")
+    return capture, *run(capture, task, "brdf.mu=1.5")
+
+
+@pytest.mark.slow
+def test_a_coloured_ks_is_found_and_written(coloured):
+    """Quick sisters: ``test_texture_task.py`` and ``tests/inverse/test_texture_estimate.py``."""
+    _, folder, result = coloured
+    maps, (_, ks) = arrays(folder), texel_paint(ROWS, METALS)
+    assert maps["ks"].shape == (ROWS, 2 * ROWS, 3)
+    seen = maps["seen"].ravel() > 0
+    sure = seen & (maps["ks_marked"].ravel() == 0) & (maps["ks_colour_marked"].ravel() == 0)
+    assert sure.sum() > 80
+    found, error = (maps[name].reshape(-1, 3) for name in ("ks", "ks_error"))
+    assert np.median(np.abs(found / ks - 1)[sure]) < 0.07
+    assert 0.6 < np.quantile(np.abs(found - ks)[sure] / error[sure], 0.683) < 1.4
+    texture = result["texture"]
+    assert texture["ks_colour_marked"] == np.count_nonzero(maps["ks_colour_marked"].ravel()[seen])
+    assert 0 < texture["ks_colour_marked"] < seen.sum()
+    assert result["brdf"]["ks"][0] > 1.2 * result["brdf"]["ks"][2]
+    image = pixels_of(folder / texture["files"]["ks"])
+    np.testing.assert_allclose(image.reshape(-1, 3)[seen], found[seen], rtol=1e-3, atol=1e-4)
+    marks = pixels_of(folder / texture["files"]["ks_colour_marked"])[..., 0] > 0.5
+    np.testing.assert_array_equal(marks, maps["ks_colour_marked"] > 0)
+    page = (folder / "report.html").read_text()
+    assert "K_s in sRGB, with its colour" in page
+    assert "white: the colour of K_s is unreliable" in page
+
+
+@pytest.mark.slow
+def test_a_coloured_ks_renders_again_and_leaves(coloured, tmp_path):
+    capture, folder, _ = coloured
+    assert off_photograph(capture, folder, tmp_path / "again") < 1.5 * NOISE
+    maps = contents_of(read_run(folder)).contents.maps
+    assert maps.ks.shape == (ROWS, 2 * ROWS, 3)
+    np.testing.assert_allclose(maps.ks, np.nan_to_num(arrays(folder)["ks"]))
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [
@@ -121,9 +169,11 @@ def test_maps_render_again(mapped, tmp_path):
         ("brdf={model: lambertian}", "maps of sigma or normals needs a specular lobe"),
         ("solve.free=[camera]", "takes the capture as it is told"),
         ("texture.sigma=varying", "knows no sigma that varies slowly"),
+        ("texture={ks: color, sigma: varying}", "texture.ks: color knows no sigma that varies"),
+        ("texture={ks: color}; solve.refine=off", "texture.ks: color is found on the integral"),
     ],
 )
 def test_what_maps_cannot_be_combined_with(tmp_path, override, words):
     path = write_config(tmp_path, MAPS)
     with pytest.raises(InputError, match=words):
-        load_run_config(path, [override])
+        load_run_config(path, override.split("; "))

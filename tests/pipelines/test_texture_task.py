@@ -3,11 +3,15 @@
 - Under known light sigma, mu, K_d and K_s of every texel come out within their standard errors;
   maps, marks, arrays, predictions and the page are written, and agree with each other.
 - Unseen texels are counted and marked; the maps go on beyond the seam and are 0 further off.
-- The result renders again, to the noise.
+- The result renders again, to the noise; a K_s of each channel counts in its own channel.
 - A glossy texture under unknown light: sigma, mu and texture within their errors, up to one scale.
 - Bad input is refused in words.
 """
 
+import shutil
+
+import h5netcdf
+import h5py
 import numpy as np
 import pytest
 from painted_captures import NOISE, soft_light, texel_paint, write_config, write_painted
@@ -17,7 +21,9 @@ from texture_runs import ROWS, TASK, arrays, run
 from jaxrender.errors import InputError
 from jaxrender.io import read_image, write_image
 from jaxrender.pipelines import load_run_config
+from jaxrender.pipelines.exporting.contents import contents_of
 from jaxrender.pipelines.render import render_config
+from jaxrender.pipelines.result import read_run
 
 WITHIN = 3.5
 SOFT_TASK = "task: texture\ntexture: {size: 16}\nsolve: {noise: {relative: 0.01}}\n"
@@ -102,6 +108,31 @@ def test_the_result_renders_again(found, ball, tmp_path):
     assert np.median(np.abs(again[inside] / photograph[inside] - 1)) < 1.5 * NOISE
     # The errors of a texture are maps of their own.
     assert not list(out.glob("*_deviation.exr"))
+
+
+def test_a_coloured_ks_renders_and_leaves(found, tmp_path):
+    """Half of K_s in blue takes half of what K_s = 0 would take there, and nothing elsewhere."""
+
+    def rendered(name, colour):
+        folder = shutil.copytree(found[0], tmp_path / name)
+        grey, coloured = arrays(found[0])["ks"], ("row", "column", "channel")
+        with h5py.File(folder / "result.nc", "r+") as file:
+            del file["texture/ks"]
+        with h5netcdf.File(folder / "result.nc", "r+") as file:
+            file["texture"].create_variable("ks", coloured, data=grey[..., None] * colour)
+        image = read_image(render_config(folder, tmp_path / f"{name}_again") / "1.exr").pixels
+        return image[..., :3], contents_of(read_run(folder)).contents.maps.ks, grey
+
+    (whole, maps, grey), (half, halved, _), (none, _, _) = (
+        rendered(name, np.array(colour))
+        for name, colour in (("whole", [1, 1, 1.0]), ("half", [1, 1, 0.5]), ("none", [1, 1, 0.0]))
+    )
+    again = read_image(render_config(found[0], tmp_path / "grey") / "1.exr").pixels[..., :3]
+    np.testing.assert_allclose(whole, again, rtol=1e-6)
+    np.testing.assert_array_equal(half[..., :2], whole[..., :2])
+    np.testing.assert_allclose(half[..., 2], (whole + none)[..., 2] / 2, rtol=1e-5)
+    np.testing.assert_allclose(maps, np.nan_to_num(np.repeat(grey[..., None], 3, axis=2)))
+    np.testing.assert_allclose(halved[..., 2], 0.5 * maps[..., 2])
 
 
 def test_what_is_left_is_said_and_nothing_is_named_where_nothing_is_wrong(found):

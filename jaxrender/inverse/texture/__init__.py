@@ -2,8 +2,9 @@
 
 ``measurements``
     observations in the order of the sites that they show
-``site_systems``, ``specular_prior``
-    the four unknowns of every site, solved exactly; what to expect of K_s where nobody saw it
+``site_sums``, ``site_systems``, ``specular_prior``, ``coloured_sites``
+    the four unknowns of every site, solved exactly; what to expect of K_s where nobody saw it; the
+    six unknowns of a site whose K_s has a colour
 ``alternation``
     the thesis's confidence weights and iteration (T 6.14): the twin
 ``forward``, ``search``
@@ -20,7 +21,7 @@
 ``varying``
     a sigma that varies slowly over the surface
 ``site_numbers``, ``site_equations``, ``site_solver``, ``site_search``
-    a sigma and a normal that each site has for itself: what they are; chi-squared with its
+    a sigma, a normal and a coloured K_s of each site itself: what they are; chi-squared with its
     derivatives; the search at every site; what all sites share, and what is expected of each
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
@@ -82,13 +83,11 @@ from jaxrender.inverse.texture.prediction import LitTexture
 from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
-from jaxrender.inverse.texture.site_numbers import MAPS, NormalMap
+from jaxrender.inverse.texture.site_numbers import COLOR, MAPS, NormalMap
+from jaxrender.inverse.texture.site_sums import SiteMaterial, SiteSums, site_sums
 from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SiteSums,
     SpecularPrior,
     site_errors,
-    site_sums,
     solve_freely,
     solve_sites,
 )
@@ -101,6 +100,7 @@ from jaxrender.inverse.texture.view_dependent import LightCoefficients, solve_vi
 from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
+    "COLOR",
     "MAPS",
     "NEVER",
     "Alternation",

@@ -13,9 +13,9 @@ from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.models import Model
 from jaxrender.inverse.outcomes import Outcome
+from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.rounds import Searched
 from jaxrender.inverse.texture.search import lobe_information
-from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap, VaryingSigma
 from jaxrender.inverse.texture.whole_surface import Lobe, Surface
@@ -35,7 +35,7 @@ class TextureFit(NamedTuple):
     sigma_error: float
     mu_error: float
     outcome: Outcome
-    prior: SpecularPrior
+    prior: KsPrior
     noise: NoiseModel
     lobe: Lobe
     reasons: tuple[str, ...]

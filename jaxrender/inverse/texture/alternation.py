@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxrender.inverse.models import Columns
-from jaxrender.inverse.texture.site_systems import SiteMaterial, SiteSums
+from jaxrender.inverse.texture.site_sums import SiteMaterial, SiteSums
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # epsilon of T 6.14, beside the mean of S.

@@ -34,6 +34,7 @@ from jaxrender.inverse.texture.examination import (
 from jaxrender.inverse.texture.free_capture import MOVING, NEVER, FreePaint, columns_of
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.search import TextureProblem
+from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.weights import standard_deviations
 from jaxrender.shapes import Int
@@ -185,6 +186,7 @@ def _search(
 ) -> tuple[Corrections, bool]:
     """Find corrections on some pixels; say whether they have settled."""
     painted, fit = before
+    assert isinstance(fit.prior, SpecularPrior)
     few = told._replace(observations=told.observations.take(index))
     predicted = painted.predicted(fit)[index]
     weights = corrections.slopes(few) / standard_deviations(fit.noise, predicted)

@@ -25,12 +25,16 @@ from scipy.stats import t as student
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.models import Columns
+from jaxrender.inverse.texture.coloured_sites import ColouredPrior, KsPrior
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
-from jaxrender.inverse.texture.site_systems import SiteSums, SpecularPrior, eliminated, site_sums
+from jaxrender.inverse.texture.site_sums import SiteSums, site_sums
+from jaxrender.inverse.texture.site_systems import SpecularPrior, eliminated
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
 _PERCENT_95 = 0.95
+# Keeps a matrix of K_d and K_s that cannot be told apart from being singular.
+_ROUNDING = 1e-12
 _NORMAL_95 = 1.6448536269514722
 # Fewer degrees of freedom of a site say nothing of it, and fewer sites nothing of their spread.
 _LEAST_FREEDOM, _FEWEST_SITES = 1.9, 10
@@ -73,9 +77,11 @@ def excess_of(
     left: Float[AnyArray, "sample channel"],
     groups: Groups,
     sums: SiteSums,
-    prior: SpecularPrior,
+    prior: KsPrior,
 ) -> Excess:
     """Compare what the photographs leave of each site together with what noise would."""
+    if isinstance(prior, ColouredPrior):
+        return _coloured_excess(data, columns, left, groups, sums, prior)
     squares, channels = jnp.asarray(data.weights) ** 2, left.shape[1]
     diffuse, specular = columns.diffuse, columns.specular
     site, count = jnp.asarray(groups.site), len(groups.site)
@@ -120,6 +126,57 @@ def excess_of(
         return jax.ops.segment_sum(values, site, num_segments=len(slope))
 
     return Excess(of_site(both(moved**2)), of_site(expected), of_site(expected**2))
+
+
+def _coloured_excess(
+    data: SiteData,
+    columns: Columns,
+    left: Float[AnyArray, "sample channel"],
+    groups: Groups,
+    sums: SiteSums,
+    prior: ColouredPrior,
+) -> Excess:
+    """Do the same where K_s has a colour, by whole matrices; K_s counts as the mean of channels."""
+    channels, site, count = left.shape[1], jnp.asarray(groups.site), len(groups.site)
+    each = jnp.eye(channels)
+
+    def blocks(dd: Float[Array, "any channel"], ds, ss) -> Float[Array, "any both both"]:
+        """Lay the products of every channel out as a matrix of K_d and K_s."""
+        rows = [[dd, ds], [ds, ss]]
+        whole = [[jnp.einsum("sc,cd->scd", part, each) for part in row] for row in rows]
+        return jnp.concatenate([jnp.concatenate(row, axis=-1) for row in whole], axis=-2)
+
+    squares = jnp.asarray(data.weights) ** 2
+    diffuse, specular = columns.diffuse, columns.specular
+    products = (diffuse**2, diffuse * specular, specular**2, diffuse * left, specular * left)
+    every = jax.ops.segment_sum(
+        jnp.stack([squares * part for part in products], axis=1),
+        jnp.asarray(groups.of_sample),
+        num_segments=count,
+        indices_are_sorted=True,
+    )
+    matrix = blocks(sums.dd, sums.ds, sums.ss)
+    matrix = matrix.at[:, channels:, channels:].add(prior.matrix(channels)[None])
+    told = jnp.diagonal(matrix, axis1=1, axis2=2) > 0
+    size = jnp.sqrt(jnp.where(told, jnp.diagonal(matrix, axis1=1, axis2=2), 1))
+    scale = size[:, :, None] * size[:, None, :]
+    # Scaled to ones along the diagonal, as what was not measured is.
+    even = matrix / scale + jnp.where(told, _ROUNDING, 1)[:, :, None] * jnp.eye(2 * channels)[None]
+    inverse = jnp.where(told[:, :, None] & told[:, None, :], jnp.linalg.inv(even) / scale, 0)
+    of_group, v = blocks(every[:, 0], every[:, 1], every[:, 2]), inverse[site]
+    moved = jnp.einsum("gij,gj->gi", v, jnp.concatenate([every[:, 3], every[:, 4]], axis=1))
+    along = of_group @ v
+    noise = jnp.einsum("gij,gji->gi", v, along) - jnp.einsum("gji,gjk,gki->gi", along, v, along)
+    own = jnp.diagonal(inverse, axis1=1, axis2=2)
+    unit = jnp.where(own > 0, 1 / jnp.where(own > 0, own, 1), 0)[site]
+
+    def both(values: Float[Array, "group unknown"]) -> Float[Array, "group 2"]:
+        parts = jnp.split(values * unit, 2, axis=1)
+        return jnp.stack([jnp.mean(part, axis=1) for part in parts], axis=1)
+
+    expected = jnp.maximum(both(noise), 0)
+    summed = (both(moved**2), expected, expected**2)
+    return Excess(*(jax.ops.segment_sum(part, site, num_segments=len(own)) for part in summed))
 
 
 def excess_of_surface(

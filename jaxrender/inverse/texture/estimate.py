@@ -36,7 +36,8 @@ _REACH = 2
 class TextureEstimate(AnyEstimate):
     """A recovered texture, and how well it is known.
 
-    ``values`` have kd [site, channel] and ks [site], NaN where nothing was seen; sigma and mu of
+    ``values`` have kd [site, channel] and ks [site], or [site, channel] where it has a colour, NaN
+    where nothing was seen; sigma and mu of
     the lobe, one for each of ``lobes`` where there are several, and [site] where sigma varies.  Of
     diffuse paint they have kd alone.  What is not to be trusted is marked in ``texture``.
     ``ambiguity`` says up to what the values are known, and is "" where they are absolute;
@@ -175,8 +176,10 @@ class TextureEstimate(AnyEstimate):
 
     @property
     def marked(self) -> dict[str, Bool[np.ndarray, "site"]]:
-        """Say where the numbers that sites have of their own are not to be trusted."""
+        """Say where what sites have of their own is not to be trusted."""
         found = {}
+        if self.texture.ks_colour_marked is not None:
+            found["ks_colour_marked"] = self.texture.ks_colour_marked
         if self.variation is not None and "sigma" in self.maps:
             found["sigma_marked"] = self.variation.marked
         if self.normals is not None:
@@ -212,8 +215,8 @@ class TextureEstimate(AnyEstimate):
 
         Maps are continued ``reach`` texels beyond what was seen and are 0 from there on;
         ``marks.png`` is red where K_d is not to be trusted, green where K_s is not, blue where
-        nothing was seen; ``sigma_marked.png`` and ``normal_marked.png`` are white where these are
-        not to be trusted.  Unseen vertices have NaN.
+        nothing was seen; ``sigma_marked.png``, ``normal_marked.png`` and ``ks_colour_marked.png``
+        are white where these are not to be trusted.  Unseen vertices have NaN.
         """
         (folder / "textures").mkdir(exist_ok=True)
         if self.sites.image is None:
@@ -263,10 +266,14 @@ class TextureEstimate(AnyEstimate):
     def _columns(self) -> dict[str, np.ndarray]:
         """List what a mesh's vertices have."""
         texture = self.texture
-        columns = {"ks": texture.ks, "ks_error": texture.ks_error}
-        for channel, letter in enumerate("rgb"):
-            columns[f"kd_{letter}"] = texture.kd[:, channel]
-            columns[f"kd_error_{letter}"] = texture.kd_error[:, channel]
+        columns = {}
+        for name in _MAPS:
+            values = getattr(texture, name)
+            if values.ndim == 1:
+                columns[name] = values
+                continue
+            for channel, letter in zip(values.T, "rgb"):
+                columns[f"{name}_{letter}"] = channel
         columns |= {"kd_marked": texture.kd_marked, "ks_marked": texture.ks_marked}
         if self.variation is not None:
             columns |= {"sigma": self.variation.sigma, "sigma_error": self.variation.error}

@@ -27,6 +27,7 @@ from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.paint_slopes import PaintSlopes
 from jaxrender.inverse.texture.site_numbers import OwnSigma
+from jaxrender.inverse.texture.site_sums import by_channel
 from jaxrender.inverse.texture.sites import middles
 from jaxrender.inverse.texture.texture import TRUSTED_MISFIT, Texture
 from jaxrender.inverse.texture.varying import VaryingSigma
@@ -133,7 +134,7 @@ def misfit_of(
     # What a site's material has fitted away is made up for.
     channels = radiance.shape[1]
     measured = texture.seen * channels
-    fitted = channels + int(np.any(texture.ks > 0))
+    fitted = channels + (by_channel(texture.ks).shape[1] if np.any(texture.ks > 0) else 0)
     some = _some(np.flatnonzero(own & (measured > fitted)[site]), _FITTED, rng)
     if not len(some):
         return None
@@ -186,7 +187,7 @@ class Tested(NamedTuple):
     unknowns: Unknowns | VaryingSigma | OwnSigma
     point: Float[AnyArray, "unknown"]
     kd: Float[np.ndarray, "tested channel"]
-    ks: Float[np.ndarray, "tested"]
+    ks: Float[np.ndarray, "tested *channel"]
     names: tuple[str, ...]
     found: tuple[str, ...] = _NOT_TESTED
     slopes: PaintSlopes | None = None
@@ -232,8 +233,8 @@ class Tested(NamedTuple):
         """Suspect a fit of what it leaves; ``weights`` are those of the noise if not given."""
         near, number = self.near, self.number
         diffuse, specular = np.asarray(near.at.diffuse), np.asarray(near.at.specular)
-        kd, ks = self.kd[number], self.ks[number]
-        predicted = kd * diffuse + ks[:, None] * specular
+        kd, ks = self.kd[number], by_channel(self.ks[number])
+        predicted = kd * diffuse + ks * specular
         if self.beside is not None:
             predicted = predicted + self.beside
         (count, channels), sites = diffuse.shape, len(self.sites)
@@ -241,22 +242,17 @@ class Tested(NamedTuple):
         by_kd = np.einsum("sc,sn,cd->scnd", diffuse, of_site, np.eye(channels))
         columns = [by_kd.reshape(count, channels, -1)]
         if np.any(specular):
-            columns.append(specular[:, :, None] * of_site[:, None, :])
-            columns += [
-                (ks[:, None] * np.asarray(near.slopes[name][0]))[:, :, None] for name in self.names
-            ]
+            through = np.eye(channels) if self.ks.ndim == 2 else np.ones((channels, 1))
+            by_ks = np.einsum("sc,sn,cd->scnd", specular, of_site, through)
+            columns.append(by_ks.reshape(count, channels, -1))
+            columns += [(ks * np.asarray(near.slopes[name][0]))[:, :, None] for name in self.names]
         by_unknown = np.concatenate(columns, axis=2)
         radiance = np.asarray(self.observations.radiance, float)
         if weights is None:
             weights = 1 / np.maximum(standard_deviations(noise, predicted), 1e-12)
-        known = Derivatives(
-            weights * (radiance - predicted),
-            weights[:, :, None] * by_unknown,
-            weights,
-            (),
-            np.eye(by_unknown.shape[2]),
-        )
-        paint = np.stack([kd, np.repeat(ks[:, None], channels, axis=1)], axis=1)
+        left, by_unknown = weights * (radiance - predicted), weights[:, :, None] * by_unknown
+        known = Derivatives(left, by_unknown, weights, (), np.eye(by_unknown.shape[2]))
+        paint = np.stack([kd, np.broadcast_to(ks, kd.shape)], axis=1)
         return Suspect(
             self.observations,
             predicted,
@@ -279,8 +275,8 @@ class Tested(NamedTuple):
         numbers = self.unknowns.unpack(self._point).numbers
         sigma = float(np.mean(np.asarray(numbers["sigma"])))
         mu = None if variant.mu is None else jnp.asarray(numbers.get("mu", variant.mu))
-        kd, ks = np.nanmean(self.kd, axis=0), np.nanmean(self.ks)
-        return variant.with_roughness(sigma, mu).with_amplitudes(kd, np.full(len(kd), ks))
+        kd, ks = np.nanmean(self.kd, axis=0), np.nanmean(by_channel(self.ks), axis=0)
+        return variant.with_roughness(sigma, mu).with_amplitudes(kd, np.broadcast_to(ks, kd.shape))
 
 
 def _of(known: Derivatives, index: Int[np.ndarray, "sample"]) -> Derivatives:
@@ -304,7 +300,8 @@ def reaching(
     """
     texture, sites = fit.texture, some.sites
     channels = texture.kd.shape[1]
-    kd, ks, sigma, mu = np.zeros(channels), 0.0, 0.0, 0.0
+    of_ks = np.asarray(by_channel(texture.ks))
+    kd, ks, sigma, mu = np.zeros(channels), np.zeros(of_ks.shape[1]), 0.0, 0.0
     glossy = len(shifts) > len(sites) * channels
     # Where the photographs do not tell K_s, its prior holds both, and the columns know of none.
     told = ~texture.ks_marked[sites] | (not glossy)
@@ -312,12 +309,13 @@ def reaching(
         of_kd, rest = np.split(shift, [len(sites) * channels])
         kd += _part(of_kd.reshape(-1, channels)[told], texture.kd[sites[told]]) ** 2
         if glossy:
-            of_ks, numbers = np.split(rest, [len(sites)])
-            ks += float(_part(of_ks[told, None], texture.ks[sites[told], None])[0]) ** 2
+            shifted, numbers = np.split(rest, [of_ks[sites].size])
+            shifted = shifted.reshape(len(sites), -1)
+            ks += _part(shifted[told], of_ks[sites[told]]) ** 2
             moved = dict(zip(some.names, numbers))
             sigma += float(moved.get("sigma", 0)) ** 2
             mu += float(moved.get("mu", 0)) ** 2
-    by_kd, by_ks = np.sqrt(kd) * texture.kd, np.sqrt(ks) * texture.ks
+    by_kd, by_ks = np.sqrt(kd) * texture.kd, (np.sqrt(ks) * of_ks).reshape(texture.ks.shape)
     wider = texture._replace(
         kd_error=np.hypot(texture.kd_error, by_kd), ks_error=np.hypot(texture.ks_error, by_ks)
     )

@@ -5,8 +5,8 @@
    search goes on with a K_s a site.  Noise is estimated from what is left, and all of it repeated.
 2. Where sigma varies slowly over the surface, it is searched for once more at control points
    (:mod:`.varying`), from one sigma for all.
-3. Where each site has a sigma or a normal of its own, these are searched for at every site
-   (:mod:`.site_search`), beginning with one lobe for all.
+3. Where each site has a sigma, a normal or a coloured K_s of its own, these are searched for at
+   every site (:mod:`.site_search`), beginning with one lobe for all.
 4. Every site is solved exactly, a chunk at a time, with standard errors that include those of sigma
    and mu; what cannot be trusted is marked.
 
@@ -28,8 +28,8 @@ from jaxrender.inverse.texture.rounds import (
     search_in_rounds,
     weighted,
 )
-from jaxrender.inverse.texture.search import TextureProblem, refine
-from jaxrender.inverse.texture.site_numbers import MAPS, with_normals
+from jaxrender.inverse.texture.search import refine
+from jaxrender.inverse.texture.site_numbers import COLOR, MAPS, with_normals
 from jaxrender.inverse.texture.site_search import SiteFit, search_sites, solve_numbers
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField
@@ -100,7 +100,8 @@ def _with_maps(
     one, fit, maps = searched.problem.unknowns, searched.fit, settings.maps
     assert isinstance(one, Unknowns)
     some = whole_sites(measured, min(settings.search_samples, _MAP_SAMPLES), settings.seed)
-    begin = SiteFit.begin(one, fit.point, searched.problem.prior, searched.noise)
+    prior, coloured = searched.problem.prior, COLOR in maps
+    begin = SiteFit.begin(one, fit.point, prior, searched.noise, coloured)
     found = search_sites(some, forward.final, maps, begin, settings.noise is not None)
     own = solve_numbers(measured, forward.final, maps, found)
     lobe = Lobe(one, *found.shared[1:], own=own)
@@ -113,10 +114,9 @@ def _with_maps(
     lobe = lobe._replace(own=own.widened(surface.wider.max(axis=1)))
     searched = searched._replace(
         fit=fit._replace(point=jnp.asarray(lobe.point)),
-        problem=TextureProblem(one, found.prior, np.asarray(False)),
         noise=found.noise,
     )
-    return account_of(surface, lobe, searched, found.noise)
+    return account_of(surface, lobe, searched, found.noise)._replace(prior=found.prior)
 
 
 def fit_texture_by_region(
@@ -154,15 +154,17 @@ def check_variation(unknowns: Unknowns, settings: TextureSettings, sigma: bool =
 
 def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSettings) -> None:
     for name in settings.maps:
-        if name not in MAPS:
-            raise ValueError(f"maps has {name!r}: choose of {', '.join(MAPS)}")
+        if name not in (*MAPS, COLOR):
+            raise ValueError(f"maps has {name!r}: choose of {', '.join((*MAPS, COLOR))}")
+    if COLOR in settings.maps and measured.radiance.shape[1] == 1:
+        raise ValueError("the photographs have one channel, so K_s has no colour: leave it out")
     if settings.method not in METHODS:
         raise ValueError(f"method={settings.method!r}: choose one of {', '.join(METHODS)}")
     if unknowns.free_amplitudes != unknowns.amplitude_names:
         raise ValueError("kd and ks are fixed, but the texture consists of them: leave both free")
     if "ks" in unknowns.coloured or unknowns.free_gains or unknowns.free_scale:
         raise ValueError(
-            "a texture has one K_s for all channels and known exposures: "
+            "a texture has known exposures, and its K_s a colour by maps: "
             "turn ks_per_channel, free gains and free scale off"
         )
     for name in unknowns.with_prior:

@@ -39,13 +39,8 @@ from jaxrender.inverse.texture.measurements import (
     in_chunks,
     whole_sites,
 )
-from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SiteSums,
-    over_sites,
-    site_sums,
-    solve_freely,
-)
+from jaxrender.inverse.texture.site_sums import SiteMaterial, SiteSums, over_sites, site_sums
+from jaxrender.inverse.texture.site_systems import solve_freely
 from jaxrender.inverse.texture.view_search import (
     ViewDependentFit,
     search_view_dependent,

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from jaxrender.inverse.models import Columns
+from jaxrender.inverse.texture.site_sums import by_channel
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.shapes import Float, Int
 
@@ -27,7 +28,7 @@ class PaintSlopes(NamedTuple):
 
     places: Float[np.ndarray, "site 3"]
     kd: Float[np.ndarray, "site channel 3"]
-    ks: Float[np.ndarray, "site 3"]
+    ks: Float[np.ndarray, "site channel_or_one 3"]
 
     @classmethod
     def of(
@@ -37,7 +38,7 @@ class PaintSlopes(NamedTuple):
         chosen: Int[np.ndarray, "site"],
     ) -> "PaintSlopes":
         """Differentiate some sites' paint; ``places`` are those of all, NaN where unseen."""
-        paint = np.concatenate([texture.kd, texture.ks[:, None]], axis=1)
+        paint = np.concatenate([texture.kd, by_channel(texture.ks)], axis=1)
         known = np.flatnonzero(np.isfinite(paint).all(axis=1) & np.isfinite(places).all(axis=1))
         near = min(_NEIGHBOURS + 1, len(known))
         _, found = cKDTree(places[known]).query(places[chosen], k=np.arange(1, near + 1))
@@ -52,7 +53,8 @@ class PaintSlopes(NamedTuple):
         across = np.einsum("snc,sni,sij->scj", change, away, axes)
         slopes = np.einsum("scj,sj,sij->sci", across, inverse, axes)
         slopes *= _smooth(change, np.einsum("sci,sni->snc", slopes, away))[:, :, None]
-        return cls(places[chosen], slopes[:, :-1], slopes[:, -1])
+        channels = texture.kd.shape[1]
+        return cls(places[chosen], slopes[:, :channels], slopes[:, channels:])
 
     def of_samples(
         self, columns: Columns, site: Int[np.ndarray, "sample"]
@@ -60,7 +62,7 @@ class PaintSlopes(NamedTuple):
         """Differentiate the radiance of samples by place, at fixed normals."""
         diffuse, specular = np.asarray(columns.diffuse), np.asarray(columns.specular)
         by_kd = self.kd[site] * diffuse[:, :, None]
-        return by_kd + self.ks[site][:, None, :] * specular[:, :, None]
+        return by_kd + self.ks[site] * specular[:, :, None]
 
     def beside(
         self,

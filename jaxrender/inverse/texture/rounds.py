@@ -41,7 +41,7 @@ class TextureSettings(NamedTuple):
     ``exact_samples`` are drawn to refine both on the exact model; 0: no exact model is used.
     ``diagnose`` says whether causes of a misfit are looked for.  ``free`` names nuisances that are
     found with the texture, or is ``"auto"``.  ``maps`` are what each site has for itself beside its
-    K_d and K_s: ``sigma``, ``normal``.
+    K_d and one K_s: ``sigma``, ``normal``, and ``color``, which is a K_s of each channel.
     """
 
     noise: NoiseModel | None = None

@@ -17,13 +17,8 @@ from jaxrender.inverse.models import Columns, LinearisedModel, Model
 from jaxrender.inverse.solvers import least_squares, simplex
 from jaxrender.inverse.texture.alternation import confidence
 from jaxrender.inverse.texture.measurements import SiteData
-from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SpecularPrior,
-    site_sums,
-    solve_freely,
-    solve_sites,
-)
+from jaxrender.inverse.texture.site_sums import SiteMaterial, by_channel, site_sums
+from jaxrender.inverse.texture.site_systems import SpecularPrior, solve_freely, solve_sites
 from jaxrender.inverse.texture.varying import VaryingSigma
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.programs import stored
@@ -77,8 +72,8 @@ def predicted(
 ) -> Float[Array, "sample channel"]:
     """Predict the radiance of every observation (T 6.13)."""
     site = jnp.asarray(data.site)
-    kd, ks = jnp.asarray(material.kd)[site], jnp.asarray(material.ks)[site]
-    return kd * columns.diffuse + ks[:, None] * columns.specular
+    kd, ks = jnp.asarray(material.kd)[site], by_channel(jnp.asarray(material.ks)[site])
+    return kd * columns.diffuse + ks * columns.specular
 
 
 def residuals(

@@ -9,17 +9,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import block_diag
 
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.search import predicted
-from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SpecularPrior,
-    over_sites,
-    site_sums,
-    solve_sites,
-)
+from jaxrender.inverse.texture.site_sums import SiteMaterial, by_channel, over_sites, site_sums
+from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -34,7 +31,7 @@ class Expected(NamedTuple):
 class SiteEquations(NamedTuple):
     """Chi-squared of every site with its derivatives: half the slope, and the normal matrix.
 
-    The unknowns of a site are K_d, K_s and its numbers.
+    The unknowns of a site are K_d, K_s (of each channel where it has a colour) and its numbers.
     """
 
     cost: Float[AnyArray, "site"]
@@ -55,13 +52,13 @@ class Common(NamedTuple):
 def chi_squared(
     near: LinearisedModel,
     data: SiteData,
-    prior: SpecularPrior,
+    prior: KsPrior,
     expected: Expected,
     value: Float[AnyArray, "site number"],
 ) -> tuple[Float[Array, "site"], Float[Array, "sample channel"]]:
     """Evaluate chi-squared of every site, and predict its observations."""
     with jax.default_matmul_precision("highest"):
-        material = solve_sites(site_sums(data, near.at), prior)
+        material = prior.solve(site_sums(data, near.at))
         foreseen = predicted(material, near.at, data)
         return _squares(data, foreseen, material, prior, expected, value), foreseen
 
@@ -70,14 +67,14 @@ def chi_squared(
 def equations_of(
     near: LinearisedModel,
     data: SiteData,
-    prior: SpecularPrior,
+    prior: KsPrior,
     expected: Expected,
     value: Float[AnyArray, "site number"],
     names: tuple[str, ...],
 ) -> tuple[SiteEquations, Float[Array, "sample channel"]]:
     """Evaluate chi-squared of every site with its derivatives, and predict its observations."""
     with jax.default_matmul_precision("highest"):
-        material = solve_sites(site_sums(data, near.at), prior)
+        material = prior.solve(site_sums(data, near.at))
         foreseen = predicted(material, near.at, data)
         jacobian = _jacobian(near, data, material, names)
         weighted = jnp.asarray(data.weights)[..., None] * jacobian
@@ -93,7 +90,7 @@ def equations_of(
 def common_equations(
     near: LinearisedModel,
     data: SiteData,
-    prior: SpecularPrior,
+    prior: KsPrior,
     expected: Expected,
     value: Float[AnyArray, "site number"],
     names: tuple[str, ...],
@@ -104,7 +101,7 @@ def common_equations(
     ``chain`` are their derivatives by the search variables.
     """
     with jax.default_matmul_precision("highest"):
-        material = solve_sites(site_sums(data, near.at), prior)
+        material = prior.solve(site_sums(data, near.at))
         foreseen = predicted(material, near.at, data)
         every = _jacobian(near, data, material, names)
         weights = jnp.asarray(data.weights)
@@ -126,14 +123,14 @@ def _squares(
     data: SiteData,
     foreseen: Float[Array, "sample channel"],
     material: SiteMaterial,
-    prior: SpecularPrior,
+    prior: KsPrior,
     expected: Expected,
     value: Float[AnyArray, "site number"],
 ) -> Float[Array, "site"]:
     left = jnp.asarray(data.weights) * (data.radiance - foreseen)
     off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
     held = jnp.sum(jnp.asarray(expected.precision)[None] * off**2, axis=1)
-    held = held + jnp.asarray(prior.precision) * (material.ks - jnp.asarray(prior.mean)) ** 2
+    held = held + prior.held(jnp.asarray(material.ks))
     return jnp.sum(over_sites(left**2, data), axis=1) + held
 
 
@@ -141,7 +138,7 @@ def _held(
     gradient: Float[Array, "site unknown"],
     matrix: Float[Array, "site unknown unknown"],
     material: SiteMaterial,
-    prior: SpecularPrior,
+    prior: KsPrior,
     expected: Expected,
     value: Float[AnyArray, "site number"],
 ) -> tuple[
@@ -150,17 +147,22 @@ def _held(
     Bool[Array, "site unknown"],
 ]:
     """Add what is expected, and hold what is at zero or was not measured; say what is free."""
-    kd, ks = jnp.asarray(material.kd), jnp.asarray(material.ks)
+    kd, ks = jnp.asarray(material.kd), by_channel(jnp.asarray(material.ks))
     sites, channels = kd.shape
     off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
-    precision = jnp.concatenate(
-        [jnp.zeros(channels), jnp.asarray(prior.precision)[None], jnp.asarray(expected.precision)]
-    )
     below = jnp.concatenate(
-        [jnp.zeros((sites, channels)), (ks - jnp.asarray(prior.mean))[:, None], off], axis=1
+        [jnp.zeros((sites, channels)), ks - jnp.asarray(prior.mean), off], axis=1
     )
-    gradient, matrix = gradient - precision[None] * below, matrix + jnp.diag(precision)[None]
-    free = jnp.concatenate([kd > 0, (ks > 0)[:, None], jnp.ones(off.shape, bool)], axis=1)
+    of_numbers = jnp.asarray(expected.precision)
+    if isinstance(prior, SpecularPrior):
+        each = (jnp.zeros(channels), jnp.asarray(prior.precision)[None], of_numbers)
+        precision = jnp.concatenate(each)
+        gradient, matrix = gradient - precision[None] * below, matrix + jnp.diag(precision)[None]
+    else:
+        parts = jnp.zeros((channels, channels)), prior.matrix(channels), jnp.diag(of_numbers)
+        together = block_diag(*parts)
+        gradient, matrix = gradient - below @ together, matrix + together[None]
+    free = jnp.concatenate([kd > 0, ks > 0, jnp.ones(off.shape, bool)], axis=1)
     free = free & (jnp.diagonal(matrix, axis1=1, axis2=2) > 0)
     pairs = free[:, :, None] & free[:, None, :]
     return (
@@ -175,11 +177,13 @@ def _jacobian(
 ) -> Float[Array, "sample channel unknown"]:
     """Line up the derivatives by K_d of each channel, by K_s, and by the numbers named."""
     site = jnp.asarray(data.site)
-    kd, ks = jnp.asarray(material.kd)[site], jnp.asarray(material.ks)[site][:, None]
-    channels = kd.shape[1]
+    kd, ks = jnp.asarray(material.kd)[site], by_channel(jnp.asarray(material.ks)[site])
+    channels, of_ks = kd.shape[1], ks.shape[1]
     amplitudes = (kd, jnp.broadcast_to(ks, kd.shape))
     by_kd = near.at.diffuse[:, :, None] * jnp.eye(channels)[None]
-    columns = [by_kd, near.at.specular[:, :, None]]
+    by_ks = near.at.specular[:, :, None]
+    # One K_s goes through all channels.
+    columns = [by_kd, by_ks if of_ks == 1 else by_ks * jnp.eye(channels)[None]]
     for name in names:
         slopes = zip(near.at.shaped, near.slopes[name])
         slope = sum((amplitudes[place] * part for place, part in slopes), jnp.zeros_like(kd))

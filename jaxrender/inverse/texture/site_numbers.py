@@ -22,8 +22,10 @@ from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
-# What may be a map, and the numbers that it has at each site.
+# What may be a map beside a coloured K_s, and the numbers that it has at each site.
 MAPS: Mapping[str, tuple[str, ...]] = {"sigma": ("sigma",), "normal": ("tilt_x", "tilt_y")}
+# K_s of every channel, as a metal has it: an amplitude, which is no number to be searched for.
+COLOR = "color"
 # A normal is marked where its standard error is larger (radians): two degrees.
 _TRUSTED_TILT = np.deg2rad(2.0)
 

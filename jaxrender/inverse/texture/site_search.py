@@ -1,4 +1,4 @@
-"""A sigma and a normal of every site, beside its K_d and K_s.
+"""A sigma, a normal and a coloured K_s of every site, whichever of these are asked for.
 
 What all sites share (mu, and sigma where only normals are their own) is solved for on some sites,
 with all numbers of these eliminated.  Their noise and the spread of their numbers are learned
@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.clusters import widened
+from jaxrender.inverse.texture.coloured_sites import ColouredPrior, KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations
 from jaxrender.inverse.texture.site_equations import Common, Expected, common_equations
@@ -26,6 +27,7 @@ from jaxrender.inverse.texture.site_solver import (
     solve_at,
     solve_numbers_of,
 )
+from jaxrender.inverse.texture.site_sums import by_channel
 from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.specular_prior import normal_spread, spread_of
 from jaxrender.inverse.unknowns import Unknowns
@@ -55,7 +57,7 @@ class SiteFit(NamedTuple):
 
     shared: Shared
     expected: Expected | None
-    prior: SpecularPrior
+    prior: KsPrior
     noise: NoiseModel
 
     @classmethod
@@ -65,9 +67,13 @@ class SiteFit(NamedTuple):
         point: Float[AnyArray, "unknown"],
         prior: SpecularPrior,
         noise: NoiseModel,
+        coloured: bool = False,
     ) -> "SiteFit":
         """Begin with one lobe for all sites, at the search variables ``point``."""
         nothing = np.zeros((len(point), len(point)))
+        if coloured:
+            known = ColouredPrior.begin(float(prior.mean), float(prior.precision))
+            return cls(Shared(unknowns, np.asarray(point), nothing, nothing), None, known, noise)
         return cls(Shared(unknowns, np.asarray(point), nothing, nothing), None, prior, noise)
 
 
@@ -95,7 +101,7 @@ def search_sites(
         asked, solved, common = _share(some, model_of, asked, start)
         start, before = solved.value, asked.noise
         if not noise_given:
-            asked = asked._replace(noise=_noise_left(some, solved, len(names)))
+            asked = asked._replace(noise=_noise_left(some, solved, asked.own(some)))
         asked = _learned(asked, solved)
         if noise_settled(before, asked.noise, solved.predicted):
             break
@@ -160,10 +166,10 @@ def _in_common(some: SiteObservations, model_of: ModelOf, asked: Asked, solved: 
     return Common(matrix, gradient, scores)
 
 
-def _noise_left(some: SiteObservations, solved: Solved, numbers: int) -> NoiseModel:
+def _noise_left(some: SiteObservations, solved: Solved, fitted: int) -> NoiseModel:
     """Estimate the noise from what is left; what the sites have fitted away is made up for."""
     channels = some.radiance.shape[1]
-    measured, fitted = some.seen[some.site] * channels, channels + 1 + numbers
+    measured = some.seen[some.site] * channels
     usable = measured > fitted
     if not usable.any():
         raise ValueError(
@@ -180,7 +186,7 @@ def _learned(asked: Asked, solved: Solved) -> Asked:
     inverse, count = _inverse(np.asarray(solved.local.matrix)), len(asked.names)
     variances = np.diagonal(inverse, axis1=1, axis2=2)
     mean, precision = asked.expected.mean.copy(), asked.expected.precision.copy()
-    lit = np.asarray(solved.local.material.ks) > 0
+    lit = np.any(by_channel(np.asarray(solved.local.material.ks)) > 0, axis=1)
     for at, name in enumerate(asked.names):
         of_data, told = _without(
             solved.value[:, at], variances[:, at - count], mean[at], precision[at]
@@ -191,13 +197,15 @@ def _learned(asked: Asked, solved: Solved) -> Asked:
             # Normals are those of the shape on average.
             mean[at] = found if name == "sigma" else 0.0
             precision[at] = 1 / variance
-    ks, told = _without(
-        np.asarray(solved.local.material.ks),
-        variances[:, -count - 1],
-        float(asked.prior.mean),
-        float(asked.prior.precision),
-    )
-    prior = spread_of(ks, np.where(lit, told, 0))
+    channels, size = solved.predicted.shape[1], inverse.shape[1]
+    ks, prior = np.asarray(solved.local.material.ks), asked.prior
+    if isinstance(prior, ColouredPrior):
+        of_ks = slice(channels, size - count)
+        prior = prior.learned(ks, inverse[:, of_ks, of_ks])
+    else:
+        known = float(prior.mean), float(prior.precision)
+        ks, told = _without(ks, variances[:, channels], *known)
+        prior = spread_of(ks, np.where(lit, told, 0))
     return asked._replace(expected=Expected(mean, precision), prior=prior)
 
 
@@ -223,8 +231,7 @@ def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common
     exact, robust = np.zeros((2, size, size))
     if len(at):
         inverse = np.linalg.pinv(np.asarray(common.matrix), hermitian=True)
-        channels = some.radiance.shape[1]
-        fitted = len(np.unique(some.site)) * (channels + 1 + len(asked.names)) + len(at)
+        fitted = len(np.unique(some.site)) * asked.own(some) + len(at)
         scale = float(np.sqrt(np.mean(some.radiance**2)))
         deviation = deviations(asked.noise, np.maximum(solved.predicted, 0), scale)
         deviation = np.hypot(deviation, LEAST_NOISE * scale)
@@ -252,10 +259,11 @@ def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNu
     """State values and errors; nothing is known of what was not seen."""
     count, seen = len(asked.names), measured.seen > 0
     inverse = _inverse(np.asarray(solved.local.matrix))
-    alone = _inverse(np.asarray(solved.local.matrix)[:, :-count, :-count])
+    size = inverse.shape[1] - count
+    alone = _inverse(np.asarray(solved.local.matrix)[:, :size, :size])
     whole, own = (np.diagonal(part, axis1=1, axis2=2) for part in (inverse, alone))
-    inflation = np.sqrt(np.maximum(whole[:, :-count] / own, 1))
-    covariance = inverse[:, -count:, -count:]
+    inflation = np.sqrt(np.maximum(whole[:, :size] / own, 1))
+    covariance = inverse[:, size:, size:]
     covariance[~seen] = np.diag(np.full(count, np.inf))
     return SiteNumbers(
         asked.names,

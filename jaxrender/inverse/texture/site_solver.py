@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
+from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.site_equations import (
@@ -23,7 +24,7 @@ from jaxrender.inverse.texture.site_equations import (
     equations_of,
 )
 from jaxrender.inverse.texture.site_numbers import TiltedModel, tangents_of
-from jaxrender.inverse.texture.site_systems import SiteMaterial, SpecularPrior
+from jaxrender.inverse.texture.site_sums import SiteMaterial
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
 from jaxrender.shapes import Array, Bool, Float, Int
@@ -49,7 +50,7 @@ class Asked(NamedTuple):
     names: tuple[str, ...]
     unknowns: Unknowns
     point: Float[np.ndarray, "unknown"]
-    prior: SpecularPrior
+    prior: KsPrior
     expected: Expected
     noise: NoiseModel
 
@@ -58,6 +59,11 @@ class Asked(NamedTuple):
         """Which of the search variables all sites share."""
         own = [name for name in self.unknowns.names if name not in self.names]
         return np.array([self.unknowns.names.index(name) for name in own], int)
+
+    def own(self, measured: SiteObservations) -> int:
+        """Count what each site has for itself: K_d, K_s and numbers."""
+        channels = measured.radiance.shape[1]
+        return channels + self.prior.amplitudes(channels) + len(self.names)
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "number"], Float[np.ndarray, "number"]]:
@@ -85,15 +91,19 @@ class Solved(NamedTuple):
     predicted: Float[np.ndarray, "sample channel"]
 
     @classmethod
-    def begin(cls, measured: SiteObservations, value: Float[np.ndarray, "site number"]) -> "Solved":
+    def begin(
+        cls, measured: SiteObservations, value: Float[np.ndarray, "site number"], prior: KsPrior
+    ) -> "Solved":
         """Know nothing yet."""
         count, channels = measured.count, measured.radiance.shape[1]
-        size = channels + 1 + value.shape[1]
+        of_ks = prior.amplitudes(channels)
+        size = channels + of_ks + value.shape[1]
+        dark = np.zeros((count, of_ks))
         local = SiteEquations(
             np.full(count, np.inf),
             np.zeros((count, size)),
             np.tile(np.eye(size), (count, 1, 1)),
-            SiteMaterial(np.zeros((count, channels)), np.zeros(count)),
+            SiteMaterial(np.zeros((count, channels)), dark if of_ks > 1 else dark[:, 0]),
         )
         nowhere = np.tile(np.eye(3)[:2], (count, 1, 1))
         return cls(value.copy(), local, nowhere, np.zeros_like(measured.radiance))
@@ -141,7 +151,7 @@ def solve_at(
 ) -> Solved:
     """Search the numbers of every site; those that have settled are not evaluated again."""
     first = _first(measured, model_of, asked, start)
-    solved = Solved.begin(measured, first.value)
+    solved = Solved.begin(measured, first.value, asked.prior)
     trial, damping = solved.value.copy(), np.zeros(measured.count)
     largest, (low, high) = np.array([_LARGEST_STEP[name] for name in asked.names]), asked.bounds
     active = measured.seen > 0
@@ -166,7 +176,7 @@ def solve_at(
         matrix, gradient = (np.asarray(part)[at] for part in solved.local[2:0:-1])
         step = _step(matrix, gradient, damping[at], len(largest))
         trial[at] = np.clip(solved.value[at] + np.clip(step, -largest, largest), low, high)
-        gain = (trial[at] - solved.value[at]) * gradient[:, -len(largest) :]
+        gain = (trial[at] - solved.value[at]) * gradient[:, gradient.shape[1] - len(largest) :]
         active[at] = np.sum(gain, axis=1) > _GAIN
         if not active.any():
             break
@@ -270,4 +280,4 @@ def _step(
     damped = matrix.copy()
     for at in range(1, numbers + 1):
         damped[:, -at, -at] *= 1 + damping
-    return np.linalg.solve(damped, gradient[..., None])[:, -numbers:, 0]
+    return np.linalg.solve(damped, gradient[..., None])[:, matrix.shape[1] - numbers :, 0]

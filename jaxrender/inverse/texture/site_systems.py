@@ -19,25 +19,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxrender.inverse.models import Columns
-from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.inverse.texture.site_sums import ROUNDING, SiteMaterial, SiteSums, quotient
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Newton steps.  A site's own equation needs at most one more than it has channels; that of one K_s
 # for all sites passes the pieces of many sites at once.
 _STEPS = 12
-# What is left of S'S without D, below this part of it, is rounding: K_s is then not determined.
-_ROUNDING = {"float64": 1e-11, "float32": 1e-5}
-
-
-class SiteSums(NamedTuple):
-    """Weighted inner products of the columns D and S and the measurement B over each site."""
-
-    dd: Float[Array, "site channel"]
-    ds: Float[Array, "site channel"]
-    ss: Float[Array, "site channel"]
-    db: Float[Array, "site channel"]
-    sb: Float[Array, "site channel"]
 
 
 class SpecularPrior(NamedTuple):
@@ -46,12 +33,21 @@ class SpecularPrior(NamedTuple):
     mean: Float[AnyArray, ""]
     precision: Float[AnyArray, ""]
 
+    def amplitudes(self, channels: int) -> int:
+        """Say how many K_s a site has."""
+        return 1
 
-class SiteMaterial(NamedTuple):
-    """K_d and K_s of every site."""
+    def held(self, ks: Float[Array, "site"]) -> Float[Array, "site"]:
+        """Say what it counts against each site's K_s."""
+        return jnp.asarray(self.precision) * (ks - jnp.asarray(self.mean)) ** 2
 
-    kd: Float[AnyArray, "site channel"]
-    ks: Float[AnyArray, "site"]
+    def solve(self, sums: SiteSums) -> SiteMaterial:
+        """Solve for K_d and K_s of every site."""
+        return solve_sites(sums, self)
+
+    def errors(self, sums: SiteSums) -> tuple[SiteMaterial, None]:
+        """Compute standard errors; K_s has no colour that could have any."""
+        return site_errors(sums, self), None
 
 
 class FreeSites(NamedTuple):
@@ -59,29 +55,6 @@ class FreeSites(NamedTuple):
 
     material: SiteMaterial
     precision: Float[Array, "site"]
-
-
-def site_sums(data: SiteData, columns: Columns) -> SiteSums:
-    """Add up the inner products of each site's observations."""
-    squares = jnp.asarray(data.weights) ** 2
-    diffuse, specular, radiance = columns.diffuse, columns.specular, jnp.asarray(data.radiance)
-    pairs = (
-        (diffuse, diffuse),
-        (diffuse, specular),
-        (specular, specular),
-        (diffuse, radiance),
-        (specular, radiance),
-    )
-    products = jnp.stack([squares * a * b for a, b in pairs], axis=1)
-    sums = over_sites(products, data)
-    return SiteSums(*(sums[:, k] for k in range(len(pairs))))
-
-
-def over_sites(values: Float[Array, "sample *rest"], data: SiteData) -> Float[Array, "site *rest"]:
-    """Add up the rows of each site."""
-    return jax.ops.segment_sum(
-        values, jnp.asarray(data.site), num_segments=data.count, indices_are_sorted=True
-    )
 
 
 def solve_sites(
@@ -99,7 +72,7 @@ def solve_sites(
 
     active = jax.lax.fori_loop(0, _STEPS, step, jnp.ones(sums.dd.shape, bool))
     ks = jnp.maximum(_root(sums, prior, active, shared), 0)
-    kd = _quotient(sums.db - sums.ds * ks[:, None], sums.dd)
+    kd = quotient(sums.db - sums.ds * ks[:, None], sums.dd)
     return SiteMaterial(jnp.maximum(kd, 0), ks)
 
 
@@ -108,8 +81,8 @@ def solve_freely(sums: SiteSums) -> FreeSites:
     zero = jnp.zeros((), sums.dd.dtype)
     every = jnp.ones(sums.dd.shape, bool)
     slope, right = _piece(sums, SpecularPrior(zero, zero), every, False)
-    ks = _quotient(right, slope)
-    kd = _quotient(sums.db - sums.ds * ks[:, None], sums.dd)
+    ks = quotient(right, slope)
+    kd = quotient(sums.db - sums.ds * ks[:, None], sums.dd)
     return FreeSites(SiteMaterial(kd, ks), slope)
 
 
@@ -122,7 +95,7 @@ def site_errors(sums: SiteSums, prior: SpecularPrior) -> SiteMaterial:
     """
     slope, ratio = eliminated(sums, prior)
     ks_variance = jnp.where(slope > 0, 1 / jnp.where(slope > 0, slope, 1), jnp.inf)
-    most = jnp.min(jnp.where(sums.ds > 0, _quotient(sums.db, sums.ds), 1), axis=1)
+    most = jnp.min(jnp.where(sums.ds > 0, quotient(sums.db, sums.ds), 1), axis=1)
     # The mean square of what is uniform from 0, where it is taken to be.
     uniform = jnp.clip(most, 0, 1) ** 2 / 3
     through = jnp.where(slope > 0, ks_variance, uniform)[:, None]
@@ -136,7 +109,7 @@ def eliminated(
 ) -> tuple[Float[Array, "site"], Float[Array, "site channel"]]:
     """Take K_d out of every system: what is left of the matrix for K_s, and D'S / D'D."""
     slope, _ = _piece(sums, prior, jnp.ones(sums.dd.shape, bool), False)
-    return slope, _quotient(sums.ds, sums.dd)
+    return slope, quotient(sums.ds, sums.dd)
 
 
 def _root(
@@ -147,7 +120,7 @@ def _root(
 ) -> Float[Array, "site"]:
     """Find where the straight piece of the equation in K_s meets its right side."""
     slope, right = _piece(sums, prior, active, shared)
-    return jnp.where(slope > 0, _quotient(right, slope), prior.mean)
+    return jnp.where(slope > 0, quotient(right, slope), prior.mean)
 
 
 def _piece(
@@ -157,11 +130,11 @@ def _piece(
     shared: Bool[AnyArray, ""] | bool,
 ) -> tuple[Float[Array, "site"], Float[Array, "site"]]:
     """Compute slope and right side of the piece where ``active`` channels have K_d > 0."""
-    taken_out = jnp.where(active, _quotient(sums.ds**2, sums.dd), 0)
-    explained = jnp.where(active, _quotient(sums.ds * sums.db, sums.dd), 0)
+    taken_out = jnp.where(active, quotient(sums.ds**2, sums.dd), 0)
+    explained = jnp.where(active, quotient(sums.ds * sums.db, sums.dd), 0)
     parts = (sums.ss - taken_out, sums.ss, sums.sb - explained)
     slope, whole, right = (_gathered(jnp.sum(part, axis=1), shared) for part in parts)
-    determined = slope > _ROUNDING[slope.dtype.name] * whole
+    determined = slope > ROUNDING[slope.dtype.name] * whole
     precision = jnp.where(jnp.asarray(shared), 0, jnp.asarray(prior.precision))
     slope = jnp.where(determined, slope, 0) + precision
     return slope, jnp.where(determined, right, 0) + precision * prior.mean
@@ -170,8 +143,3 @@ def _piece(
 def _gathered(values: Float[Array, "site"], shared: Bool[AnyArray, ""] | bool):
     """Give every site the sum over all, if they share their K_s."""
     return jnp.where(jnp.asarray(shared), jnp.sum(values), values)
-
-
-def _quotient(a: Float[Array, "*any"], b: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    """Divide, with 0 for a division by 0."""
-    return jnp.where(b > 0, a / jnp.where(b > 0, b, 1), 0)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.texture.harmonic_columns import LobeColumns
 from jaxrender.inverse.texture.measurements import SiteData
-from jaxrender.inverse.texture.site_systems import SiteMaterial, over_sites
+from jaxrender.inverse.texture.site_sums import SiteMaterial, over_sites
 from jaxrender.shapes import Array, Float
 
 # Rounds of the light's expected size.

@@ -28,7 +28,7 @@ import numpy as np
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.inverse.texture.harmonic_columns import LobeColumns
 from jaxrender.inverse.texture.measurements import SiteData
-from jaxrender.inverse.texture.site_systems import over_sites
+from jaxrender.inverse.texture.site_sums import over_sites
 from jaxrender.inverse.texture.specular_prior import spread_of
 from jaxrender.inverse.texture.view_dependent import off_site_mean
 from jaxrender.shapes import AnyArray, Array, Float

@@ -12,12 +12,10 @@ from jaxrender.inverse.models import Columns
 from jaxrender.inverse.solvers import least_squares
 from jaxrender.inverse.texture.harmonic_columns import HarmonicColumns, LobeColumns, diffuse_under
 from jaxrender.inverse.texture.measurements import SiteData
+from jaxrender.inverse.texture.site_sums import SiteMaterial, SiteSums, site_sums
 from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SiteSums,
     SpecularPrior,
     site_errors,
-    site_sums,
     solve_freely,
     solve_sites,
 )

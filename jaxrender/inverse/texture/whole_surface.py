@@ -14,23 +14,18 @@ from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.models import Columns, LinearisedModel
 from jaxrender.inverse.texture.alternation import Confidence, alternate, confidence
 from jaxrender.inverse.texture.clustered import Excess, Groups, excess_of, widening
+from jaxrender.inverse.texture.coloured_sites import ColouredPrior, ColouredSpread, KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.search import predicted
 from jaxrender.inverse.texture.site_numbers import NormalMap, OwnSigma, SiteNumbers
-from jaxrender.inverse.texture.site_systems import (
-    SiteMaterial,
-    SpecularPrior,
-    over_sites,
-    site_errors,
-    site_sums,
-    solve_sites,
-)
+from jaxrender.inverse.texture.site_sums import SiteMaterial, over_sites, site_sums
+from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField, SigmaMap, VaryingSigma, sigma_map
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # Observations solved at once.
 _CHUNK = 2**14
@@ -128,7 +123,7 @@ class _Known(NamedTuple):
     point: Float[AnyArray, "unknown"]
     covariance: Float[AnyArray, "unknown unknown"]
     exact_covariance: Float[AnyArray, "unknown unknown"]
-    prior: SpecularPrior
+    prior: KsPrior
 
 
 class _SeenAs(NamedTuple):
@@ -141,7 +136,8 @@ class _SeenAs(NamedTuple):
 class _Solved(NamedTuple):
     """What is found at each site.
 
-    ``errors`` are of the site's own observations, ``carried`` and ``exactly_carried`` those of
+    ``errors`` are of the site's own observations, ``spread`` those of a K_s that has a colour,
+    ``carried`` and ``exactly_carried`` those of
     sigma and mu in K_d and K_s, as they are and as they would be if the model were exact.
     """
 
@@ -151,19 +147,20 @@ class _Solved(NamedTuple):
     exactly_carried: SiteMaterial
     excess: Excess
     squares: Float[AnyArray, "site"]
+    spread: ColouredSpread | None = None
 
 
 def solve_surface(
     measured: SiteObservations,
     model_of: ModelOf,
     lobe: Lobe,
-    prior: SpecularPrior,
+    prior: KsPrior,
     noise: NoiseModel,
     method: str,
 ) -> Surface:
     """Solve every site at the sigma and mu of ``lobe``, as ``TextureSettings.method`` says."""
     channels = measured.radiance.shape[1]
-    every = _empty(measured.count, channels)
+    every = _empty(measured.count, channels, prior.amplitudes(channels))
     left = np.zeros_like(measured.radiance)
     scale = float(np.sqrt(np.mean(measured.radiance**2))) or 1.0
     done = 0
@@ -190,41 +187,46 @@ def solve_surface(
     return Surface(texture, left, measured.index, wider)
 
 
-def _empty(count: int, channels: int) -> "_Solved":
+def _empty(count: int, channels: int, of_ks: int) -> "_Solved":
     """Make room for what is found at every site: nothing is known of any."""
+    coloured = of_ks > 1
 
     def room(value: float) -> SiteMaterial:
-        return SiteMaterial(np.full((count, channels), value), np.full(count, value))
+        own = np.full((count, of_ks), value)
+        return SiteMaterial(np.full((count, channels), value), own if coloured else own[:, 0])
 
     excess = Excess(*(np.zeros((count, 2)) for _ in range(3)))
-    return _Solved(room(np.nan), room(np.inf), room(0.0), room(0.0), excess, np.full(count, np.nan))
+    spread = ColouredSpread(*np.full((2, count), np.inf)) if coloured else None
+    every = room(np.nan), room(np.inf), room(0.0), room(0.0), excess, np.full(count, np.nan)
+    return _Solved(*every, spread)
 
 
 def _texture(
     measured: SiteObservations,
     found: "_Solved",
     left: Float[np.ndarray, "sample channel"],
-    prior: SpecularPrior,
+    prior: KsPrior,
     wider: Float[np.ndarray, "site 2"],
     own: SiteNumbers | None,
 ) -> Texture:
     """Put errors together, and mark what is not to be trusted."""
     kd, channels = np.asarray(found.material.kd), measured.radiance.shape[1]
-    errors, numbers = found.errors, 0
+    errors, numbers, of_ks = found.errors, 0, prior.amplitudes(channels)
     if own is not None:
         numbers = len(own.names)
+        shape = np.shape(errors.ks)
         errors = SiteMaterial(
-            np.asarray(errors.kd) * own.inflation[:, :-1],
-            np.asarray(errors.ks) * own.inflation[:, -1],
+            np.asarray(errors.kd) * own.inflation[:, :channels],
+            np.asarray(errors.ks) * own.inflation[:, channels:].reshape(shape),
         )
     kd_error = np.hypot(errors.kd * wider[:, :1], found.carried.kd)
-    ks_error = np.hypot(errors.ks * wider[:, 1], found.carried.ks)
+    ks_wider = wider[:, 1:] if of_ks > 1 else wider[:, 1]
+    ks_error = np.hypot(errors.ks * ks_wider, found.carried.ks)
     kd_exact, ks_exact = (
         np.hypot(of_site, of_lobe) for of_site, of_lobe in zip(errors, found.exactly_carried)
     )
-    with np.errstate(divide="ignore"):
-        told = np.where(ks_exact > 0, 1 / ks_exact**2 - float(prior.precision), 0)
-    freedom = np.maximum(measured.seen * channels - channels - 1 - numbers, 1)
+    ks_marked, colour_marked = _marked(prior, ks_exact, found, own)
+    freedom = np.maximum(measured.seen * channels - channels - of_ks - numbers, 1)
     misfit = np.sqrt(np.asarray(found.squares) / freedom)
     energy = float(np.sum(measured.share[:, None] * measured.radiance**2))
     unexplained = float(np.sum(measured.share[:, None] * left**2))
@@ -236,11 +238,33 @@ def _texture(
         misfit,
         measured.seen,
         np.ones(measured.count, bool),
-        ~(told > float(prior.precision)),
+        ks_marked,
         kd_exact,
         ks_exact,
         float(np.sqrt(unexplained / energy)) if energy > 0 else 0.0,
+        colour_marked,
     ).marked()
+
+
+def _marked(
+    prior: KsPrior,
+    exact: Float[np.ndarray, "site *channel"],
+    found: "_Solved",
+    own: SiteNumbers | None,
+) -> tuple[Bool[np.ndarray, "site"], Bool[np.ndarray, "site"] | None]:
+    """Say where K_s, and its colour if it has one, are the prior's more than the photographs'."""
+    if isinstance(prior, ColouredPrior):
+        assert found.spread is not None
+        assert own is not None
+        channels = exact.shape[1]
+        # What the site's numbers and what all sites share add.
+        more = np.mean(own.inflation[:, channels:], axis=1) ** 2
+        shared = np.mean(np.asarray(found.exactly_carried.ks), axis=1) ** 2
+        level, colour = (np.asarray(part) * more for part in found.spread)
+        return ColouredSpread(level + shared, colour).marked(prior, channels)
+    with np.errstate(divide="ignore"):
+        told = np.where(exact > 0, 1 / exact**2 - float(prior.precision), 0)
+    return ~(told > float(prior.precision)), None
 
 
 @stored(effort="less")
@@ -267,27 +291,28 @@ def _solve(
     with jax.default_matmul_precision("highest"):
         columns = near.columns(unknowns.unpack(point).numbers)
         data = weighted(jnp.asarray(data.radiance))
-        first = solve_sites(site_sums(data, columns), prior)
+        first = prior.solve(site_sums(data, columns))
         data = weighted(predicted(first, columns, data))
 
         def material_at(moved: Float[Array, "unknown"]) -> SiteMaterial:
             lobe = unknowns.unpack(moved)
-            return solve_sites(site_sums(data, near.columns(lobe.numbers)), prior)
+            return prior.solve(site_sums(data, near.columns(lobe.numbers)))
 
         sums = site_sums(data, columns)
-        material, own = solve_sites(sums, prior), site_errors(sums, prior)
+        material, (own, spread) = prior.solve(sums), prior.errors(sums)
         through = jax.jacfwd(material_at)(point)
         carried, exactly = (
             SiteMaterial(*(_carried(jnp.asarray(slopes), covariance) for slopes in through))
             for covariance in (known.covariance, known.exact_covariance)
         )
         if alternating:
+            assert isinstance(prior, SpecularPrior)
             trust = confidence(columns, seen_as.exit_cosines)
             material = _alternated(data, columns, trust, share, prior)
         left = data.radiance - predicted(material, columns, data)
         excess = excess_of(data, columns, left, seen_as.groups, sums, prior)
     squares = jnp.sum(over_sites((jnp.asarray(data.weights) * left) ** 2, data), axis=1)
-    return _Solved(material, own, carried, exactly, excess, squares), left
+    return _Solved(material, own, carried, exactly, excess, squares, spread), left
 
 
 def _carried(

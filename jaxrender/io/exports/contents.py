@@ -20,12 +20,13 @@ _PARALLELS = 64
 class MaterialMaps(NamedTuple):
     """A material of T 6.2 for every texel, row 0 at v = 1; ``mean`` is that of all seen texels.
 
-    ``sigma`` is None where all texels have the mean's.  Texels that nobody saw are black.
+    ``ks`` has channels where it has a colour.  ``sigma`` is None where all texels have
+    the mean's.  Texels that nobody saw are black.
     """
 
     mean: BRDF
     kd: Float[np.ndarray, "row column 3"]
-    ks: Float[np.ndarray, "row column"]
+    ks: Float[np.ndarray, "row column *channel"]
     sigma: Float[np.ndarray, "row column"] | None = None
 
 

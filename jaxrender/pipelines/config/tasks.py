@@ -30,6 +30,7 @@ _AS_IT_IS: Mapping[str, tuple[Any, ...]] = {
     "brdf.ks": (Parameter(),),
     "texture.sigma": ("even",),
     "texture.normals": ("shape",),
+    "texture.ks": ("single",),
 }
 
 
@@ -98,7 +99,7 @@ _TEXTURE = {
     "brdf.table": "has a material at each site, of which a few directions are seen",
     "brdf.kd": "finds kd of every site",
     "brdf.ks": "finds ks of every site",
-    "brdf.ks_per_channel": "has one ks for all channels",
+    "brdf.ks_per_channel": "has one ks for all channels, or texture.ks: color",
 }
 
 
@@ -221,6 +222,7 @@ TASKS: Mapping[str, TaskEntry] = {
             "texture.regions": "has one lobe for the whole surface",
             "texture.sigma": "has one sigma for the whole surface",
             "texture.normals": "takes the normals of the shape",
+            "texture.ks": "has one ks for all channels",
         },
     ),
     "brdf-spectrum": TaskEntry(

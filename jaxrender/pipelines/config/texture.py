@@ -30,6 +30,9 @@ class TextureConfig(Section):
     """Number of places where a varying sigma is fitted; it is smooth between them."""
     normals: Literal["shape", "map"] = "shape"
     """shape: the normals are those of the shape.  map: each texel or vertex has its own."""
+    ks: Literal["single", "color"] = "single"
+    """single: one K_s for all channels, as a dielectric has it.  color: each channel of each texel
+    or vertex has its own, as metals have.  Where photographs do not tell, K_s has no color."""
     unknown_light: Switch = False
     """Whether the light is unknown although the recipe states it."""
     prior: Literal["total-variation", "variance"] = "total-variation"
@@ -63,10 +66,26 @@ def _has_maps(config: RunConfig) -> bool:
     return asked is not None and "map" in (asked.sigma, asked.normals)
 
 
+def _has_color(config: RunConfig) -> bool:
+    return config.texture is not None and config.texture.ks == "color"
+
+
 def _is_diffuse_texture(config: RunConfig) -> bool:
     return config.task == "texture" and config.brdf.model == "lambertian"
 
 
+# What sites that have something for themselves beside K_d and one K_s refuse, and what they take.
+_REFUSED_BY_SITES = {
+    "solve.refine": "is found on the integral",
+    "solve.method": "is too much for the simplex",
+    "brdf.model": "needs a specular lobe",
+    "solve.free": "takes the capture as it is told",
+}
+_TAKEN_BY_SITES = {
+    "solve.refine": ("exact",),
+    "solve.method": ("variable-projection",),
+    "brdf.model": FACET_MODELS,
+}
 CASES_OF_TEXTURES = (
     Case(
         "a diffuse texture",
@@ -82,7 +101,12 @@ CASES_OF_TEXTURES = (
         "a texture with varying sigma, with maps, or by the simplex",
         lambda config: (
             config.task == "texture"
-            and (_varies(config) or _has_maps(config) or config.solve.method == "simplex")
+            and (
+                _varies(config)
+                or _has_maps(config)
+                or _has_color(config)
+                or config.solve.method == "simplex"
+            )
         ),
         {"solve.refine_samples": "has no refinement with its own samples"},
     ),
@@ -112,18 +136,16 @@ CASES_OF_TEXTURES = (
     Case(
         "a texture with maps of sigma or normals",
         _has_maps,
-        {
-            "solve.refine": "is found on the integral",
-            "solve.method": "is too much for the simplex",
-            "brdf.model": "needs a specular lobe",
-            "solve.free": "takes the capture as it is told",
-        },
-        {
-            "solve.refine": ("exact",),
-            "solve.method": ("variable-projection",),
-            "brdf.model": FACET_MODELS,
-        },
+        _REFUSED_BY_SITES,
+        _TAKEN_BY_SITES,
         instead="choose texture.sigma: even and texture.normals: shape",
+    ),
+    Case(
+        "texture.ks: color",
+        _has_color,
+        {**_REFUSED_BY_SITES, "texture.sigma": "knows no sigma that varies slowly"},
+        {**_TAKEN_BY_SITES, "texture.sigma": ("even", "map")},
+        instead="choose texture.ks: single",
     ),
     Case(
         "texture.sigma: map",

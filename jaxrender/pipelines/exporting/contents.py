@@ -87,7 +87,7 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | N
     sharpest, seen = subject.lobe, np.any(subject.kd > 0, axis=1)
     assert isinstance(sharpest, brdfs.Microfacet)
     mean = sharpest.with_amplitudes(
-        subject.kd[seen].mean(axis=0), np.full(_CHANNELS, subject.ks[seen].mean())
+        subject.kd[seen].mean(axis=0), np.broadcast_to(subject.ks[seen].mean(axis=0), _CHANNELS)
     )
     sigma = subject.sigma
     if sigma is None and len(subject.lobes) > 1:
@@ -96,8 +96,8 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | N
     if sigma is not None:
         mean = mean.with_roughness(float(np.median(sigma[seen])), mean.mu)
         sigma = sigma.reshape(subject.size)
-    kd = subject.kd.reshape(*subject.size, -1)
-    return MaterialMaps(mean, kd, subject.ks.reshape(subject.size), sigma)
+    kd, ks = (part.reshape(*subject.size, -1) for part in (subject.kd, subject.ks))
+    return MaterialMaps(mean, kd, ks, sigma)
 
 
 def _material(run: FinishedRun) -> BRDF | None:

@@ -59,13 +59,13 @@ def nearest_textured(maps: MaterialMaps) -> TexturedGltf:
     """
     nearest = nearest_gltf(maps.mean, metals=False)
     amplitudes = np.asarray(maps.mean.amplitudes, float)
-    kd, ks = amplitudes[0], float(amplitudes[-1, 0])
+    kd, ks = amplitudes[0], amplitudes[-1]
     base = np.asarray(nearest.base_color) * maps.kd / np.maximum(kd, _TINY)
     index = float(nearest.ior)
     head_on = ((index - 1) / (index + 1)) ** 2 * np.asarray(nearest.specular_color)
     specular = None
-    if ks > 0:
-        of_texel = head_on * (maps.ks / ks)[..., None]
+    if np.any(ks > 0):
+        of_texel = head_on * (maps.ks.reshape(*maps.ks.shape[:2], -1) / np.maximum(ks, _TINY))
         brightest = min(float(of_texel.max()), _MOST_HEAD_ON)
         specular = np.minimum(of_texel / brightest, 1)
         root = np.sqrt(brightest)

@@ -42,6 +42,7 @@ _CAPTIONS = {
     "sigma_error": "standard error of sigma",
     "normal": "normal: x, y and z from -1 to 1 as red, green and blue",
     "normal_error": "standard error of the normal, radians",
+    "ks_colour_marked": "white: the colour of K_s is unreliable",
     "marks": "marks: red: K_d is unreliable; green: K_s is unreliable; blue or white: not seen",
     "sigma_marked": "white: sigma is unreliable",
     "normal_marked": "white: the normal is unreliable",
@@ -132,6 +133,10 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
     relative = np.where(np.isfinite(relative), relative, np.nan)
     graded = {"ks": maps["ks"], "kd_error": relative, "ks_error": maps["ks_error"]}
     names = ("kd_error",) if is_lambertian(contents) else ("ks", "kd_error", "ks_error")
+    if maps["ks"].shape[-1] > 1:
+        found.append(Map(_coloured(maps["ks"]), f"{_CAPTIONS['ks']} in sRGB, with its colour"))
+        graded["ks_error"] = np.max(maps["ks_error"], axis=-1, keepdims=True)
+        names = names[1:]
     if "sigma" in maps:
         graded |= {name: maps[name] for name in ("sigma", "sigma_error")}
         names = (*names, "sigma", "sigma_error")
@@ -142,7 +147,7 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
         uri, top = _graded(graded[name])
         scale = percent(top) if name == "kd_error" else shown(top, 3)
         found.append(Map(uri, f"{_CAPTIONS[name]}; dark 0, yellow {scale}"))
-    for name in ("marks", "sigma_marked", "normal_marked"):
+    for name in ("marks", "sigma_marked", "normal_marked", "ks_colour_marked"):
         if name in maps:
             marks = np.rint(255 * as_rgb(maps[name])).astype(np.uint8)
             found.append(Map(data_uri(_enlarged(marks)), _CAPTIONS[name]))

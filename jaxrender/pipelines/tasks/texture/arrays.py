@@ -18,6 +18,7 @@ _SITE = {
     "seen": ("1", "observations of a site"),
     "kd_marked": ("1", "whether kd is not to be trusted"),
     "ks_marked": ("1", "whether ks is the prior's more than its own"),
+    "ks_colour_marked": ("1", "whether the colour of ks is the prior's more than its own"),
     "region": ("1", "number of the region, -1 for none"),
     "sigma": ("radian", "width of the lobe"),
     "sigma_error": ("radian", "standard error of sigma"),
@@ -35,7 +36,8 @@ def texture_groups(estimate: TextureEstimate) -> dict[str, Group]:
     names, size = (("row", "column"), sites.image)
     if size is None:
         names, size = ("vertex",), (sites.count,)
-    values = {name: getattr(texture, name) for name in _SITE if name in texture._fields}
+    every = texture._asdict()
+    values = {name: every[name] for name in _SITE if every.get(name) is not None}
     values["region"] = sites.regions.of_site
     if estimate.variation is not None:
         values |= zip(("sigma", "sigma_error"), estimate.variation)

@@ -6,6 +6,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import (
+    COLOR,
     SurfaceSites,
     TextureSettings,
     UnknownLightSettings,
@@ -61,8 +62,9 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
 
 def asked_maps(asked: TextureConfig) -> tuple[str, ...]:
     """Name what each site is to have for itself."""
-    wanted = {"sigma": asked.sigma, "normal": asked.normals}
-    return tuple(name for name, value in wanted.items() if value == "map")
+    wanted = {"sigma": asked.sigma == "map", "normal": asked.normals == "map"}
+    wanted[COLOR] = asked.ks == "color"
+    return tuple(name for name, is_wanted in wanted.items() if is_wanted)
 
 
 def unknown_light_settings(config: RunConfig) -> UnknownLightSettings:

@@ -29,10 +29,11 @@ class TexturedSubject(Subject):
             sigmas, mus = (lobe.array(name, ("region",)) for name in ("sigma", "mu"))
             own = group.array("sigma").ravel() if "sigma" in group else None
             self.normals = _normals(group)
-        size = ks.shape if ks.ndim == 2 else (1, 1)
+        size = region.shape if region.ndim == 2 else (1, 1)
         self.shape, self.size = shape, (int(size[0]), int(size[1]))
         self.kd = np.nan_to_num(kd.reshape(-1, kd.shape[-1]))
-        self.ks, self.region = np.nan_to_num(ks.ravel()), region.ravel()
+        self.ks = np.nan_to_num(ks.reshape(region.size, -1))
+        self.region = region.ravel()
         variant = lobe_of(run.config.brdf)
         assert isinstance(variant, Microfacet)
         self.lobes = [
@@ -73,7 +74,7 @@ class TexturedSubject(Subject):
             own = SurfacePlaces(*(part[rows] for part in places))
             widths = None if self.sigma is None else self.sigma[site[rows]]
             columns = texture_columns(lobe, samples, model, own, widths)
-            kd, ks = self.kd[site[rows]], self.ks[site[rows]][:, None]
+            kd, ks = self.kd[site[rows]], self.ks[site[rows]]
             values[rows] = kd * columns.diffuse + ks * columns.specular
         image = np.zeros((*view.hit.shape, values.shape[1]))
         image[view.hit] = values

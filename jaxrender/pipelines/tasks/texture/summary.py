@@ -78,7 +78,8 @@ def _means(texture: Texture, diffuse: bool) -> dict[str, Any]:
     if diffuse:
         return {"kd": kd.tolist()}
     good = seen & ~texture.ks_marked
-    return {"kd": kd.tolist(), "ks": float(np.nanmean(texture.ks[good if good.any() else seen]))}
+    ks = np.nanmean(texture.ks[good if good.any() else seen], axis=0)
+    return {"kd": kd.tolist(), "ks": ks.tolist()}
 
 
 def _lobe(config: RunConfig, estimate: TextureEstimate) -> dict[str, Any]:
