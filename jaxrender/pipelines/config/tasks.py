@@ -99,7 +99,7 @@ _TEXTURE = {
     "brdf.table": "has a material at each site, of which a few directions are seen",
     "brdf.kd": "finds kd of every site",
     "brdf.ks": "finds ks of every site",
-    "brdf.ks_per_channel": "has one ks for all channels (texture.ks: color gives each channel its own)",
+    "brdf.ks_per_channel": "has one ks for all channels (texture.ks: color: one each)",
 }
 
 
