@@ -7,9 +7,9 @@ left out in turn.  From all others K_d, K_s, roughness and normal of every texel
 and in the same run by Mitsuba 3 (extra ``peers``), whose renderings of the same maps Adam improves
 photograph by photograph.  Both predict the photograph that was left out.  Compared are pixels as
 displays show them (sRGB, 1 is white), by PSNR, and times.  Adam's loss is the square of the
-differences of square roots, which are near to sRGB.  Mitsuba's renderer needs LLVM 17 or later here
-(``DRJIT_LIBLLVM_PATH``).  ``--alike`` gives K_s one value for all
-channels in our fit, and leaves Mitsuba out.
+differences of square roots, which are near to sRGB.  Mitsuba's renderer needs LLVM 17 or later
+(``DRJIT_LIBLLVM_PATH`` names its library).  ``--alike`` gives K_s one value for all channels in our
+fit, and leaves Mitsuba out.
 """
 
 import argparse
