@@ -112,6 +112,8 @@ def test_cutting_into_chunks_changes_nothing(monkeypatch):
     monkeypatch.setattr(whole_surface, "_CHUNK", 100)
     cut = fit_texture(toy.measured, toy.forward, fixed, settings).texture
     for one, other in zip(whole, cut):
+        if one is None:  # of a coloured K_s alone
+            continue
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
 

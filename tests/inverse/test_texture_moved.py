@@ -76,7 +76,7 @@ def test_linear_paint_has_the_slopes_of_a_plane(places):
     for channel in range(3):
         expected = along(by_place[channel][None])
         np.testing.assert_allclose(slopes.kd[:, channel], expected, atol=0.006)
-    np.testing.assert_allclose(slopes.ks, along(np.array([[0.0, 0.05, 0.0]])), atol=0.003)
+    np.testing.assert_allclose(slopes.ks[:, 0], along(np.array([[0.0, 0.05, 0.0]])), atol=0.003)
 
 
 def test_paint_has_no_slope_at_an_edge_nor_where_it_is_not_known(places):

@@ -21,7 +21,8 @@ HEAD += ("identifiable", "residual", "noise", "lighting", "pixels")
 
 def a_photograph(removed):
     selection = SimpleNamespace(usable=np.array([True, False, True]), removed=removed)
-    return mock.Mock(spec=Photograph, selection=selection)
+    told = {"saturation": np.array([0.9, np.inf, np.inf]), "rounding": 0.001}
+    return mock.Mock(spec=Photograph, selection=selection, **told)
 
 
 FOUND = Result(
@@ -48,9 +49,10 @@ def test_the_head_and_what_a_task_adds(tmp_path):
     found = read_result(tmp_path)
     assert (found["outcome"], found["meaning"]) == ("at_bound", Outcome.AT_BOUND.sentence)
     assert found["residual"] == {"relative_rms": 0.25, "samples": 7}
-    assert found["noise"] == {"relative": 0.01, "floor": 0.5}
+    assert found["noise"] == {"relative": 0.01, "floor": 0.5, "rounding": 0.001}
     removed = {"dark": 3, "edge": 3}
-    assert found["pixels"] == {"photographs": 2, "usable": 4, "removed": removed}
+    counted = {"photographs": 2, "usable": 4, "removed": removed}
+    assert found["pixels"] == {**counted, "saturation": [0.9, 0.9]}
     assert (found["provenance"], found["seconds"]) == ({"seed": 3}, {"total": 1.5})
 
 

@@ -164,8 +164,8 @@ def _check(measured: SiteObservations, unknowns: Unknowns, settings: TextureSett
         raise ValueError("kd and ks are fixed, but the texture consists of them: leave both free")
     if "ks" in unknowns.coloured or unknowns.free_gains or unknowns.free_scale:
         raise ValueError(
-            "a texture has known exposures, and its K_s a colour by maps: "
-            "turn ks_per_channel, free gains and free scale off"
+            "a texture has known exposures, and one K_s for all channels or, with 'color' in maps, "
+            "one for each: turn ks_per_channel, free gains and free scale off"
         )
     for name in unknowns.with_prior:
         raise ValueError(f"{name} has a prior; a texture knows bounds alone: give it these")
