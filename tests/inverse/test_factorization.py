@@ -69,7 +69,7 @@ def test_material_and_source_are_found(found):
         off = np.abs(value.of(name) - truth) / error.of(name)
         assert np.all(off < 4), name
         assert np.all(error.of(name) < 0.01), name
-    assert abs(value.mu - 1.38) < 4 * error.mu < 0.02
+    assert abs(value.of("mu") - 1.38) < 4 * error.of("mu") < 0.02
     assert found.relative_rms == pytest.approx(0.01, rel=0.1)
     # The source: within a twentieth of a degree, its energy as its error says, in the gauge.
     assert found.scene.sources.directions[0] @ SOURCE > np.cos(np.radians(0.05))

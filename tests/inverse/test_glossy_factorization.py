@@ -44,7 +44,7 @@ def test_material_and_source_are_found():
     value, error = found.parameters.value, found.parameters.standard_error
     total = KD + truth.ks
     pairs = {"kd": KD / total, "ks": truth.ks / total}
-    pairs |= {"sigma": float(truth.sigma), "mu": float(truth.mu)}
+    pairs |= {"roughness": float(truth.roughness), "mu": float(truth.mu)}
     for name, true in pairs.items():
         off = np.abs(value.of(name) - true) / error.of(name)
         assert np.all(off < STATED_ERRORS), (name, off)
@@ -59,7 +59,7 @@ def test_material_and_source_are_found():
     situation = Situation(observed.samples, np.asarray(observed.frame), light)
     foreseen = forecast_joint(situation, Supposed(truth, NOISE), 6).parameters.standard_error
     for name in pairs:
-        ratio = np.asarray(getattr(foreseen, name)) / np.asarray(error.of(name))
+        ratio = np.asarray(foreseen.of(name)) / np.asarray(error.of(name))
         assert np.all((ratio > 0.7) & (ratio < 1.4)), (name, ratio)
 
 

