@@ -80,10 +80,11 @@ def test_grooves_tell_an_odd_degree_and_their_roughness(grooved):
     assert_source_is_found(grooved)
     assert grooved.scene.determined[3] > 0.9
     assert grooved.identifiable == {"sigma": True}
-    value, error = (float(part.sigma) for part in (grooved.parameters[0], grooved.parameters[3]))
+    found = grooved.parameters.value, grooved.parameters.standard_error
+    value, error = (float(part.of("sigma")) for part in found)
     assert abs(value - 0.5) < STATED_ERRORS * error
     assert error < 0.02
-    np.testing.assert_array_equal(grooved.parameters.value.kd, 0)
+    np.testing.assert_array_equal(grooved.parameters.value.of("kd"), 0)
 
 
 @pytest.mark.slow
