@@ -260,8 +260,8 @@ def test_a_part_of_many_samples_leads_where_all_of_them_lead(noise):
     long = search(problem, model, data, start, "simplex")
     assert bool(short.solution.converged)
     ends = [to_parameters(problem, f.solution.point, f.linear.eliminated) for f in (short, long)]
-    np.testing.assert_allclose(ends[0].sigma, ends[1].sigma, rtol=3e-4)
-    np.testing.assert_allclose(ends[0].mu, ends[1].mu, rtol=3e-4)
+    for name in ("sigma", "mu"):
+        np.testing.assert_allclose(*(end.of(name) for end in ends), rtol=3e-4)
     np.testing.assert_allclose(ends[0].kd, ends[1].kd, rtol=3e-4)
     np.testing.assert_allclose(short.predicted, long.predicted, rtol=1e-3)
 

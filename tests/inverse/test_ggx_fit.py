@@ -106,7 +106,7 @@ def test_unknown_light():
         off = np.abs(value.of(name) - truth) / error.of(name)
         assert np.all(off < STATED_ERRORS), name
         assert np.all(error.of(name) < 0.02), name
-    assert abs(value.mu - 1.38) < STATED_ERRORS * error.mu < 0.1
+    assert abs(value.of("mu") - 1.38) < STATED_ERRORS * error.of("mu") < 0.1
     assert found.relative_rms == pytest.approx(0.01, rel=0.1)
     assert found.scene.sources.directions[0] @ SOURCE > np.cos(np.radians(0.2))
     assert found.brdf.distribution == "ggx"

@@ -85,7 +85,7 @@ def test_a_reflectance_comes_back_with_its_index():
     fit = fit_brdf(noisy, known_light(), unknowns_of(variant), variant, SETTINGS)
     assert fit.outcome is Outcome.CONVERGED
     value, error = fit.parameters.value, fit.parameters.standard_error
-    for name, true in (("kd", KD), ("ks", 1.0), ("sigma", 0.16), ("mu", 1.5)):
+    for name, true in (("kd", KD), ("ks", 1.0), ("roughness", 0.16), ("mu", 1.5)):
         found, stated = np.asarray(value.of(name)), error.of(name)
         assert np.all(np.abs(found - true) < STATED_ERRORS * stated)
         assert np.all(stated < 0.01 * np.asarray(true))
