@@ -111,6 +111,7 @@ def test_the_sums_are_those_of_the_material(found):
         assert whole.standard_error.of("ks")[1] == pytest.approx(np.sqrt(variance))
 
 
+@pytest.mark.slow
 def test_a_metal_has_no_base():
     bright = Microfacet(np.zeros(3), np.array([0.6, 0.4, 0.3]), 0.2, None, "exit", "smith", "ggx")
     seen = with_noise(photograph(bright, *ball_samples()))

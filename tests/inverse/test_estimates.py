@@ -268,6 +268,7 @@ def test_lights_stay_with_their_photographs(tmp_path):
         fit(scene._replace(per_frame=lights[1:]), capture, QUICK)
 
 
+@pytest.mark.slow
 def test_each_capture_has_its_light(tmp_path):
     """Under a sky and under sources, where a photograph of the first capture is skipped."""
     lights = (SKY, SOURCES)

@@ -163,6 +163,7 @@ def test_bounds_and_reasons_are_the_models_own():
     assert float(fit.brdf.exponent) == pytest.approx(15.0, rel=0.03)
 
 
+@pytest.mark.slow
 def test_an_exponent_is_known_half_as_well_as_the_width_it_stands_for():
     """d log s = -2 d log sigma, and the interval of s is symmetric in its logarithm."""
     truth, settings = MODELS["phong"], SETTINGS._replace(refine=False)
