@@ -116,26 +116,18 @@ class Fit(NamedTuple):
     seconds: float
 
     @property
-    def off(self) -> dict[str, float]:
-        """The error of sigma, mu and the specular share, in standard errors."""
-        true = self.world.material
-        share = np.asarray(true.ks) / (np.asarray(true.kd) + np.asarray(true.ks))
-        truth = {"sigma": true.sigma, "mu": true.mu, "ks": share}
-        value, error = self.found.parameters.value, self.found.parameters.standard_error
-        return {
-            name: float(np.max(np.abs(np.asarray(value.of(name)) - one) / error.of(name)))
-            for name, one in truth.items()
-        }
+    def judged(self) -> ball_worlds.Judged:
+        """The fit beside the truth."""
+        return ball_worlds.Judged(self.found, self.world.material)
 
     @property
     def honest(self) -> bool:
-        """Whether all is within the errors that it states, or said not to be identifiable."""
-        told = self.found.identifiable
-        return all(off < MOST_OFF or not told.get(name, True) for name, off in self.off.items())
+        """Whether it states no error that is much too small."""
+        return self.judged.honest(MOST_OFF)
 
     def line(self) -> str:
         """Say it in a line."""
-        off, true = self.off, self.world.material
+        off, true = self.judged.off, self.world.material
         return (
             f"{self.world.name:22s} start {self.start or 0:4.2f}  sigma {true.sigma:.3f} "
             f"{float(self.found.brdf.sigma):.4f}  off {off['sigma']:5.1f} {off['mu']:5.1f} "

@@ -27,6 +27,7 @@ from jaxrender.geometry import (
 from jaxrender.harmonics import evaluate
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations
+from jaxrender.inverse.factorization import Factorization
 from jaxrender.lighting import Environment
 from jaxrender.reflection import integral_columns, radiance
 
@@ -203,3 +204,26 @@ def _defocused(
         for one in (even, inside[..., None])
     ]
     return mixed[0], mixed[1][..., 0] > 0.999
+
+
+class Judged(NamedTuple):
+    """A factorization beside the material that was photographed."""
+
+    found: Factorization
+    truth: Microfacet
+
+    @property
+    def off(self) -> dict[str, float]:
+        """The errors of sigma, mu and the specular share, in standard errors."""
+        kd, ks = np.asarray(self.truth.kd), np.asarray(self.truth.ks)
+        truth = {"sigma": self.truth.sigma, "mu": self.truth.mu, "ks": ks / (kd + ks)}
+        value, error = self.found.parameters.value, self.found.parameters.standard_error
+        return {
+            name: float(np.max(np.abs(np.asarray(value.of(name)) - one) / error.of(name)))
+            for name, one in truth.items()
+        }
+
+    def honest(self, most: float) -> bool:
+        """Whether all is within so many standard errors, or said not to be identifiable."""
+        told = self.found.identifiable
+        return all(off < most or not told.get(name, True) for name, off in self.off.items())

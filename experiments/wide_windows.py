@@ -20,6 +20,8 @@ jax.config.update("jax_enable_x64", True)
 
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
+from ball_worlds import Judged  # noqa: E402
+from scenes import unit  # noqa: E402
 
 from jaxrender.brdf import Microfacet  # noqa: E402
 from jaxrender.geometry import SurfaceSamples, fibonacci_sphere, world_from_local  # noqa: E402
@@ -45,10 +47,6 @@ class Room(NamedTuple):
     def dim(self, directions) -> jax.Array:
         """Evaluate the radiance beside the windows."""
         return (0.3 + 0.2 * directions @ jnp.asarray(self.side))[..., None] * jnp.ones(3)
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def disc(direction: np.ndarray, radius: float) -> np.ndarray:
@@ -116,24 +114,18 @@ class Fit(NamedTuple):
     seconds: float
 
     @property
-    def off(self) -> dict[str, float]:
-        """The error of sigma, mu and the specular share, in standard errors."""
-        truth = {"sigma": self.sigma, "mu": MU, "ks": KS / (KD + KS)}
-        value, error = self.found.parameters.value, self.found.parameters.standard_error
-        return {
-            name: float(np.max(np.abs(np.asarray(value.of(name)) - one) / error.of(name)))
-            for name, one in truth.items()
-        }
+    def judged(self) -> Judged:
+        """The fit beside the truth."""
+        return Judged(self.found, Microfacet(KD, KS, self.sigma, MU))
 
     @property
     def honest(self) -> bool:
-        """Whether all is within the errors that it states, or said not to be identifiable."""
-        told = self.found.identifiable
-        return all(off < MOST_OFF or not told.get(name, True) for name, off in self.off.items())
+        """Whether it states no error that is much too small."""
+        return self.judged.honest(MOST_OFF)
 
     def line(self) -> str:
         """Say it in a line."""
-        off, found = self.off, self.found
+        off, found = self.judged.off, self.found
         error = 100 * float(found.parameters.standard_error.of("sigma")) / float(found.brdf.sigma)
         return (
             f"{self.views:2d} views  sigma {self.sigma:.3f} {float(found.brdf.sigma):.4f} "

@@ -6,30 +6,24 @@
   their errors, with the mu that they share: under lamps, and under continuous light that no fit
   uses.
 - Where no photograph tells, errors are wide, and marks say so.
-- A K_s of every channel is found within its errors, alone or with all these; where the photographs
-  do not tell its colour, marks say so.  Colourless paint has none.
 """
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from inverse_problems import SOURCES, known_light, microfacet_unknowns
+from inverse_problems import known_light, microfacet_unknowns
+from site_worlds import BOTH, LAMPS, NOISY, World, fitted, under_lamps
 from texture_problems import (
     LOBE,
     MU,
     NOISE,
     SITES,
     exact_columns,
-    samples_of,
-    texture,
-    views,
 )
 
-from jaxrender.brdf import Microfacet
 from jaxrender.geometry import Mesh, SurfaceSamples
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse import Observations, Outcome
-from jaxrender.inverse.known_light import KnownLight
+from jaxrender.inverse import Outcome
 from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.stated import Unknown
@@ -40,64 +34,15 @@ from jaxrender.inverse.texture import (
     NormalMap,
     SigmaField,
     SpecularPrior,
-    TextureSettings,
     by_site,
     fit_texture,
     recover_texture,
 )
 from jaxrender.inverse.texture.coloured_sites import ColouredPrior
 from jaxrender.inverse.texture.site_equations import Expected, chi_squared, equations_of
-from jaxrender.inverse.texture.site_numbers import TiltedModel, tangents_of
+from jaxrender.inverse.texture.site_numbers import TiltedModel
 from jaxrender.inverse.texture.site_search import numbers_of
 from jaxrender.inverse.texture.site_solver import Asked, parts_of
-from jaxrender.reflection import integral_columns
-
-# The dark has noise, too, as that of any camera has.
-NOISY = NoiseModel(NOISE.relative, 1e-3)
-SIGMAS = np.array([0.1, 0.16, 0.28])
-BOTH = TextureSettings(starts=1, diagnose=False, maps=tuple(MAPS))
-
-
-class World:
-    """Texels of three sigmas, with tilts of a few degrees, as eight cameras see them."""
-
-    def __init__(self, light, columns_of, tilt=0.05, colour=0.0, sigmas=SIGMAS):
-        self.light = light
-        rng = np.random.default_rng(3)
-        self.samples, self.frame, self.site = samples_of(views(8))
-        self.axes = tangents_of(np.asarray(self.samples.normals), self.site, SITES)
-        self.sigma = rng.choice(sigmas, SITES)
-        self.tilt = rng.normal(0, tilt, (SITES, 2))
-        self.kd, ks = texture()
-        # Half of the sites are metals of their own colours.
-        metal = rng.random((SITES, 1)) < 0.5
-        self.ks = ks[:, None] * np.exp(colour * metal * rng.normal(size=(SITES, 3)))
-        own = np.asarray(self.samples.normals)
-        offset = np.einsum("sk,ski->si", self.tilt, self.axes)[self.site]
-        tilted = own + offset - np.sum(offset * own, axis=1, keepdims=True) * own
-        self.normals = tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
-        self.radiance = np.zeros((len(self.site), 3))
-        for sigma in sigmas:
-            rows = np.flatnonzero(self.sigma[self.site] == sigma)
-            seen = SurfaceSamples(self.normals[rows], np.asarray(self.samples.outgoing)[rows])
-            columns = columns_of(seen, sigma)
-            site = self.site[rows]
-            self.radiance[rows] = self.kd[site] * columns[:, 0]
-            self.radiance[rows] += self.ks[site] * columns[:, 1]
-
-    @property
-    def observations(self):
-        radiance = NOISY.add(self.radiance, np.random.default_rng(1))
-        return Observations(self.samples, radiance, self.frame)
-
-
-LAMPS = KnownLight(None, SOURCES)
-
-
-def under_lamps(samples, sigma):
-    arrays = SurfaceSamples(*(jnp.asarray(part) for part in samples))
-    lobe = Microfacet(np.ones(3), np.ones(3), float(sigma), MU)
-    return np.asarray(integral_columns(lobe, arrays, SOURCES.nodes()))
 
 
 @pytest.fixture(scope="module")
@@ -186,18 +131,6 @@ def test_the_equations_are_derivatives_of_chi_squared(world, prior):
         np.testing.assert_allclose(-2 * gradient[:, own + number], difference, rtol=1e-4)
 
 
-def fitted(world, observations=None, **changed):
-    return recover_texture(
-        observations or world.observations,
-        world.site,
-        SITES,
-        world.light,
-        LOBE,
-        unknowns=microfacet_unknowns(),
-        settings=BOTH._replace(**changed),
-    )
-
-
 @pytest.fixture(scope="module", params=["lamps", pytest.param("a sky", marks=pytest.mark.slow)])
 def found(request, world):
     if request.param == "lamps":
@@ -248,67 +181,6 @@ def test_one_lobe_for_all_would_be_a_misfit(found):
     world, fit = found
     assert fit.texture.relative_rms < 1.3 * NOISE.relative
     assert fitted(world, maps=()).texture.relative_rms > 3 * NOISE.relative
-
-
-def in_colour(world, maps, **changed):
-    """Fit a K_s of each channel; say how far it is off in standard errors, where it was seen."""
-    fit = fitted(world, maps=(*maps, COLOR), **changed)
-    texture = fit.texture
-    z = np.abs(texture.ks - world.ks)[texture.seen > 0] / texture.ks_error[texture.seen > 0]
-    return fit, z
-
-
-def check_colours(world, fit, z):
-    assert 0.7 < np.quantile(z, 0.683) < 1.3
-    assert np.mean(z < 1.645) > 0.8
-    texture, seen = fit.texture, fit.texture.seen > 0
-    told = seen & ~texture.ks_marked & ~texture.ks_colour_marked
-    assert told.sum() > 60
-    off = np.abs(texture.ks / world.ks - 1)
-    assert np.median(off[told]) < 0.05
-    assert np.median(off[seen & texture.ks_colour_marked]) > 2 * np.median(off[told])
-    # A small floor takes a part of it.
-    assert fit.noise.relative == pytest.approx(NOISE.relative, rel=0.2)
-    assert texture.relative_rms < 1.3 * NOISE.relative
-    assert abs(fit.mu - MU) < 3.5 * fit.mu_error
-
-
-@pytest.mark.slow
-def test_a_coloured_ks_is_found_within_its_errors():
-    """Its quick sister is a run: ``tests/pipelines/test_texture_of_maps.py``."""
-    world = World(LAMPS, under_lamps, 0.0, 0.5, SIGMAS[1:2])
-    fit, z = in_colour(world, ())
-    check_colours(world, fit, z)
-    assert abs(fit.sigma - SIGMAS[1]) < 3.5 * fit.sigma_error
-    assert fitted(world, maps=()).texture.relative_rms > 2 * NOISE.relative
-    plain = World(LAMPS, under_lamps, 0.0, 0.0, SIGMAS[1:2])
-    fit, z = in_colour(plain, ())
-    assert np.mean(z < 1.645) > 0.8
-    ks = fit.texture.ks[fit.texture.seen > 0]
-    assert np.median(np.ptp(ks, axis=1) / ks.mean(axis=1)) < 0.01
-
-
-@pytest.mark.slow
-def test_a_coloured_ks_is_found_with_sigma_and_normals():
-    world = World(LAMPS, under_lamps, 0.05, 0.5)
-    fit, z = in_colour(world, tuple(MAPS))
-    check_colours(world, fit, z)
-    seen = fit.texture.seen > 0
-    sigma, error = fit.variation
-    off = np.abs(np.log(sigma / world.sigma) / (error / sigma))[seen]
-    assert 0.7 < np.quantile(off, 0.683) < 1.4
-
-
-@pytest.mark.slow
-def test_what_is_wrong_is_named_beside_a_coloured_ks():
-    world = World(LAMPS, under_lamps, 0.0, 0.5, SIGMAS[1:2])
-    clean, _ = in_colour(world, (), noise=NOISY, diagnose=True)
-    assert clean.outcome is Outcome.CONVERGED
-    gains = 1 + 0.02 * np.cos(1.7 * world.frame)
-    seen = world.observations
-    wrong = seen._replace(radiance=seen.radiance * gains[:, None])
-    fit = fitted(world, wrong, maps=(COLOR,), noise=NOISY, diagnose=True)
-    assert fit.diagnosis[0].cause == "exposure"
 
 
 @pytest.mark.slow

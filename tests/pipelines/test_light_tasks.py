@@ -9,8 +9,7 @@
   slow part with the coefficients that were found.
 - Exposures that differ are found with light and material, if they are freed: stated, written with
   the cameras, and in the predicted photographs.
-- A source's texels have their middle where it stands; it is rendered as it stands beside the
-  picture.
+- A source is rendered as it stands beside the picture.
 - A source with a width is rendered with it.
 - The result renders again, and under another environment.
 - Too few pixels for the light's coefficients are refused in words.
@@ -21,7 +20,6 @@ import shutil
 from unittest import mock
 
 import h5netcdf
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import small_captures
@@ -29,16 +27,12 @@ from small_captures import KD, KS, MU, SIGMA, Ball, write_ball
 
 from jaxrender.brdf import BlinnPhong, material_named
 from jaxrender.errors import InputError
-from jaxrender.harmonics import LatLongGrid, analyse, degrees, real_basis
-from jaxrender.inverse.factorization import RecoveredScene
 from jaxrender.io import read_capture, read_environment, read_image, write_environment
-from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.lighting import Environment
 from jaxrender.pipelines import fit, load_run_config
 from jaxrender.pipelines.render import Scene, light_of_run, render_config
 from jaxrender.pipelines.result import read_run
 from jaxrender.pipelines.summary import summary_of
-from jaxrender.pipelines.tasks.light import light_images
-from jaxrender.pipelines.tasks.light.images import texels_of
 
 SOURCES = (((0.5, 0.6, 0.62), (2.0, 1.8, 1.5)), ((0.3, -0.7, 0.2), (0.6, 0.7, 0.9)))
 BALL = Ball(views=6, size=40, lights=(SOURCES,) * 6, gains=(1.0,) * 6)
@@ -237,39 +231,6 @@ def test_the_light_is_written_with_its_energy(factorized):
     brightest = np.asarray(nodes.directions)[np.asarray(nodes.irradiance).sum(1).argmax()]
     truth = np.array(SOURCES[0][0]) / np.linalg.norm(SOURCES[0][0])
     assert brightest @ truth > np.cos(np.radians(2))
-
-
-def test_the_image_of_a_dark_sky_is_no_brighter_than_the_light_found():
-    """A broad source to degree 3 rings below zero: merely cut off, it is out by 27 errors."""
-    towards = jnp.array([[0.0, 0.6, 0.8]])
-    fading = np.exp(-0.05 * degrees(3) * (degrees(3) + 1))[:, None]
-    slow = fading * np.asarray(real_basis(towards, 3)).T * np.array([[1.0, 0.8, 0.6]])
-    slow[0] += 0.05
-    error = np.full_like(slow, 0.01 * slow[0].mean())
-    covariance = np.stack([np.diag(column**2) for column in error.T])
-    none = DirectionalSources.none()
-    scene = RecoveredScene(slow, none, covariance, np.zeros(0), np.ones(4))
-    image = light_images(scene, 0.2).slow
-    assert image.min() >= 0
-    off = np.asarray(analyse(LatLongGrid(*image.shape[:2]), jnp.asarray(image), 3)) - slow
-    assert np.max(np.abs(off) / error) < 1.5
-
-
-def test_the_middle_of_a_sources_texels_is_where_it_stands():
-    rng = np.random.default_rng(0)
-    drawn = rng.normal(size=(200, 3)) * [1, 1, 0.6]
-    poles = np.array([[0, 0, 1.0], [0, 0, -1], [1e-3, 0, 1], [1.0, -1e-6, 0]])
-    sources = DirectionalSources(np.concatenate([drawn, poles]), np.ones((204, 3)))
-    grid = LatLongGrid(64, 128)
-    rows, columns, shares = texels_of(sources, grid)
-    np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-12)
-    assert shares.min() >= 0
-    middle = np.einsum("ks,ksi->si", shares, grid.directions()[rows, columns])
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    away = np.linalg.norm(middle - np.asarray(sources.directions), axis=1)
-    # A texel is 2.8 degrees wide.
-    assert np.all(away[np.abs(middle[:, 2]) < 0.8] < np.radians(0.05))
-    assert np.all(away < np.radians(1.5))
 
 
 def test_predictions_look_like_the_photographs(factorized, capture):
