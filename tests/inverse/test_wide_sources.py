@@ -5,7 +5,8 @@
 - Derivatives by the width are those of the prediction; at a bound it goes nowhere.
 - A window narrower than the lobe: a point makes the lobe too wide, a width does not.
 - Three sources in a row are a crowd, two are not.  Crowds have grain between their sources, of
-  which the errors know; other light has none.
+  which the errors know; other light has none.  They reach as far as the likeliest grain would move
+  the numbers.
 """
 
 import functools
@@ -23,13 +24,14 @@ from jaxrender.inverse.factorization import FactorSettings, Known, as_points
 from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.crowds import (
+    Grain,
     crowded,
     may_be_wide,
     pays,
     with_grain,
     with_widths,
 )
-from jaxrender.inverse.factorization.joint import _moved, movable
+from jaxrender.inverse.factorization.joint import _moved, movable, unknown_count
 from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.response import MirrorResponse
 from jaxrender.inverse.factorization.rounds import at_standstill
@@ -231,3 +233,34 @@ def test_errors_know_of_the_grain_of_a_crowd():
     assert len(with_grain(task, points).state.active) == count
     two = state._replace(active=np.array([True, True, False]))
     assert with_grain(task, two).state is two
+
+
+def test_errors_reach_as_far_as_the_likeliest_grain(monkeypatch):
+    task = task_of(3)
+    state = at_standstill(task, with_widths(lit(task, beside([-0.15, 0.0, 0.15]))))
+    whole = account_of(task, state, "per-channel").parameters.standard_error.of("sigma")
+    found, own = [], Grain.moved
+
+    def nowhere(*asked):
+        found.append(own(*asked))
+        return 0 * found[0]
+
+    monkeypatch.setattr(Grain, "moved", nowhere)
+    without = account_of(task, state, "per-channel").parameters.standard_error.of("sigma")
+    grain = with_grain(task, state)
+    sigma = float(jnp.exp(state.guess.sigma))
+    reach = sigma * found[0][3]
+    assert abs(reach) > 0.1 * without
+    assert whole**2 - without**2 == pytest.approx(reach**2, rel=1e-6)
+    # There the light with grain is at its best: nothing pulls any more.
+    step = np.zeros(unknown_count(grain.state.guess))
+    own_unknowns = grain.kept(len(grain.state.active), 0)[: len(step)]
+    step[own_unknowns] = found[0][: len(own_unknowns)]
+    data = measured(task, state)._replace(penalty=grain.penalty)
+    blocks = in_blocks(response_of(task, grain.state), data)
+    moved = _moved(grain.state.guess, jnp.asarray(step), task.bounds)
+    before, after = (
+        np.abs(np.asarray(reduced_system(blocks, guess).slope)[3])
+        for guess in (grain.state.guess, moved)
+    )
+    assert after < 0.2 * before

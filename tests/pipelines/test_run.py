@@ -31,6 +31,7 @@ from small_captures import (
 from jaxrender.geometry import Mesh
 from jaxrender.imaging import SRGB
 from jaxrender.io import read_image, write_image, write_mesh
+from jaxrender.pipelines.report import front
 
 FAST = ("solve={starts: 2, refine: off}",)
 # Four standard errors: with a dozen parameters in all, chance exceeds it in one seed of a thousand.
@@ -162,8 +163,11 @@ def test_8_bit_pictures_with_saturation(capture):
     assert result["residual"]["relative_rms"] < 0.01
 
 
-def test_a_mesh(tmp_path):
-    """An ellipsoid as a mesh file, under the same lights."""
+def test_a_mesh(tmp_path, monkeypatch):
+    """An ellipsoid as a mesh file, under the same lights; the report knows its faces."""
+    told = []
+    gap = front.gap_among
+    monkeypatch.setattr(front, "gap_among", lambda *seen: told.append(seen) or gap(*seen))
     mesh = Mesh.ellipsoid(np.array([1.1, 0.9, 0.8]), 4)
     write_ball(tmp_path / "capture", Ball(shape=mesh))
     write_mesh(tmp_path / "capture" / "shape.ply", mesh)
@@ -173,6 +177,9 @@ def test_a_mesh(tmp_path):
         "capture.geometry={mesh: " + f"{tmp_path}/capture/shape.ply" + "}",
     )
     assert_true_material(result)
+    [(views, faces)] = told
+    assert len(views) == 4
+    np.testing.assert_allclose(faces, mesh.face_normals(), atol=1e-5)
 
 
 @pytest.mark.slow
