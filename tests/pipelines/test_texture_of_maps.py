@@ -106,6 +106,8 @@ def test_maps_are_written_and_shown(mapped):
         assert not shown.all()
     page = (folder / "report.html").read_text()
     assert "white: sigma is unreliable" in page
+    assert "Every place has a σ of its own" in page
+    assert "One σ and one μ" not in page
     assert "standard error of sigma" in page
     assert "normal: x, y and z from -1 to 1" in page
 
