@@ -7,8 +7,8 @@ The packages follow the theory, and each imports only from those above it in thi
     array types and the glossary of axis words; the error for input that can be mended; every model
     and every stated light by its name, and what its numbers are; traced programs that the next
     process finds again
-``limits``
-    how much a file may ask for
+``limits`` ``batches``
+    how much a file may ask for; a function of many samples, some at once
 ``harmonics`` ``wavelets`` ``geometry`` ``imaging``
     functions on the sphere; wavelets over any number of axes; directions, cameras and surfaces;
     pixels as measurements

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.geometry.directions import dot, reflect
 from jaxrender.geometry.frames import world_from_local
@@ -19,13 +20,18 @@ class SurfaceSamples(NamedTuple):
     outgoing: Float[AnyArray, "sample 3"]
 
     @property
-    def exit_cosines(self) -> Float[Array, "sample"]:
+    def exit_cosines(self) -> Float[AnyArray, "sample"]:
         """The cosines of the angles between the normals and the outgoing directions."""
+        if isinstance(self.normals, np.ndarray) and isinstance(self.outgoing, np.ndarray):
+            # On the host, where nothing is compiled for each number of samples.
+            return np.sum(self.normals * self.outgoing, axis=-1)
         return dot(self.normals, self.outgoing)
 
     @property
-    def reflected(self) -> Float[Array, "sample 3"]:
+    def reflected(self) -> Float[AnyArray, "sample 3"]:
         """The reflected viewing directions R, where a mirror would look."""
+        if isinstance(self.normals, np.ndarray) and isinstance(self.outgoing, np.ndarray):
+            return 2 * self.exit_cosines[:, None] * self.normals - self.outgoing
         return reflect(self.outgoing, self.normals)
 
     @property

@@ -212,22 +212,34 @@ class Objective(NamedTuple):
     data: Data
 
 
-def residuals(point: Float[Array, "unknown"], objective: Objective) -> Float[Array, "residual"]:
-    """Weighted residuals with the linear unknowns eliminated: what the solvers minimise."""
+class Explained(NamedTuple):
+    """The linear part at a point of a search, and what it predicts."""
+
+    linear: Linear
+    predicted: Float[Array, "sample channel"]
+
+
+def residuals(
+    point: Float[Array, "unknown"], objective: Objective
+) -> tuple[Float[Array, "residual"], Explained]:
+    """Weighted residuals with the linear unknowns eliminated: what the solvers minimise.
+
+    What they are made of comes second.
+    """
     problem, model, data = objective
     physical = problem.unknowns.unpack(point)
     columns = problem.columns(model, data, physical)
     linear = problem.eliminate(columns, data)
     predicted = columns.times(linear.amplitudes)
     left = (jnp.asarray(data.weights) * (data.radiance - predicted)).ravel()
-    if problem.priors is None:
-        return left
-    return jnp.concatenate([left, problem.priors.left(physical, linear.eliminated)])
+    if problem.priors is not None:
+        left = jnp.concatenate([left, problem.priors.left(physical, linear.eliminated)])
+    return left, Explained(linear, predicted)
 
 
 def condensed_residuals(
     point: Float[Array, "unknown"], objective: Objective
-) -> Float[Array, "residual"]:
+) -> tuple[Float[Array, "residual"], Explained]:
     """The same residuals in another basis: a few a channel, whatever the number of samples.
 
     Near a point every residual is a combination of few columns a channel: the lobes, their
@@ -238,7 +250,8 @@ def condensed_residuals(
     problem, model, data = objective
     here = problem.unknowns.unpack(jax.lax.stop_gradient(point))
     near = LinearisedModel.about(model, here.numbers, problem.unknowns.free_numbers)
-    return residuals(point, Objective(problem, *condense(near, data)))
+    left, (linear, _) = residuals(point, Objective(problem, *condense(near, data)))
+    return left, Explained(linear, near.at.times(linear.amplitudes))
 
 
 @stored(jax.jit, effort="least")
@@ -271,7 +284,8 @@ def cost_at(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> Float[Array, ""]:
     """Half the sum of squared weighted residuals at a point."""
-    return jnp.sum(residuals(point, Objective(problem, model, data)) ** 2) / 2
+    left, _ = residuals(point, Objective(problem, model, data))
+    return jnp.sum(left**2) / 2
 
 
 def _gram(

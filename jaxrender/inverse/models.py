@@ -285,7 +285,7 @@ def _linearise(
     model: Model, numbers: dict[str, Float[Array, "*sample"]], names: tuple[str, ...]
 ) -> LinearisedModel:
     several = len(names) > 1 and not any(jnp.ndim(numbers[name]) for name in names)
-    if several and isinstance(model, ExactModel):
+    if several:
         # All derivatives in one pass over the nodes, which each alone would make again.
         def shaped_at(
             at: Float[Array, "number"],

@@ -166,12 +166,10 @@ def _search(
         condensable = method == _OURS and not problem.unknowns.free_gains
         condensable = condensable and not isinstance(model, LinearisedModel)
         minimised = condensed_residuals if condensable else residuals
-        solution = METHODS[method](minimised, start, objective)
+        solution = METHODS[method](minimised, start, objective, has_aux=True)
+        linear, predicted = solution.aux
         physical = problem.unknowns.unpack(solution.point)
-        columns = problem.columns(model, data, physical)
-        linear = problem.eliminate(columns, data)
-        predicted = columns.times(linear.amplitudes)
         cost = problem.cost(data, predicted, physical, linear)
         converged = solution.converged & jnp.isfinite(cost)
-        solution = solution._replace(cost=cost, converged=converged)
+        solution = solution._replace(cost=cost, converged=converged, aux=None)
     return Fit(solution, linear, predicted)

@@ -9,7 +9,7 @@ Every function here can be called inside ``jit`` and ``vmap``.
 
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -35,52 +35,76 @@ _TURNS, _RIDGE = 6, 1e5
 
 
 class Solution(NamedTuple):
-    """Where a solver stopped: the point, half the sum of squares there, and whether it may stop."""
+    """Where a solver stopped: the point, half the sum of squares there, and whether it may stop.
+
+    ``aux`` is what the residuals came with there.
+    """
 
     point: Float[Array, "unknown"]
     cost: Float[Array, ""]
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
+    aux: Any = None
 
 
-def least_squares(residuals: Callable, start: Float[Array, "unknown"], args) -> Solution:
+def least_squares(
+    residuals: Callable, start: Float[Array, "unknown"], args, *, has_aux: bool = False
+) -> Solution:
     """Minimise half the sum of squares of ``residuals(point, args)`` by Levenberg-Marquardt.
 
     Variables are to be of order one, and so is the sum of squares of what is measured.  Steps
     shrink quadratically: the one after the last would be far shorter than ``_LAST_STEP``.
+
+    With ``has_aux`` the function returns a pair: the residuals, and what is worth keeping of how
+    they were made.  Who asks for it need not evaluate the function once more at the end, which
+    would make programs longer by a third.
     """
+    residuals = residuals if has_aux else _alone(residuals)
     if start.shape[0] == 0:
         return _nothing_to_do(residuals, start, args)
     # Normal equations by Cholesky are ten times faster than QR and lose nothing in float64.
     linear = lx.Normal(lx.Cholesky()) if start.dtype == jnp.float64 else lx.QR()
     last = _LAST_STEP[start.dtype.name]
+
+    def enlarged(point: Float[Array, "unknown"], args):
+        left, aux = residuals(point, args)
+        return _RESIDUAL_UNIT * left, (left, aux)
+
     found = optx.least_squares(
-        lambda point, args: _RESIDUAL_UNIT * residuals(point, args),
+        enlarged,
         optx.LevenbergMarquardt(rtol=0.0, atol=last, linear_solver=linear),
         start,
         args,
+        has_aux=True,
         options={"jac": "fwd"},
         max_steps=_MAX_STEPS,
         throw=False,
     )
-    return _solution(residuals, found, args)
+    # ``found.aux`` is of the step before the last.
+    return _solution(found, *found.state.aux)
 
 
 def simplex(
-    residuals: Callable, start: Float[Array, "unknown"], args, tolerance: float = 1e-8
+    residuals: Callable,
+    start: Float[Array, "unknown"],
+    args,
+    *,
+    has_aux: bool = False,
+    tolerance: float = 1e-8,
 ) -> Solution:
     """Minimise the same by Nelder and Mead's simplex: the thesis's method, and the twin."""
+    residuals = residuals if has_aux else _alone(residuals)
     if start.shape[0] == 0:
         return _nothing_to_do(residuals, start, args)
     found = optx.minimise(
-        lambda point, args: _half_sum_of_squares(residuals, point, args),
+        lambda point, args: _half_sum_of_squares(residuals(point, args)[0]),
         optx.NelderMead(rtol=tolerance, atol=tolerance),
         start,
         args,
         max_steps=_SIMPLEX_STEPS,
         throw=False,
     )
-    return _solution(residuals, found, args)
+    return _solution(found, *residuals(found.value, args))
 
 
 @jax.jit
@@ -200,18 +224,24 @@ def _solve(matrix, vector) -> Float[Array, "unknown"]:
     return jax.scipy.linalg.solve(scaled + ridge, vector * scale, assume_a="pos") * scale
 
 
-def _half_sum_of_squares(residuals, point, args) -> Float[Array, ""]:
-    return jnp.sum(residuals(point, args) ** 2) / 2
+def _alone(residuals: Callable) -> Callable:
+    """Let residuals that come alone come with nothing."""
+    return lambda point, args: (residuals(point, args), None)
 
 
-def _solution(residuals, found, args) -> Solution:
+def _half_sum_of_squares(left: Float[Array, "residual"]) -> Float[Array, ""]:
+    return jnp.sum(left**2) / 2
+
+
+def _solution(found: optx.Solution, left: Float[Array, "residual"], aux) -> Solution:
     point = found.value
-    cost = _half_sum_of_squares(residuals, point, args)
     # Asked of the point, not of the cost: who does not need the cost does not pay for it.
     converged = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(point))
-    return Solution(point, cost, converged, jnp.asarray(found.stats["num_steps"]))
+    steps = jnp.asarray(found.stats["num_steps"])
+    return Solution(point, _half_sum_of_squares(left), converged, steps, aux)
 
 
-def _nothing_to_do(residuals, start, args) -> Solution:
-    cost = _half_sum_of_squares(residuals, start, args)
-    return Solution(start, cost, jnp.isfinite(cost), jnp.zeros((), int))
+def _nothing_to_do(residuals: Callable, start: Float[Array, "unknown"], args) -> Solution:
+    left, aux = residuals(start, args)
+    cost = _half_sum_of_squares(left)
+    return Solution(start, cost, jnp.isfinite(cost), jnp.zeros((), int), aux)

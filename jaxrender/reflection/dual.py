@@ -19,10 +19,10 @@ traced once (``cast_shadows``).
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.batches import in_batches
 from jaxrender.brdf import BRDF, Glossy
 from jaxrender.geometry import (
     Components,
@@ -293,7 +293,7 @@ def _errors_by_count(
         lobe = brdf.transfer(*pair_in_frame(*pair, frame))[1]
         return lobe - jnp.matmul(basis, own, precision="highest")
 
-    gain = jax.lax.map(gains, (samples, slow), batch_size=16)
+    gain = in_batches(gains, (samples, slow), 16)
     taken = jnp.cumsum(gain[:, :, None] * candidates.irradiance[None], axis=1)
     left = jnp.concatenate([error[:, None], error[:, None] - taken], axis=1)
     scale = jnp.mean(exact**2)

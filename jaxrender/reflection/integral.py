@@ -19,12 +19,13 @@ differentiable in the BRDF and in the light.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.batches import even, in_batches
 from jaxrender.brdf import BRDF, Parametric
 from jaxrender.geometry import (
     Components,
@@ -263,15 +264,25 @@ def _sum_over_nodes(
     # Components in rows of their own: slices of rows of three would be gathered number by number.
     every = (Components.of(nodes.directions), jnp.asarray(nodes.irradiance).T, seen)
     count = nodes.directions.shape[0]
-    size = _at_once(count)
-    if size == count:
+    if count <= _MOST_NODES_AT_ONCE:
         return part(every)
-    whole = count - count % size
-    start = part(jax.tree.map(lambda a: a[..., whole:], every))
-    blocks = jax.tree.map(
-        lambda a: jnp.moveaxis(a[..., :whole].reshape(*a.shape[:-1], -1, size), -2, 0), every
+    # The last block is filled up with dark nodes: so ``part`` is compiled once.
+    blocks, size = even(count, _NODES_PER_BLOCK)
+    directions, *rest = every
+    filled = (_filled(directions, blocks * size, "edge"), *_filled(rest, blocks * size, "constant"))
+    split = jax.tree.map(
+        lambda a: jnp.moveaxis(a.reshape(*a.shape[:-1], blocks, size), -2, 0), filled
     )
-    return jax.lax.scan(lambda total, one: (total + part(one), None), start, blocks)[0]
+    return jnp.sum(jax.lax.map(part, split), axis=0)
+
+
+def _filled(rows: Any, count: int, mode: str) -> Any:
+    """Make the last axis of all arrays ``count`` long."""
+
+    def longer(row: Array) -> Array:
+        return jnp.pad(row, [(0, 0)] * (row.ndim - 1) + [(0, count - row.shape[-1])], mode)
+
+    return jax.tree.map(longer, rows)
 
 
 def _sum(
@@ -311,7 +322,7 @@ def with_width(brdf: BRDF, width: Float[Array, ""] | None) -> BRDF:
 
 def by_chunks(one: Callable, samples, nodes: int) -> Float[Array, "sample *rest"]:
     """Work samples off, so many at once that their nodes stay in a processor's cache."""
-    return jax.lax.map(one, samples, batch_size=max(1, _PAIRS_PER_CHUNK // max(nodes, 1)))
+    return in_batches(one, samples, _PAIRS_PER_CHUNK // max(nodes, 1))
 
 
 def _at_once(nodes: int) -> int:

@@ -155,8 +155,9 @@ def roughness_table(
     Of ``brdf`` only the variant counts: metal or dielectric, Fresnel angle, masking, distribution.
     """
     log_sigma = KnotRange.over(np.log(sigma_range[0]), np.log(sigma_range[1]), _SIGMA_KNOTS)
-    dtype = jnp.asarray(samples.normals).dtype
+    exit_cosines = jnp.asarray(samples.exit_cosines)
     samples = SurfaceSamples(jnp.asarray(samples.normals), jnp.asarray(samples.outgoing))
+    dtype = jnp.result_type(samples.normals)
     light, shadows = filled_up(light, shadows)
     light = jax.tree.map(lambda x: _cast(x, dtype), light)
     shadows = None if shadows is None else _ready(shadows, dtype)
@@ -178,7 +179,7 @@ def roughness_table(
             jnp.asarray(log_sigma.spline_from_values(), dtype),
             columns.specular,
         )
-    return RoughnessTable(columns.diffuse, spline, samples.exit_cosines, log_sigma, log_mu)
+    return RoughnessTable(columns.diffuse, spline, exit_cosines, log_sigma, log_mu)
 
 
 class _Knots(NamedTuple):
@@ -269,9 +270,12 @@ def _blocks(
 ) -> Iterator[tuple[LightNodes | FrameNodes, Bool[AnyArray, "sample node"] | None]]:
     """Go through all sources, so many at once that one shape is compiled for any number of them."""
     nodes = light.sources.nodes()
-    for first in range(0, nodes.directions.shape[0], SOURCES_AT_ONCE):
+    count = nodes.directions.shape[0]
+    for first in range(0, count, SOURCES_AT_ONCE):
         some = slice(first, first + SOURCES_AT_ONCE)
-        block = LightNodes(nodes.directions[some], nodes.irradiance[some])
+        # A slice would be a program to compile; of one block none is needed.
+        one = count <= SOURCES_AT_ONCE
+        block = nodes if one else LightNodes(nodes.directions[some], nodes.irradiance[some])
         yield block, None if shadows is None else shadows.sources[:, some]
     if light.frames is not None:
         yield light.frames, None if shadows is None else shadows.frame_sources

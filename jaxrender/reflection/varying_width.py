@@ -5,10 +5,10 @@ column is interpolated in log sigma.  Widths that are traced have no range to pu
 every sample is rendered with its own, which has a derivative everywhere.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.batches import in_batches
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.reflection.integral import radiance
@@ -91,4 +91,4 @@ def _one_by_one(
         return radiance(lobe, model.columns(lobe, alone))[0]
 
     pairs = widths, SurfaceSamples(*(jnp.asarray(part) for part in samples))
-    return jax.lax.map(one, pairs, batch_size=_SAMPLES_AT_ONCE)
+    return in_batches(one, pairs, _SAMPLES_AT_ONCE)

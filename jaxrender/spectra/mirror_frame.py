@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.batches import in_batches
 from jaxrender.geometry import Components
 from jaxrender.harmonics import coefficient_count, flat_index, legendre, real_basis
 from jaxrender.shapes import AnyArray, Array, Float, checked
@@ -92,7 +93,7 @@ def azimuthal_transfer(
     def of_one(cosine: Float[Array, ""]) -> Float[Array, "degree order"]:
         return _orders(lobe, cosine[None], band_limits, reach, tail)[0]
 
-    return jax.lax.map(of_one, exit_cosines, batch_size=block)
+    return in_batches(of_one, exit_cosines, block)
 
 
 def _orders(

@@ -227,7 +227,7 @@ def test_cost_is_half_the_weighted_squares():
     assert float(cost_at(Problem.of(unknowns, 3), MODEL, data, point)) == pytest.approx(expected)
 
 
-def test_condensed_residuals_have_the_same_squares_and_slopes():
+def test_condensed_residuals_have_the_same_squares_and_slopes_and_predict_the_same():
     data = toy_data(noisy(), np.random.default_rng(2).uniform(0.1, 3, (60, 3)))
     unknowns = microfacet_unknowns()
     args = Objective(Problem.of(unknowns, 3), MODEL, data)
@@ -237,8 +237,10 @@ def test_condensed_residuals_have_the_same_squares_and_slopes():
     def normal_equations(point):
         found = []
         for form in (residuals, condensed_residuals):
-            value, slope = form(point, args), jax.jacfwd(form)(point, args)
-            found.append((value @ value, slope.T @ value, slope.T @ slope))
+            value, explained = form(point, args)
+            slope, _ = jax.jacfwd(form, has_aux=True)(point, args)
+            squares = value @ value, slope.T @ value, slope.T @ slope
+            found.append((*squares, explained.linear.amplitudes, explained.predicted))
         return found
 
     for full, few in zip(*normal_equations(point)):

@@ -160,6 +160,22 @@ def test_searches_end_where_scipy_ends(solve, tolerance):
     assert int(found.steps) > 1
 
 
+@pytest.mark.parametrize("solve", [solvers.least_squares, solvers.simplex])
+@pytest.mark.parametrize("unknowns", [0, 2])
+def test_what_residuals_come_with_is_of_the_point_where_the_search_ended(solve, unknowns):
+    def with_curve(point, args):
+        x, y = args
+        at = point if unknowns else jnp.zeros(2)
+        curve = jnp.exp(-x * jnp.exp(at[0])) + at[1]
+        return curve - y, {"curve": curve}
+
+    args = curve()
+    found = jax.jit(lambda start: solve(with_curve, start, args, has_aux=True))(jnp.zeros(unknowns))
+    left, there = with_curve(found.point, args)
+    np.testing.assert_allclose(found.aux["curve"], there["curve"], rtol=1e-14)
+    np.testing.assert_allclose(found.cost, np.sum(np.square(left)) / 2, rtol=1e-12)
+
+
 def test_single_precision_ends_close_by():
     x, y = curve()
     double = solvers.least_squares(misfit, jnp.zeros(2), (x, y))

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
+from jaxrender.inverse.models import Model
 from jaxrender.inverse.texture.account import TextureFit, account_of, lobe_of
 from jaxrender.inverse.texture.forward import Forward
 from jaxrender.inverse.texture.measurements import SiteObservations, whole_sites
@@ -58,13 +59,9 @@ def fit_texture(
     and varying.  Raises it, too, where no site is seen often enough.
     """
     settings = settings or TextureSettings()
-    _check(measured, unknowns, settings)
     if field is not None:
         check_variation(unknowns, settings)
-    some = whole_sites(measured, settings.search_samples, settings.seed)
-    model = forward.search(some.index)
-    starts = unknowns.starts(settings.starts) if start is None else start[None]
-    searched = search_in_rounds(some, model, unknowns, starts, settings)
+    some, model, searched = _search_lobe(measured, forward, unknowns, settings, start)
     if settings.maps:
         return _with_maps(measured, forward, searched, settings)
     if field is not None:
@@ -91,6 +88,33 @@ def fit_texture(
         measured, forward.final, lobe, searched.problem.prior, noise, settings.method
     )
     return account_of(surface, lobe, searched, noise)
+
+
+def find_lobe(
+    measured: SiteObservations, forward: Forward, unknowns: Unknowns, settings: TextureSettings
+) -> dict[str, float]:
+    """Find sigma and mu alone, as step 1 does: a start for a fit under a model that knows more.
+
+    Raises ``ValueError`` as ``fit_texture`` does.
+    """
+    *_, searched = _search_lobe(measured, forward, unknowns, settings, None)
+    numbers = unknowns.unpack(searched.fit.point).numbers
+    return {name: float(value) for name, value in numbers.items()}
+
+
+def _search_lobe(
+    measured: SiteObservations,
+    forward: Forward,
+    unknowns: Unknowns,
+    settings: TextureSettings,
+    start: Float[np.ndarray, "unknown"] | None,
+) -> tuple[SiteObservations, Model, Searched]:
+    """Draw whole sites, model them, and search for the lobe on them (step 1)."""
+    _check(measured, unknowns, settings)
+    some = whole_sites(measured, settings.search_samples, settings.seed)
+    model = forward.search(some.index)
+    starts = unknowns.starts(settings.starts) if start is None else start[None]
+    return some, model, search_in_rounds(some, model, unknowns, starts, settings)
 
 
 def _with_maps(

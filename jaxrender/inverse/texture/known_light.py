@@ -23,7 +23,7 @@ from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.examination import Painted
-from jaxrender.inverse.texture.fit import check_variation, fit_texture
+from jaxrender.inverse.texture.fit import check_variation, find_lobe, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
@@ -113,19 +113,19 @@ def _fitted(
     rough = forward_under(
         light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
     )
-    rough_settings = settings._replace(search_samples=_ROUGH_SAMPLES, maps=())
-    fit = fit_texture(some, rough, unknowns, rough_settings)
-    forward, finest = rough, fit.sigma
+    lobe = find_lobe(some, rough, unknowns, settings._replace(search_samples=_ROUGH_SAMPLES))
+    finest = lobe["sigma"]
     if "sigma" in settings.maps:
         finest = max(low, finest / _FINER)
     for _ in range(_SPLITS):
         before, found = found, finest
-        reach = (max(low, fit.sigma / _TABLE_REACH), min(high, fit.sigma * _TABLE_REACH))
+        reach = (max(low, lobe["sigma"] / _TABLE_REACH), min(high, lobe["sigma"] * _TABLE_REACH))
         forward = forward_under(
             light, observations, variant, found, reach, exact=exact, shape=shape, most=most
         )
-        start = unknowns.pack({"sigma": fit.sigma, "mu": fit.mu})
+        start = unknowns.pack(lobe)
         fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
+        lobe = {"sigma": fit.sigma, "mu": fit.mu}
         varying = fit.variation
         finest = fit.sigma if varying is None else finest_of(varying.sigma, settings.maps)
         off = np.log(finest / found)

@@ -78,14 +78,18 @@ def predicted(
 
 def residuals(
     point: Float[Array, "unknown"], problem: TextureProblem, model: Model, data: SiteData
-) -> Float[Array, "residual"]:
-    """Weighted residuals with the texture eliminated, and what the prior holds against it."""
+) -> tuple[Float[Array, "residual"], tuple[SiteMaterial, Float[Array, "sample channel"]]]:
+    """Weighted residuals with the texture eliminated, and what the prior holds against it.
+
+    The texture comes second, with what it predicts.
+    """
     material, columns = problem.material(model, data, point)
-    left = jnp.asarray(data.weights) * (data.radiance - predicted(material, columns, data))
+    radiance = predicted(material, columns, data)
+    left = jnp.asarray(data.weights) * (data.radiance - radiance)
     precision = jnp.where(problem.shared, 0, jnp.asarray(problem.prior.precision))
     off = jnp.sqrt(precision) * (material.ks - problem.prior.mean)
     held = [problem.unknowns.steps(point)] if isinstance(problem.unknowns, VaryingSigma) else []
-    return jnp.concatenate([left.ravel(), off, *held])
+    return jnp.concatenate([left.ravel(), off, *held]), (material, radiance)
 
 
 def search(
@@ -164,8 +168,10 @@ def lobe_information(
 ) -> LobeInformation:
     """Compute what the observations tell of the search variables, and what each of them says."""
     with jax.default_matmul_precision("highest"):
-        jacobian = jax.jacfwd(residuals)(point, problem, model, data)
-        left = residuals(point, problem, model, data)
+        left, along, _ = jax.linearize(
+            lambda p: residuals(p, problem, model, data), point, has_aux=True
+        )
+        jacobian = jax.vmap(along, out_axes=1)(jnp.eye(point.shape[0], dtype=point.dtype))
         count, channels = data.radiance.shape
         each = (left[:, None] * jacobian)[: count * channels]
         scores = jnp.sum(each.reshape(count, channels, -1), axis=1)
@@ -182,14 +188,14 @@ def _search(
 ) -> LobeFit:
     solver = {"variable-projection": least_squares, "simplex": simplex}[method]
     size = jnp.sqrt(jnp.sum((jnp.asarray(data.weights) * data.radiance) ** 2))
+
+    def in_own_units(point: Float[Array, "unknown"], args):
+        left, found = residuals(point, *args)
+        return left / size, found
+
     with jax.default_matmul_precision("highest"):
         # In units of what is measured, as the solvers ask for.
-        solution = solver(lambda p, args: residuals(p, *args) / size, start, (problem, model, data))
-        material, columns = problem.material(model, data, solution.point)
-    return LobeFit(
-        solution.point,
-        material,
-        predicted(material, columns, data),
-        solution.cost * size**2,
-        solution.converged,
-    )
+        solution = solver(in_own_units, start, (problem, model, data), has_aux=True)
+    material, radiance = solution.aux
+    cost = solution.cost * size**2
+    return LobeFit(solution.point, material, radiance, cost, solution.converged)

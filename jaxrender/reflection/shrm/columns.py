@@ -22,10 +22,10 @@ import re
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.batches import in_batches
 from jaxrender.brdf import Glossy
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import band_limit_of, rotate
@@ -73,7 +73,7 @@ def mirror_light(
     def seen(frame: Float[Array, "3 3"]) -> Float[Array, "degree order channel"]:
         return rotate(values, frame.T)[index] * weights
 
-    return jax.lax.map(seen, frames, batch_size=_SAMPLES_AT_ONCE)
+    return in_batches(seen, frames, _SAMPLES_AT_ONCE)
 
 
 @eqx.filter_jit
@@ -96,7 +96,7 @@ def mirror_coefficients_of(
     """Expand the lobe in harmonics of the light's direction: the column under light Y_lm."""
     arrays = SurfaceSamples(*(jnp.asarray(a) for a in samples))
     index, scale = _orders(band_limit, view.degree)
-    terms = _terms(brdf, arrays.exit_cosines, band_limit, view)
+    terms = _terms(brdf, jnp.asarray(arrays.exit_cosines), band_limit, view)
     terms = terms * jnp.asarray(scale, terms.dtype)[None]
 
     def in_world(sample: tuple) -> Float[Array, "coefficient"]:
@@ -106,7 +106,7 @@ def mirror_coefficients_of(
         return rotate(local, frame)[:, 0]
 
     frames = arrays.world_from_mirror
-    return jax.lax.map(in_world, (terms, frames), batch_size=_SAMPLES_AT_ONCE)
+    return in_batches(in_world, (terms, frames), _SAMPLES_AT_ONCE)
 
 
 def specular_spectrum(brdf: Glossy, band_limits: tuple[int, int]) -> CentralSpectrum:
