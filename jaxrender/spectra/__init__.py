@@ -55,7 +55,9 @@ from jaxrender.spectra.microfacet import (
     gaussian_transfer,
     head_on_transfer,
     normal_exitance_transfer,
+    transfer_at,
     transfer_of_samples,
+    transfer_table,
 )
 from jaxrender.spectra.microfacet_series import series_transfer, squared_half_angle
 from jaxrender.spectra.mirror import (
@@ -148,7 +150,9 @@ __all__ = [
     "sum_lobes",
     "tabulated_spectrum",
     "head_on_transfer",
+    "transfer_at",
     "transfer_of_samples",
+    "transfer_table",
     "uniform_coefficients",
     "windowed_spectrum",
     "zonal_coefficients",

@@ -12,11 +12,11 @@ sample, and the thesis's Gaussian exp(-(sigma l)^2) (T 3.51, 6.7), for the thesi
 distribution 4 to 23 % off for sigma of .1 to .5 (ERRATA 27).
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import DTypeLike
 
 from jaxrender.brdf import Glossy, Parametric, normalised_fresnel
@@ -117,13 +117,20 @@ def transfer_of_samples(
 
     Raises ``ValueError`` for a name that is not in ``TRANSFERS``.
     """
+    cosines = jnp.asarray(exit_cosines)
+    return transfer_at(transfer_table(brdf, band_limit, cosines.dtype, transfer), cosines)
+
+
+def transfer_table(
+    brdf: Glossy, band_limit: int, dtype: np.dtype, transfer: str = "exit-cosine"
+) -> Float[Array, "knot degree"]:
+    """Tabulate the named transfer over exit cosines, for ``transfer_at``.
+
+    Raises ``ValueError`` for a name that is not in ``TRANSFERS``.
+    """
     if transfer not in TRANSFERS:
         raise ValueError(f"transfer={transfer!r}: choose one of {', '.join(TRANSFERS)}")
-    return _interpolated(
-        lambda knots: TRANSFERS[transfer](brdf, knots, band_limit),
-        jnp.asarray(exit_cosines),
-        band_limit,
-    )
+    return TRANSFERS[transfer](brdf, _knots(_knot_count(band_limit), dtype), band_limit)
 
 
 @eqx.filter_jit
@@ -148,7 +155,7 @@ def azimuthal_transfer_of_samples(
 
     if len(cosines) <= _knot_count(band_limit):
         return table(jnp.clip(cosines, _LOWEST_COSINE, 1))
-    return _interpolated(table, cosines, band_limit)
+    return transfer_at(table(_knots(_knot_count(band_limit), cosines.dtype)), cosines)
 
 
 def _knot_count(band_limit: int) -> int:
@@ -156,17 +163,17 @@ def _knot_count(band_limit: int) -> int:
     return max(_EXIT_COSINE_KNOTS, _KNOTS_PER_DEGREE * band_limit)
 
 
-def _interpolated(
-    table_of: Callable[[Float[Array, "knot"]], Float[Array, "knot *rest"]],
-    exit_cosines: Float[Array, "sample"],
-    band_limit: int,
+def _knots(count: int, dtype: np.dtype) -> Float[Array, "knot"]:
+    """Space exit cosines evenly in their roots."""
+    return jnp.linspace(_LOWEST_COSINE**0.5, 1, count, dtype=dtype) ** 2
+
+
+def transfer_at(
+    table: Float[Array, "knot *rest"], exit_cosines: Float[AnyArray, "sample"]
 ) -> Float[Array, "sample *rest"]:
-    """Tabulate a function of the exit cosine and look it up for every sample by cubics."""
-    cosines = jnp.clip(exit_cosines, _LOWEST_COSINE, 1)
-    lowest = _LOWEST_COSINE**0.5
-    count = _knot_count(band_limit)
-    knots = jnp.linspace(lowest, 1, count, dtype=cosines.dtype) ** 2
-    table = table_of(knots)
+    """Look a function of the exit cosine up in its table (``transfer_table``), by cubics."""
+    cosines = jnp.clip(jnp.asarray(exit_cosines), _LOWEST_COSINE, 1)
+    lowest, count = _LOWEST_COSINE**0.5, len(table)
     position = (jnp.sqrt(cosines) - lowest) / (1 - lowest) * (count - 1)
     first = jnp.clip(jnp.floor(position).astype(int) - 1, 0, count - 4)
     weights = _cubic_lagrange(position - first.astype(cosines.dtype))

@@ -15,7 +15,13 @@ from jaxrender.inverse.factorization import blocks
 from jaxrender.inverse.factorization.account import _inverse, _moves
 from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.correction import corrected
-from jaxrender.inverse.factorization.joint import Descent, _damped, _moved, descend_jointly
+from jaxrender.inverse.factorization.joint import (
+    DAMPING,
+    Descent,
+    _damped,
+    _moved,
+    descend_jointly,
+)
 from jaxrender.inverse.factorization.projection import Drawn, mixed, reduced_system, scatter
 from jaxrender.inverse.factorization.response import Guess, MirrorResponse, specular_share
 from jaxrender.inverse.factorization.slopes import lobe_slopes, prediction_slopes
@@ -28,7 +34,7 @@ def photographs():
 
 
 def _slopes(response: MirrorResponse, guess: Guess, light: jax.Array) -> np.ndarray:
-    lobe, columns = lobe_slopes(response, guess), response.columns(guess)
+    (lobe,), columns = lobe_slopes([response], guess), response.columns(guess)
     return np.stack(prediction_slopes(response, lobe, guess, columns, light))
 
 
@@ -238,6 +244,31 @@ def test_only_good_steps_count(photographs):
     assert end.steps == 1
     assert float(end.solved.cost) < float(
         reduced_system(in_blocks(response, data), far).solved.cost
+    )
+
+
+def test_descents_that_go_on_end_where_one_does(photographs):
+    """The damping goes on, too: two numbers that are hardly told apart move by halves under more."""
+    task = task_of(photographs)
+    state = with_sources(task, [SOURCE])
+    response, data = response_of(task, state), measured(task, state)
+    free = free_unknowns(task, state)
+
+    def descended(steps, guess=state.guess, damping=DAMPING):
+        descent = Descent(task.bounds, steps, 0.0, damping)
+        return descend_jointly(response, guess, data, free, descent)
+
+    whole, half = descended(4), descended(2)
+    assert half.damping < DAMPING
+    both = descended(2, half.guess, half.damping)
+    np.testing.assert_array_equal(material_numbers(both.guess), material_numbers(whole.guess))
+    anew = descended(2, half.guess)
+    assert np.any(material_numbers(anew.guess) != material_numbers(whole.guess))
+
+
+def material_numbers(guess):
+    return np.concatenate(
+        [np.ravel(part) for part in (guess.specular_logit, guess.sigma, guess.mu)]
     )
 
 

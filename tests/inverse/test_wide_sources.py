@@ -146,7 +146,7 @@ def test_derivatives_by_the_width_and_its_bounds():
     guess = state.guess._replace(variance=jnp.asarray([0.1 * most, 0.5 * most]))
     response = response_of(task, state)
     light = jnp.concatenate([jnp.zeros((9, 3)), jnp.asarray([[1.0, 2, 3], [2, 1, 1]])])
-    lobe = lobe_slopes(response, guess)
+    (lobe,) = lobe_slopes([response], guess)
     tangents = np.asarray(prediction_slopes(response, lobe, guess, response.columns(guess), light))
     assert tangents.shape[-1] == 3 + 2 + 3 * 2
     share = PAINT.ks / (PAINT.kd + PAINT.ks)

@@ -33,8 +33,7 @@ def corrected(task: Task, state: State, near: float = 0.0) -> State:
 
     The sources are exact already.  Of slow light the dual model has the azimuthal mean alone.  An
     ``IntegralResponse`` is exact and stays as it is, and so does a response that was completed no
-    farther away than ``near``, in log sigma and log(mu - 1).  Derivatives by the lobe are those of
-    a convex object.
+    farther away than ``near``, in log sigma and log(mu - 1).
     """
     response, guess = task.response, state.guess
     at = (float(guess.sigma), float(guess.mu))
@@ -42,15 +41,14 @@ def corrected(task: Task, state: State, near: float = 0.0) -> State:
         return state
     if state.lacking is not None and np.abs(np.subtract(state.lacking.lobe, at)).max() <= near:
         return state
-    here = _lacking(response, guess)
-    by_sigma = (_lacking(response, guess._replace(sigma=guess.sigma + _STEP)) - here) / _STEP
+    sight = task.sight
+    here = _lacking(response, guess, sight)
+    aside = guess._replace(sigma=guess.sigma + _STEP)
+    by_sigma = (_lacking(response, aside, sight) - here) / _STEP
     by_mu = np.zeros_like(here)
     if response.variant.mu is not None:
-        by_mu = (_lacking(response, guess._replace(mu=guess.mu + _STEP)) - here) / _STEP
-    if task.sight is not None:
-        units, lobe = np.eye(response.slow_count), response.lobe(guess)
-        assert isinstance(lobe, Glossy)
-        here = here - np.asarray(hidden_slow_light(response.samples, task.sight, lobe, units))
+        aside = guess._replace(mu=guess.mu + _STEP)
+        by_mu = (_lacking(response, aside, sight) - here) / _STEP
     constant = here - at[0] * by_sigma - at[1] * by_mu
     columns = as_jax(np.stack([constant, by_sigma, by_mu], axis=1))
     return state._replace(lacking=Lacking(columns, at))
@@ -71,12 +69,19 @@ def change(before: State, after: State) -> float:
     return float(np.sqrt(np.mean((after.weights * changed) ** 2)))
 
 
-def _lacking(response: MirrorResponse, guess: Guess) -> Float[np.ndarray, "sample coefficient"]:
-    """Compute what the dual model leaves out at a guess; nothing hides anything."""
+def _lacking(
+    response: MirrorResponse, guess: Guess, sight: Sight | None
+) -> Float[np.ndarray, "sample coefficient"]:
+    """Compute what the dual model leaves out at a guess, less what the object hides from itself."""
     # The sources stay outside: another number of them would be another program.
     sigma, mu = jnp.asarray(guess.sigma), jnp.asarray(guess.mu)
     left_out = partial(_left_out, response.variant, sigma, mu)
-    return by_rows(left_out, response.samples, response.mirror_basis)
+    whole = by_rows(left_out, response.samples, response.mirror_basis)
+    if sight is None:
+        return whole
+    units, lobe = np.eye(response.slow_count), response.lobe(guess)
+    assert isinstance(lobe, Glossy)
+    return whole - np.asarray(hidden_slow_light(response.samples, sight, lobe, units))
 
 
 @stored(effort="less")

@@ -24,7 +24,7 @@ from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Damping relative to the diagonal of H: at the start, and the factors after a good and a bad step.
-_DAMPING, _RELIEF, _TIGHTENING = 1e-3, 0.2, 8.0
+DAMPING, _RELIEF, _TIGHTENING = 1e-3, 0.2, 8.0
 # Bad steps that end a descent.  A lobe without masking does not fade at the horizon, so that the
 # cost has a jump wherever a source rises for a sample that is seen at a grazing angle.
 _MOST_IN_VAIN = 10
@@ -48,21 +48,29 @@ class Bounds(NamedTuple):
 class Descent(NamedTuple):
     """The bounds of a descent, its most steps, and the relative gain of cost that ends it.
 
-    Only good steps count: one that gains nothing is tried again with more damping.
+    Only good steps count: one that gains nothing is tried again with more damping.  A descent that
+    goes on from another begins with that one's damping: numbers that the photographs hardly tell
+    apart move by halves under more.
     """
 
     bounds: Bounds
     steps: int
     tolerance: float
+    damping: float = DAMPING
 
 
 class Joint(NamedTuple):
-    """Where a joint fit stopped."""
+    """Where a joint fit stopped, and how damped its next step would be.
+
+    ``curvature`` is that of the cost by all unknowns but the light, which answers to them.
+    """
 
     guess: Guess
     solved: Solved
+    curvature: Float[AnyArray, "unknown unknown"]
     steps: int
     converged: bool
+    damping: float = DAMPING
 
 
 def descend_jointly(
@@ -73,7 +81,7 @@ def descend_jointly(
     descent: Descent,
 ) -> Joint:
     """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for."""
-    damping, step, in_vain, converged = _DAMPING, 0, 0, False
+    damping, step, in_vain, converged = descent.damping, 0, 0, False
     blocks = in_blocks(response, measured)
     system = reduced_system(blocks, guess)
     while step < descent.steps and in_vain < _MOST_IN_VAIN and not converged:
@@ -92,7 +100,8 @@ def descend_jointly(
         step += 1
         converged = gain < descent.tolerance * float(there.solved.cost)
         guess, system, damping = trial, there, max(damping * _RELIEF, 1e-9)
-    return Joint(guess, system.solved, step, converged or in_vain == _MOST_IN_VAIN)
+    converged = converged or in_vain == _MOST_IN_VAIN
+    return Joint(guess, system.solved, system.curvature, step, converged, damping)
 
 
 def unknown_count(guess: Guess) -> int:

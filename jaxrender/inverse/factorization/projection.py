@@ -7,7 +7,8 @@ squared weights, Lambda the penalty on the light.  The reduced system of the oth
 H = sum_c V_c' W V_c - (M_c' W V_c)' (M_c' W M_c + Lambda)^-1 (M_c' W V_c),   g = sum_c V_c' W r_c
 
 There are dozens of columns and thousands of samples, so that all of it costs a few matrix products,
-whatever the number of parameters.  Samples are passed through twice, in ``blocks``.
+whatever the number of parameters.  Samples are passed through twice, in ``blocks``, and columns of
+many samples are made twice.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,6 +25,8 @@ from jaxrender.inverse.factorization.slopes import Lobe, columns_at, lobe_slopes
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float, Int
 
+# Columns of so many numbers are kept from the first pass to the second (a hundred megabytes).
+_MOST_KEPT = 6_000_000
 # Groups are filled up to a multiple of this, so that few programs are compiled.
 _GROUPS = 256
 
@@ -96,12 +99,13 @@ def reduced_system(blocks: Blocks, guess: Guess, lobes: list[Lobe] | None = None
     ``lobes`` are those of ``lobes_of``, where they are known.
     """
     lobes, share = lobes_of(blocks, guess) if lobes is None else lobes, specular_share(guess)
-    gram, right = added(
-        [_seen(block, columns, share) for block, _, columns in _each(blocks, guess, lobes)]
-    )
+    each = _each(blocks, guess, lobes)
+    if blocks.count * len(blocks.penalty) <= _MOST_KEPT:
+        each = list(each)
+    gram, right = added([_seen(block, columns, share) for block, _, columns in each])
     light, normal = _light_of(gram, right, blocks.penalty)
     parts = []
-    for block, lobe, columns in _each(blocks, guess, lobes):
+    for block, lobe, columns in each if isinstance(each, list) else _each(blocks, guess, lobes):
         slopes = prediction_slopes(block.response, lobe, guess, columns, light)
         parts.append(_stepped(block, columns, slopes, share, light))
     curvature, slope, across, misfit = added([sums for sums, _ in parts])
@@ -113,7 +117,7 @@ def reduced_system(blocks: Blocks, guess: Guess, lobes: list[Lobe] | None = None
 
 def lobes_of(blocks: Blocks, guess: Guess) -> list[Lobe]:
     """Evaluate what the lobe passes on to every block, with its derivatives."""
-    return [lobe_slopes(block.response, guess) for block in blocks.blocks]
+    return lobe_slopes([block.response for block in blocks.blocks], guess)
 
 
 def _each(blocks: Blocks, guess: Guess, lobes: list[Lobe]) -> Iterator[tuple[Block, Lobe, Columns]]:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxrender.inverse.blas import one_blas_thread
 from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.correction import change, corrected
-from jaxrender.inverse.factorization.joint import Joint
+from jaxrender.inverse.factorization.joint import DAMPING, Joint
 from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.sources import (
     STEPS_PER_ROUND,
@@ -30,7 +30,7 @@ from jaxrender.inverse.factorization.state import (
     Task,
     begin,
     descend,
-    material_of,
+    material_moved,
     measured,
     response_of,
     round_of,
@@ -47,11 +47,13 @@ _ROUNDS = (2, 6, 8, 16, 16, 16, 16, 16, 16)
 # A round that found fewer is the last one.
 _TOO_FEW = 3
 _LAST_STEPS, _LAST_SOURCES = 4, 8
-# The last steps end when no logarithm moves by more than the second number, nor the correction by
-# more than the third, in standard deviations.
-_REFINEMENTS, _STILL, _SAME = 8, 3e-4, 0.005
+# The last steps end when the material moves by less than the second number, in its standard errors,
+# and the correction by less than the third, in standard deviations of the noise.
+_REFINEMENTS, _STILL, _SAME = 8, 0.1, 0.005
+# A correction made no farther away than this, in logarithms, is as good as one made anew.
+_NEAR = 0.01
 # Where they end earlier, this much is too little for any error bar to show.
-_NEARLY_STILL, _NEARLY_SAME = 2e-3, 0.2
+_NEARLY_STILL, _NEARLY_SAME = 0.3, 0.02
 
 
 def find_both(
@@ -115,7 +117,7 @@ def at_standstill(task: Task, state: State) -> State:
     """Solve for the light alone, of a guess and a response as they are."""
     blocks = in_blocks(response_of(task, state), measured(task, state))
     system = reduced_system(blocks, state.guess)
-    return state._replace(joint=Joint(state.guess, system.solved, 0, False))
+    return state._replace(joint=Joint(state.guess, system.solved, system.curvature, 0, False))
 
 
 def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
@@ -124,8 +126,9 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
         before = state
         state = weigh_by_noise(task, state)
         if task.settings.refine:
-            state = corrected(task, state)
-        state = descend(task, state, _LAST_STEPS, 1e-6)
+            state = corrected(task, state, _NEAR)
+        damping = DAMPING if before.joint is None else before.joint.damping
+        state = descend(task, state, _LAST_STEPS, 1e-6, damping)
         if turn == 1:
             state = with_neighbours_merged(task, without_idle_sources(task, state))
             # More samples show more than the rounds did.
@@ -134,7 +137,7 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
                 state = without_idle_sources(task, descend(task, more, STEPS_PER_ROUND))
         # With a known material nothing moves but the light, which is solved for.
         shift = change(before, state)
-        moved = float(np.max(np.abs(material_of(state) - material_of(before))))
+        moved = material_moved(task, before, state)
         state = state._replace(settled=moved < _NEARLY_STILL and shift < _NEARLY_SAME)
         if turn and moved < _STILL and shift < _SAME:
             break

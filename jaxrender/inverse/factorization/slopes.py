@@ -1,15 +1,27 @@
 """Derivatives of a prediction by everything that is not linear: shares, lobe, directions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from jaxrender.geometry import world_from_local
-from jaxrender.inverse.factorization.response import Columns, Guess, Response, specular_share
+from jaxrender.brdf import Glossy
+from jaxrender.geometry import SurfaceSamples, world_from_local
+from jaxrender.harmonics import band_limit_of
+from jaxrender.inverse.factorization.response import (
+    Columns,
+    Guess,
+    MirrorResponse,
+    Response,
+    lobe_of,
+    specular_share,
+)
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
+from jaxrender.spectra import transfer_at, transfer_table
 
 
 class Lobe(NamedTuple):
@@ -36,12 +48,46 @@ def tangent_frames(directions: Float[AnyArray, "source 3"]) -> Float[Array, "sou
     return jax.vmap(world_from_local)(jnp.asarray(directions))[:, :, :2]
 
 
-@stored(jax.jit, effort="less")
-def lobe_slopes(response: Response, guess: Guess) -> Lobe:
+def lobe_slopes(parts: Sequence[Response], guess: Guess) -> list[Lobe]:
     """Evaluate what the lobe passes on and differentiate it by log sigma and log(mu - 1).
 
-    A program by itself, because several others need the same.
+    ``parts`` are samples of one surface: what they have in common is evaluated once.
     """
+    first = parts[0]
+    if not isinstance(first, MirrorResponse):
+        return [_integrated(part, guess) for part in parts]
+    band_limit, dtype = band_limit_of(first.slow_count), first.samples.normals.dtype
+    table = _tabulated(first.variant, guess.sigma, guess.mu, band_limit, dtype)
+    return [_looked_up(table, part.samples) for part in parts]
+
+
+@stored(partial(jax.jit, static_argnums=(3, 4)), effort="less")
+def _tabulated(
+    variant: Glossy,
+    sigma: Float[AnyArray, ""],
+    mu: Float[AnyArray, ""],
+    band_limit: int,
+    dtype: np.dtype,
+) -> Lobe:
+    """Tabulate the transfer over exit cosines, with its derivatives."""
+
+    def passed(sigma, mu) -> Float[Array, "knot term"]:
+        lobe = lobe_of(variant, sigma, mu)
+        assert isinstance(lobe, Glossy)
+        return transfer_table(lobe, band_limit, dtype)
+
+    value, slopes = _value_and_slopes(passed, jnp.asarray(sigma), jnp.asarray(mu))
+    return Lobe(value, *slopes)
+
+
+@stored(jax.jit, effort="less")
+def _looked_up(table: Lobe, samples: SurfaceSamples) -> Lobe:
+    return Lobe(*(transfer_at(part, samples.exit_cosines) for part in table))
+
+
+@stored(jax.jit, effort="less")
+def _integrated(response: Response, guess: Guess) -> Lobe:
+    """Evaluate the same where every sample has an integral of its own."""
 
     def passed(sigma, mu) -> Float[Array, "sample term"]:
         return response.passed(guess._replace(sigma=sigma, mu=mu))

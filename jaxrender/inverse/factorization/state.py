@@ -17,7 +17,13 @@ from jaxrender.brdf import WIDTH_BOUNDS
 from jaxrender.harmonics import band_limit_of, degrees
 from jaxrender.imaging import NoiseModel, estimate_noise
 from jaxrender.inverse.factorization.blocks import Measured
-from jaxrender.inverse.factorization.joint import Bounds, Descent, Joint, descend_jointly
+from jaxrender.inverse.factorization.joint import (
+    DAMPING,
+    Bounds,
+    Descent,
+    Joint,
+    descend_jointly,
+)
 from jaxrender.inverse.factorization.projection import Solved
 from jaxrender.inverse.factorization.response import (
     Guess,
@@ -242,7 +248,13 @@ def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
     return np.concatenate([np.array(material), np.tile(state.active, own)])
 
 
-def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> State:
+def descend(
+    task: Task,
+    state: State,
+    steps: int,
+    tolerance: float = 1e-4,
+    damping: float = DAMPING,
+) -> State:
     """Fit everything with the sources in use, and switch off those that come out dark."""
     while True:
         response = response_of(task, state)
@@ -251,7 +263,7 @@ def descend(task: Task, state: State, steps: int, tolerance: float = 1e-4) -> St
             state.guess,
             measured(task, state),
             free_unknowns(task, state),
-            Descent(task.bounds, steps, tolerance),
+            Descent(task.bounds, steps, tolerance, damping),
         )
         light = np.asarray(joint.solved.light)
         state = state._replace(guess=joint.guess, joint=joint)
@@ -321,6 +333,17 @@ def _rms(task: Task, values: Float[np.ndarray, "sample channel"]) -> float:
     """The root of the mean square over the pixels that the samples stand for."""
     squares = np.mean(values**2, axis=1)
     return float(np.sqrt(np.average(squares, weights=task.observations.pixels)))
+
+
+def material_moved(task: Task, before: State, after: State) -> float:
+    """Say how far the material moved, in standard errors of all its numbers together."""
+    assert after.joint is not None
+    free = free_unknowns(task, after)
+    curvature = np.asarray(after.joint.curvature, float)[np.ix_(free, free)]
+    step = material_of(after) - material_of(before)
+    own = free[: len(step)]
+    covariance = np.linalg.pinv(curvature, hermitian=True)[: own.sum(), : own.sum()]
+    return float(np.sqrt(step[own] @ np.linalg.pinv(covariance, hermitian=True) @ step[own]))
 
 
 def material_of(state: State) -> Float[np.ndarray, "unknown"]:

@@ -95,7 +95,7 @@ def derivatives_of(
     length = max(len(index), min(SAMPLES_AT_ONCE, task.observations.count))
     rows = np.pad(index, (0, length - len(index)), mode="edge")
     response = response_of(task, state).take(rows)
-    lobe = lobe_slopes(response, guess)
+    (lobe,) = lobe_slopes([response], guess)
     both = columns_at(response, guess, lobe.passed)
     moved = prediction_slopes(response, lobe, guess, both, solved.light)
     columns, slopes = (
