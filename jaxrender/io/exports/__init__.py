@@ -4,6 +4,8 @@
     what leaves, and what a written file is
 ``mitsuba`` ``mitsuba_materials``
     a scene of Mitsuba 3, its materials, and RGL's tables for all that Mitsuba lacks
+``mitsuba_textures`` ``texel_frames``
+    textures as bitmaps over tables; the frames that maps of normals are relative to
 ``gltf`` ``gltf_material``
     glTF 2.0 and GLB, and what they hold of a material, as a BRDF
 ``environments`` ``harmonics``
@@ -25,6 +27,7 @@ from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.exports.harmonics import write_harmonics
 from jaxrender.io.exports.materialx import materialx_library, openpbr_losses, write_materialx
 from jaxrender.io.exports.mitsuba import mitsuba_losses, mitsuba_panorama, write_mitsuba
+from jaxrender.io.exports.mitsuba_textures import spread_over_faces, table_widths
 
 __all__ = [
     "Contents",
@@ -41,7 +44,9 @@ __all__ = [
     "mitsuba_panorama",
     "openpbr_losses",
     "plain_name",
+    "spread_over_faces",
     "srgb",
+    "table_widths",
     "write_environment_pictures",
     "write_gltf",
     "write_harmonics",

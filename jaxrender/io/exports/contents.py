@@ -9,7 +9,7 @@ from jaxrender.brdf import BRDF
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.io.captures import Frame
 from jaxrender.lighting import DirectionalSources, Environment, Light, PointSources
-from jaxrender.shapes import Float
+from jaxrender.shapes import Bool, Float
 
 # How finely a sphere becomes triangles: 20 * 4^5 of them, .04 % from the sphere.
 _SUBDIVISIONS = 5
@@ -18,16 +18,34 @@ _PARALLELS = 64
 
 
 class MaterialMaps(NamedTuple):
-    """A material of T 6.2 for every texel, row 0 at v = 1; ``mean`` is that of all seen texels.
+    """A material of T 6.2 for every site; ``mean`` is that of all seen sites.
 
-    ``ks`` has channels where it has a colour.  ``sigma`` is None where all texels have
-    the mean's.  Texels that nobody saw are black.
+    Sites are the texels of an image, row 0 at v = 1, or the vertices of a mesh.  ``ks`` has
+    channels where it has a colour.  ``sigma`` is None where all sites have the mean's.  ``offset``
+    is what sites add to the shape's unit normals, in the world's axes; only the part along the
+    surface counts.  Sites that nobody saw are black.
     """
 
     mean: BRDF
-    kd: Float[np.ndarray, "row column 3"]
-    ks: Float[np.ndarray, "row column *channel"]
-    sigma: Float[np.ndarray, "row column"] | None = None
+    kd: Float[np.ndarray, "*site 3"]
+    ks: Float[np.ndarray, "*site_channel"]
+    sigma: Float[np.ndarray, "*site"] | None = None
+    offset: Float[np.ndarray, "*site 3"] | None = None
+
+    @property
+    def of_vertices(self) -> bool:
+        """Whether sites are vertices."""
+        return self.kd.ndim == 2
+
+    @property
+    def seen(self) -> Bool[np.ndarray, "*site"]:
+        """Whether there is a material."""
+        return np.any(self.kd > 0, axis=-1)
+
+    @property
+    def coloured_ks(self) -> Float[np.ndarray, "*site channel"]:
+        """``ks`` with an axis of channels, one where it has no colour."""
+        return self.ks if self.ks.ndim == self.kd.ndim else self.ks[..., None]
 
 
 class Contents(NamedTuple):

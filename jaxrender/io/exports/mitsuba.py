@@ -18,10 +18,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole, Shape, Sphere
+from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole, Sphere
 from jaxrender.io.atomic import replacing
 from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
 from jaxrender.io.exports.mitsuba_materials import mitsuba_material, rgb
+from jaxrender.io.exports.mitsuba_textures import textured_plugin, write_textured_mesh
 from jaxrender.io.images import write_image
 from jaxrender.io.meshes import write_mesh
 from jaxrender.lighting import Environment
@@ -84,19 +85,19 @@ def mitsuba_losses(contents: Contents) -> tuple[str, ...]:
 
 
 def write_mitsuba(contents: Contents, folder: Path) -> tuple[Part, ...]:
-    """Write the scene into a folder; the material must be isotropic.
+    """Write the scene into a folder; the material must be isotropic, or a texture.
 
     Raises ``ValueError`` where there is no material, no shape or no light.
     """
-    if contents.material is None or contents.shape is None or not contents.is_lit:
+    has_material = contents.material is not None or contents.maps is not None
+    if not has_material or contents.shape is None or not contents.is_lit:
         raise ValueError("a scene of Mitsuba needs a material, a shape and a light")
-    made = mitsuba_material(contents.material, folder)
+    shape, parts = _object(contents, folder)
     scene: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
-        "object": _shape(contents.shape, folder) | {"bsdf": made.plugin},
+        "object": shape,
     }
-    parts = [*made.parts]
     if isinstance(contents.shape, Mesh):
         parts.append(Part(OBJECT, "the mesh with its normals, in the world's axes and units"))
     if contents.environment is not None:
@@ -148,12 +149,25 @@ def mitsuba_panorama(environment: Environment) -> Float[np.ndarray, "row column 
     return rows
 
 
-def _shape(shape: Shape, folder: Path) -> dict[str, Any]:
+def _object(contents: Contents, folder: Path) -> tuple[dict[str, Any], list[Part]]:
+    """Write the shape with its material or texture, and what they read."""
+    shape, maps = contents.shape, contents.maps
+    assert shape is not None
+    if maps is None:
+        assert contents.material is not None
+        made = mitsuba_material(contents.material, folder)
+        if not isinstance(shape, Sphere):
+            write_mesh(folder / OBJECT, mesh_of(shape))
+    else:
+        made = textured_plugin(maps, shape, folder)
+        if not isinstance(shape, Sphere):
+            write_textured_mesh(folder / OBJECT, shape, maps, made.columns)
     if isinstance(shape, Sphere):
         center = [float(x) for x in shape.center]
-        return {"type": "sphere", "center": center, "radius": float(shape.radius)}
-    write_mesh(folder / OBJECT, mesh_of(shape))
-    return {"type": "ply", "filename": OBJECT}
+        found = {"type": "sphere", "center": center, "radius": float(shape.radius)}
+    else:
+        found = {"type": "ply", "filename": OBJECT}
+    return found | {"bsdf": made.plugin}, [*made.parts]
 
 
 def _sensor(camera: Camera) -> dict[str, Any]:
@@ -184,7 +198,8 @@ def _sensor(camera: Camera) -> dict[str, Any]:
 # The elements of plugins by their key, and of objects within plugins.
 _TAGS = {"integrator": "integrator", "object": "shape", "environment": "emitter", "bsdf": "bsdf"}
 _TAGS |= {"film": "film", "sampler": "sampler", "rfilter": "rfilter"}
-_TAGS_BY_START = {"source": "emitter", "point": "emitter", "camera": "sensor"}
+_TAGS |= dict.fromkeys(("reflectance", "weight", "normalmap"), "texture")
+_TAGS_BY_START = {"source": "emitter", "point": "emitter", "camera": "sensor", "bsdf": "bsdf"}
 
 
 def _xml(scene: Mapping[str, Any]) -> str:
@@ -205,6 +220,8 @@ def _add(parent: ElementTree.Element, name: str, value: Any) -> None:
         element = ElementTree.SubElement(parent, tag, type=value["type"])
         if tag == "sensor":
             element.set("id", name)
+        elif tag == "texture":
+            element.set("name", name)
         for key, inner in value.items():
             if key != "type":
                 _add(element, key, inner)

@@ -6,6 +6,10 @@
     how far an exported material is from the recovered one
 ``nearest_gltf``
     the material of glTF that is nearest to any other
+``prepared``
+    an export that may begin, and one that is done
+``textures``
+    what formats lose of a texture, and who writes it
 ``formats``
     every format by its name: what it needs, what it loses, who writes it
 ``readme``

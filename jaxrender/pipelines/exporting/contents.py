@@ -75,13 +75,10 @@ def _contents(run: FinishedRun) -> Held:
     )
 
 
-def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | None:
-    """Read a texture of texels; None for one of vertices."""
+def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps:
+    """Read a texture."""
     subject = TexturedSubject(run, shape)
-    if subject.size == (1, 1):
-        return None
-    if subject.normals is not None:
-        losses.append("the normals of single texels: the shape's own are kept")
+    _refuse_other_channels(run, subject.kd.shape[1])
     if len(subject.lobes) > 1 and subject.sigma is None:
         losses.append("the index of each region: that of the sharpest serves all")
     sharpest, seen = subject.lobe, np.any(subject.kd > 0, axis=1)
@@ -95,9 +92,16 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | N
         sigma = widths[np.maximum(subject.region, 0)]
     if sigma is not None:
         mean = mean.with_roughness(float(np.median(sigma[seen])), mean.mu)
-        sigma = sigma.reshape(subject.size)
-    kd, ks = (part.reshape(*subject.size, -1) for part in (subject.kd, subject.ks))
-    return MaterialMaps(mean, kd, ks, sigma)
+    is_image = subject.size[0] * subject.size[1] == len(subject.kd)
+    sites = subject.size if is_image else (len(subject.kd),)
+    ks = subject.ks.reshape(*sites, -1)
+    return MaterialMaps(
+        mean,
+        subject.kd.reshape(*sites, -1),
+        ks[..., 0] if ks.shape[-1] == 1 else ks,
+        None if sigma is None else sigma.reshape(sites),
+        None if subject.normals is None else subject.normals.offset.reshape(*sites, 3),
+    )
 
 
 def _material(run: FinishedRun) -> BRDF | None:
@@ -105,13 +109,17 @@ def _material(run: FinishedRun) -> BRDF | None:
         return None
     brdf = task_named(run.config.task).brdf(run)
     channels = len(brdf.coupling) if isinstance(brdf, HarmonicBRDF) else brdf.amplitudes.shape[1]
+    _refuse_other_channels(run, channels)
+    if isinstance(brdf, brdfs.Microfacet) and not np.any(brdf.ks):
+        return brdfs.Lambertian(np.asarray(brdf.kd))
+    return brdf
+
+
+def _refuse_other_channels(run: FinishedRun, channels: int) -> None:
     if channels != _CHANNELS:
         raise InputError(
             f"{run.folder}: the material has {channels} channels; only RGB can be exported"
         )
-    if isinstance(brdf, brdfs.Microfacet) and not np.any(brdf.ks):
-        return brdfs.Lambertian(np.asarray(brdf.kd))
-    return brdf
 
 
 class _Lit(NamedTuple):

@@ -10,10 +10,10 @@ from jaxrender.pipelines.exporting.formats import (
     ALL,
     FORMATS,
     MATERIAL,
-    Prepared,
     format_named,
     missing_of,
 )
+from jaxrender.pipelines.exporting.prepared import Prepared
 from jaxrender.pipelines.exporting.readme import README, Section, readme_text
 from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress

@@ -12,7 +12,6 @@ from jaxrender.errors import InputError
 from jaxrender.io.exports import (
     Contents,
     GltfMaterial,
-    MaterialMaps,
     Part,
     environment_losses,
     gltf_losses,
@@ -30,12 +29,9 @@ from jaxrender.io.merl import MerlTable, write_merl
 from jaxrender.io.rgl import read_rgl, write_rgl
 from jaxrender.lighting import Light, LightSum
 from jaxrender.pipelines.exporting.differences import difference
-from jaxrender.pipelines.exporting.nearest_gltf import (
-    described,
-    nearest_gltf,
-    nearest_textured,
-    own_gltf,
-)
+from jaxrender.pipelines.exporting.nearest_gltf import described, nearest_gltf, own_gltf
+from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
+from jaxrender.pipelines.exporting.textures import textured_gltf, textured_mitsuba
 from jaxrender.spectra import light_coefficients
 
 ALL = "all"
@@ -45,22 +41,8 @@ _ENVIRONMENT, _MERL = "environment", "material.binary"
 _DEGREE = 10
 # A material, or one for every texel.
 _MAPPED = "material or texture of texels"
+_ANY_MATERIAL = "material or texture"
 _TURNING = "how the surface differs with its turning"
-_LACKED = "the model of the material, which the format lacks"
-
-
-class Written(NamedTuple):
-    """The files of an export, and remarks on their accuracy."""
-
-    parts: tuple[Part, ...]
-    remarks: tuple[str, ...] = ()
-
-
-class Prepared(NamedTuple):
-    """An export that may begin: what would be lost, and what writes it."""
-
-    losses: tuple[str, ...]
-    write: Callable[[Path], Written]
 
 
 class ExportFormat(NamedTuple):
@@ -80,9 +62,11 @@ def format_named(name: str) -> ExportFormat:
 
 def missing_of(contents: Contents, kind: ExportFormat) -> tuple[str, ...]:
     """Name what a format needs and the contents lack."""
+    maps = contents.maps
     has = {
         MATERIAL: contents.material is not None,
-        _MAPPED: contents.material is not None or contents.maps is not None,
+        _MAPPED: contents.material is not None or (maps is not None and not maps.of_vertices),
+        _ANY_MATERIAL: contents.material is not None or maps is not None,
         _SHAPE: contents.shape is not None,
         _LIGHT: contents.is_lit,
         _ENVIRONMENT: contents.environment is not None,
@@ -95,6 +79,8 @@ def _isotropic(brdf: BRDF) -> BRDF:
 
 
 def _mitsuba(contents: Contents) -> Prepared:
+    if contents.maps is not None:
+        return textured_mitsuba(contents, contents.maps)
     assert contents.material is not None
     material = _isotropic(contents.material)
 
@@ -137,7 +123,7 @@ def _chosen(contents: Contents) -> _Chosen:
     target = _isotropic(contents.material)
     near = nearest_gltf(target)
     apart = difference(target, near, contents).sentence
-    losses = (f"{_LACKED}; the nearest that it has is {apart} away",)
+    losses = (f"{LACKED}; the nearest that it has is {apart} away",)
     if not contents.material.isotropic:
         losses += (_TURNING,)
     return _Chosen(near, losses, f"the nearest material of glTF has {described(near)}")
@@ -146,7 +132,7 @@ def _chosen(contents: Contents) -> _Chosen:
 def _gltf(contents: Contents, *, binary: bool) -> Prepared:
     """Prepare a scene; a texture's numbers are those of the nearest material, texel by texel."""
     if contents.maps is not None:
-        return _textured(contents, contents.maps, binary=binary)
+        return textured_gltf(contents, contents.maps, binary=binary)
     found = _chosen(contents)
 
     def write(folder: Path) -> Written:
@@ -167,26 +153,6 @@ def _materialx(contents: Contents) -> Prepared:
         losses,
         lambda folder: Written(write_materialx(material, contents.name, folder), (remark,)),
     )
-
-
-def _textured(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepared:
-    """Prepare a texture: the model is always lost."""
-    found = nearest_textured(maps)
-    apart = difference(maps.mean, found.mean, contents).sentence
-    losses = (
-        *gltf_losses(contents),
-        f"{_LACKED}; for the mean texel the nearest that it has is {apart} away",
-        "steps finer than a 256th of a texture's range",
-    )
-    if found.too_bright:
-        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
-
-    def write(folder: Path) -> Written:
-        parts = write_gltf(contents, folder, found.material, found.textures, binary=binary)
-        remark = "textures: base colour and specular colour in sRGB, roughness linear in green"
-        return Written(parts, (remark, "texels that no photograph shows are black"))
-
-    return Prepared(losses, write)
 
 
 def _merl(contents: Contents) -> Prepared:
@@ -251,7 +217,7 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "mitsuba": ExportFormat(
         "a scene of Mitsuba 3, as XML and as a dictionary",
-        (MATERIAL, _SHAPE, _LIGHT),
+        (_ANY_MATERIAL, _SHAPE, _LIGHT),
         _mitsuba,
     ),
     "materialx": ExportFormat(

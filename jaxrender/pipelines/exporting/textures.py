@@ -1,0 +1,109 @@
+"""Textures for other programs: what is lost of them, and who writes them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from jaxrender.brdf import Exchanged, Microfacet, Mixture
+from jaxrender.geometry import Mesh
+from jaxrender.io.exports import (
+    Contents,
+    MaterialMaps,
+    gltf_losses,
+    mitsuba_losses,
+    spread_over_faces,
+    table_widths,
+    write_gltf,
+    write_mitsuba,
+)
+from jaxrender.io.rgl import read_rgl
+from jaxrender.pipelines.exporting.differences import difference
+from jaxrender.pipelines.exporting.nearest_gltf import nearest_textured
+from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
+
+UNSEEN = "places that no photograph shows are black"
+
+
+def textured_gltf(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepared:
+    """Prepare a texture of texels: the model is always lost."""
+    found = nearest_textured(maps)
+    apart = difference(maps.mean, found.mean, contents).sentence
+    losses = (
+        *gltf_losses(contents),
+        f"{LACKED}; for the mean texel the nearest that it has is {apart} away",
+        "steps finer than a 256th of a texture's range",
+    )
+    if found.too_bright:
+        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
+    if maps.offset is not None:
+        losses += ("the normals of single texels: the shape's own are kept",)
+
+    def write(folder: Path) -> Written:
+        parts = write_gltf(contents, folder, found.material, found.textures, binary=binary)
+        remark = "textures: base colour and specular colour in sRGB, roughness linear in green"
+        return Written(parts, (remark, UNSEEN))
+
+    return Prepared(losses, write)
+
+
+def textured_mitsuba(contents: Contents, maps: MaterialMaps) -> Prepared:
+    """Prepare a texture as bitmaps, or as colours of vertices, over tables of the lobe."""
+    losses = mitsuba_losses(contents)
+    below = [float(np.mean(part < 0)) for part in (maps.kd, maps.coloured_ks)]
+    if any(below):
+        losses += (f"negative values: they are 0 ({100 * max(below):.2g} % of one map)",)
+    if maps.offset is not None and not maps.of_vertices:
+        # A normal and the shape's own, t apart, share (1 + cos t) / 2 of the light that is even.
+        slope = np.linalg.norm(np.nan_to_num(maps.offset[maps.seen]), axis=-1)
+        unseen = float(np.mean(1 - 1 / np.sqrt(1 + slope**2))) / 2
+        losses += (
+            "light from below the shape's own horizon that a tilted normal would still see: "
+            f"{100 * unseen:.3g} % of an even light",
+        )
+    if maps.of_vertices:
+        assert isinstance(contents.shape, Mesh)
+        spread = spread_over_faces(maps, contents.shape)
+        losses += (
+            "that a place has the material of the nearest vertex: Mitsuba goes evenly from vertex "
+            f"to vertex, which changes K_d by {100 * spread:.3g} % in the mean",
+        )
+
+    def write(folder: Path) -> Written:
+        parts = write_mitsuba(contents, folder)
+        tables = [part.file for part in parts if part.file.endswith(".bsdf")]
+        return Written(parts, (*_accuracy(contents, maps, folder, tables), UNSEEN))
+
+    return Prepared(losses, write)
+
+
+def _accuracy(
+    contents: Contents, maps: MaterialMaps, folder: Path, tables: list[str]
+) -> tuple[str, ...]:
+    """Say how exact the first table is, which is the narrowest, and lobes between two tables."""
+    if not tables:
+        return ()
+    mean = maps.mean
+    assert isinstance(mean, Microfacet)
+    bare = mean.with_amplitudes(np.zeros(3), np.ones(3))
+    widths = np.array([float(mean.sigma)])
+    if maps.sigma is not None:
+        widths = table_widths(maps.sigma[maps.seen])
+    own = bare.with_roughness(float(widths[0]), mean.mu)
+    table = Exchanged(read_rgl(folder / tables[0]).brdf)
+    straight = np.array([[0.0, 0.0, 1.0]])
+    # A table is so many times as bright as its lobe, and may have the colour of one hue.
+    brightness = np.asarray(table.evaluate(straight, straight) / own.evaluate(straight, straight))
+    coloured = own.with_amplitudes(np.zeros(3), brightness[0])
+    apart = difference(coloured, table, contents).sentence
+    said = (f"the table {tables[0]} differs from its lobe by {apart}",)
+    is_between = maps.sigma is not None and not np.all(np.isin(maps.sigma[maps.seen], widths))
+    if is_between and len(widths) > 1:
+        ends = [bare.with_roughness(float(width), mean.mu) for width in widths[:2]]
+        # Both ends alike: the worst place between them.
+        between = float(np.mean(widths[:2] ** -2.0) ** -0.5)
+        mixed = Mixture(tuple(ends), np.full((2, 3), 0.5))
+        apart = difference(
+            bare.with_roughness(between, mean.mu), mixed, Contents(contents.name)
+        ).sentence
+        said += (f"half-way between the sigmas of two tables a lobe is off by {apart}",)
+    return said
