@@ -2,6 +2,8 @@
 
 ``material_table`` ``light`` ``surface``
     what the shaders are given: lobes as a table, point masses, triangles
+``texture``
+    the maps of a texture, and maps in false colours
 ``packing``
     arrays as text, and directions in 32 bits
 ``sliders`` ``pictures``

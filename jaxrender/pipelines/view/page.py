@@ -14,8 +14,8 @@ from markupsafe import Markup
 
 _PACKAGE = "jaxrender.pipelines.view"
 _SCRIPTS = (
-    "arrays.js", "material.js", "renderer.js", "viewer.js", "controls.js", "photographs.js",
-    "explorer.js", "start.js",
+    "arrays.js", "material.js", "textures.js", "renderer.js", "viewer.js", "controls.js",
+    "photographs.js", "explorer.js", "start.js",
 )  # fmt: skip
 SHADERS = {
     "table": "table.glsl",

@@ -197,3 +197,15 @@ def _overlay(
 def _colours(name: str) -> tuple[str, ...]:
     """List the colours of a scale from its lower to its upper end."""
     return tuple(to_hex(colour) for colour in colormaps[name](np.linspace(0, 1, 9)))
+
+
+def false_bar() -> tuple[str, ...]:
+    """List the colours of maps in false colours, from the lowest to the highest."""
+    return _colours(_DEVIATION_COLOURS)
+
+
+def false_colours() -> UInt8[np.ndarray, "code 3"]:
+    """Make the colour of every code of a map in false colours; the last one is grey."""
+    colours = np.rint(255 * colormaps[_DEVIATION_COLOURS](np.linspace(0, 1, 256))[:, :3])
+    colours[-1] = 128
+    return colours.astype(np.uint8)

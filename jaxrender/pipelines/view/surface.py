@@ -13,8 +13,11 @@ MOST_FACES = 1_000_000
 _STEPS = 65535
 
 
-def surface_document(shape: Shape) -> dict[str, Any]:
-    """Lay out a shape as text; ``InputError`` for a mesh of too many faces."""
+def surface_document(shape: Shape, textured: bool = False) -> dict[str, Any]:
+    """Lay out a shape as text; ``InputError`` for a mesh of too many faces.
+
+    Where it is ``textured`` the vertices of a mesh are split by their texture coordinates.
+    """
     if isinstance(shape, Sphere):
         return {"kind": "sphere", "center": shape.center.tolist(), "radius": shape.radius}
     assert isinstance(shape, Mesh)
@@ -24,6 +27,14 @@ def surface_document(shape: Shape) -> dict[str, Any]:
             "simplify it, and fit again"
         )
     used, corners = np.unique(shape.faces, return_inverse=True)
+    own = {}
+    if textured:
+        assert shape.texture_coordinates is not None
+        pairs = shape.texture_coordinates.reshape(-1, 2)
+        rows = np.column_stack([shape.faces.ravel(), pairs])
+        written, corners = np.unique(rows, axis=0, return_inverse=True)
+        used = written[:, 0].astype(int)
+        own["coordinates"] = packed(written[:, 1:].astype(np.float32))
     lower, upper = shape.bounds()
     size = np.where(upper > lower, upper - lower, 1.0)
     positions = np.rint((shape.vertices[used] - lower) / size * _STEPS).astype(np.uint16)
@@ -39,6 +50,7 @@ def surface_document(shape: Shape) -> dict[str, Any]:
         "positions": packed(positions),
         "normals": packed(octahedral(_unit(shape.normals[used]))),
         "faces": packed(corners.reshape(-1, 3).astype(kind)),
+        **own,
     }
 
 

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF
+from jaxrender.brdf import BRDF, Parametric
 from jaxrender.errors import InputError
 from jaxrender.geometry import Orthographic, Shape, SurfaceView, look_at, observe
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.io.atomic import replacing
 from jaxrender.lighting import LightNodes
+from jaxrender.pipelines.exporting.contents import contents_of
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.render import light_of_run
@@ -21,6 +22,7 @@ from jaxrender.pipelines.result import RESULT, FinishedRun, read_run
 from jaxrender.pipelines.scene import input_files, shape_of
 from jaxrender.pipelines.subject import CorrectedSubject, UniformSubject
 from jaxrender.pipelines.tasks import task_named
+from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 from jaxrender.pipelines.view.light import DEGREE, PageLight, page_light
 from jaxrender.pipelines.view.material_table import (
     FLOOR,
@@ -31,9 +33,10 @@ from jaxrender.pipelines.view.material_table import (
 )
 from jaxrender.pipelines.view.packing import packed
 from jaxrender.pipelines.view.page import html_of
-from jaxrender.pipelines.view.pictures import Gallery, gallery_of
+from jaxrender.pipelines.view.pictures import Gallery, false_bar, false_colours, gallery_of
 from jaxrender.pipelines.view.sliders import sliders_of
 from jaxrender.pipelines.view.surface import surface_document
+from jaxrender.pipelines.view.texture import PageTexture, page_texture
 from jaxrender.reflection import ExactForward, render_view
 from jaxrender.shapes import Float
 
@@ -58,6 +61,8 @@ class Shown(NamedTuple):
     shape: Shape
     center: Float[np.ndarray, "3"]
     radius: float
+    texture: PageTexture | None = None
+    subject: TexturedSubject | None = None
 
 
 def view_result(
@@ -101,12 +106,19 @@ def _is_there(path: Path, digest: str, force: bool) -> bool:
     return True
 
 
-def shown_as(brdf: BRDF, width: float, light: PageLight, shape: Shape) -> Shown:
+def shown_as(
+    brdf: BRDF,
+    width: float,
+    light: PageLight,
+    shape: Shape,
+    texture: PageTexture | None = None,
+    subject: TexturedSubject | None = None,
+) -> Shown:
     """Tabulate a material, and find where the object lies; raises ``InputError`` as both do."""
     table = material_table(brdf, width)
-    surface = surface_document(shape)
+    surface = surface_document(shape, texture is not None)
     center, radius = np.array(surface["center"], float), float(surface["radius"])
-    return Shown(brdf, table, light, shape, center, radius)
+    return Shown(brdf, table, light, shape, center, radius, texture, subject)
 
 
 def shown_of(run: FinishedRun, progress: Progress) -> Shown:
@@ -130,7 +142,12 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
             f"{run.folder / RESULT}: does not state what this version reads ({error!r}); it was "
             f"made by jaxrender {made}: run fit again with --force"
         ) from error
-    if not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
+    texture = None
+    if isinstance(subject, TexturedSubject):
+        maps = contents_of(run).contents.maps
+        assert maps is not None
+        texture, brdf = page_texture(run, maps), maps.mean
+    elif not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
         raise InputError(
             f"{run.folder}: a result of task {config.task} has no single material, which a page "
             "shows; use jaxrender render"
@@ -143,7 +160,11 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
     width = float(subject.width)
     scale = float(run.summary.get("scale", 1.0))
     found = page_light(own.far, width).scaled(scale)
-    shown = shown_as(brdf, width, found, shape)
+    if isinstance(subject, TexturedSubject):
+        assert isinstance(brdf, Parametric)
+        shown = shown_as(brdf, float(brdf.width), found, shape, texture, subject)
+    else:
+        shown = shown_as(brdf, width, found, shape)
     off = 100 * shown.table.error
     progress.note(f"the table of the material is off by {off:.2g} % in the mean")
     return shown
@@ -166,6 +187,8 @@ def rendered(shown: Shown, view: SurfaceView) -> Float[np.ndarray, "row column 3
     """Render what the page shows by the exact integral, as the page does: without shadows."""
     nodes = shown.light.nodes
     model = ExactForward(LightNodes(*(np.asarray(part) for part in nodes)))
+    if shown.subject is not None:
+        return shown.subject.image(view, model)
     return np.asarray(np.broadcast_to(render_view(shown.brdf, view, model), (*view.hit.shape, 3)))
 
 
@@ -195,8 +218,10 @@ def page_of(shown: Shown, facts: Facts) -> str:
     sliders = sliders_of(shown.brdf, shown.table, facts.summary)
     gallery = facts.gallery
     scene: dict[str, Any] = {
-        "surface": surface_document(shown.shape),
-        "material": _material_document(shown.table),
+        "surface": surface_document(shown.shape, shown.texture is not None),
+        "material": _material_document(shown.table, shown.texture),
+        "texture": None if shown.texture is None else shown.texture.document(),
+        "false_colours": packed(false_colours()),
         "light": shown.light.document(),
         "sliders": [slider._asdict() for slider in sliders],
         "exposure": exposure,
@@ -213,6 +238,8 @@ def page_of(shown: Shown, facts: Facts) -> str:
         "sliders": sliders,
         "gallery": gallery,
         "recovered": facts.recovered,
+        "texture": shown.texture,
+        "false_bar": false_bar(),
         "model": str(facts.summary.get("brdf", {}).get("model", "")),
         "is_convex": shown.shape.is_convex(),
         "error": shown.table.error,
@@ -221,7 +248,7 @@ def page_of(shown: Shown, facts: Facts) -> str:
     return html_of(own | said)
 
 
-def _material_document(table: MaterialTable) -> dict[str, Any]:
+def _material_document(table: MaterialTable, texture: PageTexture | None) -> dict[str, Any]:
     """Lay the table out as text: of a lobe without a colour one channel is enough."""
     values = table.logarithms
     grey = bool(np.all(values[..., :3] == values[..., :1]))
@@ -234,6 +261,7 @@ def _material_document(table: MaterialTable) -> dict[str, Any]:
         "floor": FLOOR,
         "widths": table.widths.tolist(),
         "fitted": table.fitted,
+        "ratios": [1.0] if texture is None else texture.ratios.tolist(),
         "weighted": table.weighted,
         "base": table.base.tolist(),
         "lobe": table.lobe.tolist(),

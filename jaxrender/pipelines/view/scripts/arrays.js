@@ -34,6 +34,14 @@ function unfolded(square) {
   return directions;
 }
 
+// Put arrays of numbers one after the other.
+function joined(arrays) {
+  if (arrays.length === 1) return arrays[0];
+  const found = new Float32Array(arrays.length * arrays[0].length);
+  arrays.forEach((one, k) => found.set(one, k * one.length));
+  return found;
+}
+
 // Matrices are lists of nine numbers, row by row.
 const IDENTITY = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 

@@ -13,17 +13,35 @@ class Material {
     this.size = this.nodes[0] * this.nodes[1] * this.nodes[2];
     this.tables = this.widths.map((_, k) =>
       numbers.subarray(k * this.size * this.parts, (k + 1) * this.size * this.parts));
+    // Widths of the layers over the width, in equal steps of their logarithms.
+    this.ratios = stored.ratios;
     this.at(this.widths[stored.fitted]);
   }
 
-  // Interpolate the logarithms between the tables of two widths: rows of azimuth, difference, u.
+  // Make the tables of a width, and of every layer.
   at(width) {
+    this.width = width;
+    this.logarithms = this.tableAt(width);
+    this.layers = this.ratios.map((ratio) =>
+      (ratio === 1 ? this.logarithms : this.tableAt(width * ratio)));
+  }
+
+  // The logarithm of the first layer's width over the width, and a step.
+  get ladder() {
+    const { ratios } = this, last = ratios.length - 1;
+    const step = last > 0 ? Math.log(ratios[last] / ratios[0]) / last : 0;
+    return [Math.log(ratios[0]), step];
+  }
+
+  // Interpolate the logarithms between the tables of two widths: rows of azimuth, difference, u.
+  tableAt(width) {
     const last = this.widths.length - 1;
     let k = 0;
     while (k < last - 1 && this.widths[k + 1] < width) ++k;
     const next = Math.min(k + 1, last);
     const span = Math.log(this.widths[next] / this.widths[k]);
-    const share = span > 0 ? Math.log(width / this.widths[k]) / span : 0;
+    const place = span > 0 ? Math.log(width / this.widths[k]) / span : 0;
+    const share = Math.min(Math.max(place, 0), 1);
     const [nu, nd, na] = this.nodes, a = this.tables[k], b = this.tables[next];
     const found = new Float32Array(4 * this.size);
     for (let u = 0; u < nu; ++u)
@@ -35,8 +53,6 @@ class Material {
             found[to + c] = (1 - share) * a[own] + share * b[own];
           }
         }
-    this.width = width;
-    this.logarithms = found;
     return found;
   }
 

@@ -18,6 +18,7 @@ class Renderer {
     this.canvas = canvas;
     this.surface = scene.surface;
     this.material = material;
+    this.maps = new TextureMaps(gl, scene.texture);
     this.square = this.squareOf();
     const lit = shaders.table;
     this.mapProgram = this.program(shaders.square, lit + shaders.map);
@@ -45,6 +46,7 @@ class Renderer {
     }
     gl.bindAttribLocation(program, 0, vertex.includes("in vec2 corner") ? "corner" : "position");
     if (vertex.includes("in vec3 direction")) gl.bindAttribLocation(program, 1, "direction");
+    if (vertex.includes("in vec2 coordinate")) gl.bindAttribLocation(program, 2, "coordinate");
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS))
       throw new Error(`a shader was refused: ${gl.getProgramInfoLog(program)}`);
@@ -74,11 +76,13 @@ class Renderer {
     const faces = unpacked(this.surface.faces);
     this.mesh = gl.createVertexArray();
     gl.bindVertexArray(this.mesh);
-    [positions, unfolded(unpacked(this.surface.normals))].forEach((numbers, place) => {
+    const parts = [positions, unfolded(unpacked(this.surface.normals))];
+    if (this.surface.coordinates) parts.push(unpacked(this.surface.coordinates));
+    parts.forEach((numbers, place) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
       gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
+      gl.vertexAttribPointer(place, place < 2 ? 3 : 2, gl.FLOAT, false, 0, 0);
     });
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
@@ -90,10 +94,10 @@ class Renderer {
     const gl = this.gl, [u, d, z] = this.material.nodes;
     gl.bindTexture(gl.TEXTURE_3D, this.table);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    const { grey, logarithms } = this.material;
+    const { grey, layers } = this.material, logarithms = joined(layers);
     const kinds = grey ? [gl.RG16F, gl.RG] : [gl.RGBA16F, gl.RGBA];
     const texels = grey ? logarithms.filter((_, k) => k % 4 === 0 || k % 4 === 3) : logarithms;
-    gl.texImage3D(gl.TEXTURE_3D, 0, kinds[0], u, d, z, 0, kinds[1], gl.FLOAT, texels);
+    gl.texImage3D(gl.TEXTURE_3D, 0, kinds[0], u, d, z * layers.length, 0, kinds[1], gl.FLOAT, texels);
     for (const name of ["TEXTURE_MIN_FILTER", "TEXTURE_MAG_FILTER"])
       gl.texParameteri(gl.TEXTURE_3D, gl[name], gl.LINEAR);
     for (const name of ["TEXTURE_WRAP_S", "TEXTURE_WRAP_T", "TEXTURE_WRAP_R"])
@@ -112,19 +116,31 @@ class Renderer {
   }
 
   mapOf(size, old = null) {
-    const gl = this.gl, frame = gl.createFramebuffer();
+    const gl = this.gl, layers = this.material.layers.length;
     if (old) {
       old.parts.forEach((texture) => gl.deleteTexture(texture));
-      gl.deleteFramebuffer(old.frame);
+      old.frames.forEach((frame) => gl.deleteFramebuffer(frame));
     }
     gl.activeTexture(gl.TEXTURE0);
-    const parts = [0, 1].map(() =>
-      this.flat(gl.createTexture(), gl.RGBA16F, size, size, null, gl.LINEAR));
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    parts.forEach((texture, k) => gl.framebufferTexture2D(
-      gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + k, gl.TEXTURE_2D, texture, 0));
-    gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
-    return { size, frame, parts };
+    const base = this.flat(gl.createTexture(), gl.RGBA16F, size, size, null, gl.LINEAR);
+    const lobes = gl.createTexture(), kind = gl.TEXTURE_2D_ARRAY;
+    gl.bindTexture(kind, lobes);
+    gl.texStorage3D(kind, 1, gl.RGBA16F, size, size, layers);
+    for (const name of ["TEXTURE_MIN_FILTER", "TEXTURE_MAG_FILTER"])
+      gl.texParameteri(kind, gl[name], gl.LINEAR);
+    for (const name of ["TEXTURE_WRAP_S", "TEXTURE_WRAP_T"])
+      gl.texParameteri(kind, gl[name], gl.CLAMP_TO_EDGE);
+    // The base does not change with the width, so every layer may write it.
+    const frames = this.material.layers.map((_, layer) => {
+      const frame = gl.createFramebuffer();
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+      gl.framebufferTexture2D(
+        gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, base, 0);
+      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT1, lobes, 0, layer);
+      gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
+      return frame;
+    });
+    return { size, frames, parts: [base, lobes] };
   }
 
   // Turn nodes into the axes of the view, with the cosine between each and the half vector.
@@ -167,6 +183,8 @@ class Renderer {
     gl.uniform3fv(places.table_nodes, this.material.nodes);
     gl.uniform1f(places.width, this.material.width);
     gl.uniform1f(places.middle, this.material.middle);
+    gl.uniform1f(places.layers, this.material.layers.length);
+    gl.uniform2fv(places.ladder, this.material.ladder);
     gl.uniform1i(places.weighted, this.material.weighted ? 1 : 0);
     gl.uniform1i(places.grey, this.material.grey ? 1 : 0);
     gl.uniform1f(places.reach, REACH);
@@ -175,7 +193,6 @@ class Renderer {
   // Fill rows of a map with the light that is in use.
   drawMap(map, first, rows) {
     const gl = this.gl;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, map.frame);
     gl.viewport(0, 0, map.size, map.size);
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.SCISSOR_TEST);
@@ -190,7 +207,11 @@ class Renderer {
     gl.uniform1i(this.mapProgram.places.cells, this.cells);
     gl.uniform1i(this.mapProgram.places.exact, this.exact ? 1 : 0);
     gl.bindVertexArray(this.square);
-    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    map.frames.forEach((frame, layer) => {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+      gl.uniform1f(this.mapProgram.places.layer, layer);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    });
     gl.disable(gl.SCISSOR_TEST);
   }
 
@@ -202,7 +223,8 @@ class Renderer {
   // Fill the fine map a few rows at a time; calls `done` at the end unless `stopped()` says so.
   drawFine(light, view, stopped, done) {
     const gl = this.gl;
-    const wanted = Math.round(TEXELS_PER_WIDTH * 2 * REACH / (2 * this.material.width));
+    const narrowest = this.material.width * Math.min(...this.material.ratios);
+    const wanted = Math.round(TEXELS_PER_WIDTH * 2 * REACH / (2 * narrowest));
     const size = Math.min(Math.max(wanted, LEAST_FINE), MOST_FINE);
     if (size !== this.fine.size) this.fine = this.mapOf(size, this.fine);
     this.useLight(light, view, true);
@@ -241,8 +263,11 @@ class Renderer {
     this.bind(program, [
       ["table", gl.TEXTURE_3D, this.table],
       ["base_map", gl.TEXTURE_2D, map.parts[0]],
-      ["lobe_map", gl.TEXTURE_2D, map.parts[1]],
+      ["lobe_map", gl.TEXTURE_2D_ARRAY, map.parts[1]],
+      ...this.maps.textures.map(([name, texture]) => [name, gl.TEXTURE_2D, texture]),
     ]);
+    this.maps.use(places, state.shown);
+    gl.uniformMatrix3fv(places.view_from_world, true, state.view);
     gl.uniform1i(places.smooth_map, map === this.fine ? 1 : 0);
     gl.uniform1i(places.is_sphere, this.surface.kind === "sphere" ? 1 : 0);
     gl.uniform1i(places.linear_output, target ? 1 : 0);
@@ -267,7 +292,6 @@ class Renderer {
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
       return;
     }
-    gl.uniformMatrix3fv(places.view_from_world, true, state.view);
     gl.uniform3fv(places.center, this.surface.center);
     gl.uniform1f(places.depth, 1.01 * this.surface.radius);
     gl.enable(gl.DEPTH_TEST);
@@ -290,7 +314,7 @@ class Renderer {
         gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
       this.probe = frame;
     }
-    this.draw({ ...state, exposure: 1 }, map, this.probe, [size, size]);
+    this.draw({ ...state, exposure: 1, shown: 0 }, map, this.probe, [size, size]);
     const numbers = new Float32Array(4 * size * size);
     gl.readPixels(0, 0, size, size, gl.RGBA, gl.FLOAT, numbers);
     const seen = [];

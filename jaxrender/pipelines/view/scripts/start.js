@@ -34,6 +34,7 @@ function start() {
   lightControls(viewer);
   dragged(viewer);
   explorer(viewer);
+  textureControls(viewer);
   canvas.addEventListener("webglcontextlost", () => {
     byId("without").hidden = false;
     byId("trouble").textContent = "The graphics processor stopped. Load the page again.";

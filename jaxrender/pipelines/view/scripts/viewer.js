@@ -23,7 +23,7 @@ class Viewer {
     this.state = {
       azimuth, elevation, zoom: 1, exposure: scene.exposure,
       base: [...scene.material.base], lobe: [...scene.material.lobe],
-      light: "result", turn: IDENTITY,
+      light: "result", turn: IDENTITY, shown: 0,
       lamp: { on: false, azimuth: azimuth + 0.6, elevation: 0.7, strength: 1 },
       harmonics: Float32Array.from(this.coefficients),
     };
@@ -112,9 +112,9 @@ class Viewer {
   }
 
   drawn() {
-    const { azimuth, elevation, zoom, base, lobe, exposure } = this.state;
+    const { azimuth, elevation, zoom, base, lobe, exposure, shown } = this.state;
     return {
-      base, lobe, exposure, sources: this.sources(), view: viewFromWorld(azimuth, elevation),
+      base, lobe, exposure, shown, sources: this.sources(), view: viewFromWorld(azimuth, elevation),
       extent: this.scene.surface.radius * this.scene.margin / zoom,
     };
   }

@@ -7,6 +7,7 @@ uniform highp sampler2D irradiances;
 uniform int cells;
 uniform bool exact;
 uniform float reach;
+uniform float layer;
 in vec2 at;
 layout(location = 0) out vec4 base_map;
 layout(location = 1) out vec4 lobe_map;
@@ -21,7 +22,7 @@ void add(vec3 normal, vec4 node, vec3 irradiance) {
   if (incoming <= 0.0) return;
   vec3 lobe;
   float base;
-  reflected(incoming, normal.z, node.w, lobe, base);
+  reflected(incoming, normal.z, node.w, layer, lobe, base);
   base_sum += base * irradiance;
   lobe_sum += lobe * irradiance;
 }
@@ -40,7 +41,7 @@ void main() {
     if (incoming <= -CELL) continue;
     vec4 irradiance = texelFetch(cell_irradiances, place, 0);
     float half_cosine = (incoming + normal.z) / (2.0 * node.w);
-    float near = 3.0 * width + 0.5 * CELL / node.w;
+    float near = 3.0 * width_of(layer) + 0.5 * CELL / node.w;
     if (!exact || (incoming > CELL && half_cosine < cos(min(near, 1.57)))) {
       add(normal, node, irradiance.rgb);
       continue;

@@ -1,7 +1,22 @@
 // The object as a distant viewer sees it: the map at its normals, and sources by themselves.
 const int MOST_SOURCES = 9;
+const float PI = 3.14159265359;
 uniform highp sampler2D base_map;
-uniform highp sampler2D lobe_map;
+// One for each width.
+uniform highp sampler2DArray lobe_map;
+// Maps of a texture, relative to the amounts; rows go down from v = 1.
+uniform bool textured;
+uniform bool tilted;
+uniform highp sampler2D kd_map;
+uniform highp sampler2D ks_map;
+uniform highp sampler2D width_map;
+uniform highp sampler2D offset_map;
+uniform vec3 map_scales;
+uniform mat3 view_from_world;
+// What is shown: 0 the object, 1 kd, 2 ks, 3 normals, 4 a map in false colours.
+uniform int shown;
+uniform highp sampler2D false_map;
+uniform highp sampler2D false_colours;
 uniform float reach;
 uniform bool smooth_map;
 uniform bool is_sphere;
@@ -13,6 +28,7 @@ uniform int sources;
 uniform vec4 source_directions[MOST_SOURCES];
 uniform vec3 source_irradiances[MOST_SOURCES];
 in vec3 normal;
+in vec2 place;
 layout(location = 0) out vec4 colour;
 
 // Catmull and Rom's curve through four texels.
@@ -22,12 +38,20 @@ vec4 weights_of(float t) {
     t * (0.5 + t * (2.0 - 1.5 * t)), t * t * (-0.5 + 0.5 * t));
 }
 
-void look_up(vec2 at, out vec3 base, out vec3 lobe) {
+vec4 texel_of(highp sampler2D map, vec2 where) {
+  ivec2 size = textureSize(map, 0);
+  return texelFetch(map, min(ivec2(where * vec2(size)), size - 1), 0);
+}
+
+void look_up(vec2 at, float layer, out vec3 base, out vec3 lobe) {
+  int lower = int(layer), upper = min(lower + 1, int(layers) - 1);
+  float share = layer - float(lower);
   vec2 size = vec2(textureSize(base_map, 0));
   vec2 place = 0.5 + 0.5 * at;
   if (!smooth_map) {
     base = texture(base_map, place).rgb;
-    lobe = texture(lobe_map, place).rgb;
+    lobe = mix(texture(lobe_map, vec3(place, lower)).rgb,
+      texture(lobe_map, vec3(place, upper)).rgb, share);
     return;
   }
   vec2 texel = place * size - 0.5;
@@ -41,7 +65,8 @@ void look_up(vec2 at, out vec3 base, out vec3 lobe) {
       ivec2 at_texel = clamp(corner + ivec2(column, row), ivec2(0), last);
       float weight = wx[column] * wy[row];
       base += weight * texelFetch(base_map, at_texel, 0).rgb;
-      lobe += weight * texelFetch(lobe_map, at_texel, 0).rgb;
+      lobe += weight * mix(texelFetch(lobe_map, ivec3(at_texel, lower), 0).rgb,
+        texelFetch(lobe_map, ivec3(at_texel, upper), 0).rgb, share);
     }
 }
 
@@ -65,20 +90,53 @@ void main() {
       return;
     }
   }
+  vec3 kd = vec3(1.0), ks = vec3(1.0);
+  float layer = 0.0;
+  vec2 where = vec2(fract(place.x), fract(1.0 - place.y));
+  if (textured) {
+    if (is_sphere) {
+      vec3 d = transpose(view_from_world) * n;
+      where = vec2(
+        fract(atan(d.y, d.x) / (2.0 * PI)), acos(clamp(d.z, -1.0, 1.0)) / PI);
+    }
+    kd = map_scales.x * texel_of(kd_map, where).rgb;
+    ks = map_scales.y * texel_of(ks_map, where).rgb;
+    layer = (layers - 1.0) * texel_of(width_map, where).r;
+    if (tilted) {
+      vec3 offset = (255.0 * texel_of(offset_map, where).rgb - 128.0) / 127.0 * map_scales.z;
+      offset = view_from_world * offset;
+      n = normalize((1.0 - dot(n, offset)) * n + offset);
+    }
+    if (shown != 0) {
+      vec3 flat_colour = encoded(PI * base_amount * kd);
+      if (shown == 2) flat_colour = encoded(ks / map_scales.y);
+      if (shown == 3) flat_colour = 0.5 + 0.5 * n;
+      if (shown == 4) {
+        float code = 255.0 * texel_of(false_map, where).r;
+        flat_colour = texelFetch(false_colours, ivec2(int(code + 0.5), 0), 0).rgb;
+      }
+      colour = vec4(flat_colour, 1.0);
+      return;
+    }
+    if (n.z <= 0.0) {
+      colour = vec4(0.0, 0.0, 0.0, 1.0);
+      return;
+    }
+  }
   float sine = length(n.xy);
   vec2 at = sine > 0.0 ? n.xy / sine * atan(sine, n.z) / reach : vec2(0.0);
   vec3 base, lobe;
-  look_up(at, base, lobe);
+  look_up(at, layer, base, lobe);
   for (int k = 0; k < sources; ++k) {
     float incoming = dot(n, source_directions[k].xyz);
     if (incoming <= 0.0) continue;
     vec3 own_lobe;
     float own_base;
-    reflected(incoming, n.z, source_directions[k].w, own_lobe, own_base);
+    reflected(incoming, n.z, source_directions[k].w, layer, own_lobe, own_base);
     base += own_base * source_irradiances[k];
     lobe += own_lobe * source_irradiances[k];
   }
   if (weighted) lobe /= n.z;
-  vec3 radiance = max(base_amount * base + lobe_amount * lobe, 0.0) * exposure;
+  vec3 radiance = max(base_amount * kd * base + lobe_amount * ks * lobe, 0.0) * exposure;
   colour = vec4(linear_output ? radiance : encoded(radiance), 1.0);
 }
