@@ -134,6 +134,11 @@ class OpenPBR(Layered):
         coat = jnp.where(jnp.asarray(self.coat_weight) > 0, self.coat_roughness**2, 1.0)
         return jnp.minimum(across, coat)
 
+    @property
+    def widths(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The base's widths along and across the tangent."""
+        return self._widths(jnp.asarray(self.specular_roughness))
+
     def _widths(self, like: Float[AnyArray, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """The widths along and across the tangent, as the specification has them."""
         r = matching(self.specular_roughness, like)

@@ -20,14 +20,17 @@ COATED = OpenPBR(
 )  # fmt: skip
 GLAZED = GltfMaterial(COLOR, 0.0, 0.4, 1.8, 0.9, np.array([1, 0.8, 0.7]), 0.6, 0.2)
 
+BRUSHED = GltfMaterial(COLOR, 1.0, 0.4, anisotropy_strength=0.7, anisotropy_rotation=0.4)
+
 
 @pytest.mark.parametrize(
     ("material", "node", "expected"),
     [
         (COATED, "open_pbr_surface", {"specular_ior": 1.6, "coat_weight": 0.5}),
         (GLAZED, "gltf_pbr", {"ior": 1.8, "clearcoat": 0.6, "metallic": 0.0}),
+        (BRUSHED, "gltf_pbr", {"anisotropy_strength": 0.7, "anisotropy_rotation": 0.4}),
     ],
-    ids=["openpbr", "gltf"],
+    ids=["openpbr", "gltf", "brushed"],
 )
 def test_a_document_is_valid_and_has_our_numbers(tmp_path, material, node, expected):
     mx = pytest.importorskip("MaterialX")

@@ -85,6 +85,23 @@ def test_mitsuba_renders_textures(mitsuba, tmp_path, shape, channels, varying, s
     assert ("Lost: nothing" in text) != varying
 
 
+def test_usd_holds_textures(tmp_path):
+    """The stage is valid by USD's own library, and its README says what is lost."""
+    pytest.importorskip("pxr", reason="needs the extra usd: pip install 'jaxrender[usd]'")
+    from pxr import Usd, UsdValidation
+
+    result = write_result(tmp_path / "cat", smooth_maps(texel_places(), 3, True), egg())
+    with pytest.raises(InputError, match="would lose the normals of single texels; the model"):
+        export(result, "usd")
+    done = export(result, "usd", lossy=True)
+    files = {"scene.usdc", "environment.exr", "base_color.png", "specular_color.png"}
+    found = {p.name for p in done.folder.iterdir()}
+    assert found == files | {"roughness.png", "README.txt", "run.json"}
+    stage = Usd.Stage.Open(str(done.folder / "scene.usdc"))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert not UsdValidation.ValidationContext(validators).Validate(stage)
+
+
 def stated(folder, words):
     """A percentage of the README, as a share."""
     text = " ".join((folder / "README.txt").read_text().split())

@@ -8,14 +8,19 @@
     textures as bitmaps over tables; the frames that maps of normals are relative to
 ``gltf`` ``gltf_material``
     glTF 2.0 and GLB, and what they hold of a material, as a BRDF
+``anisotropy``
+    brushed surfaces: widths, tangents, and what Mitsuba makes of them
 ``environments`` ``harmonics``
     the light alone, as pictures and as coefficients
 ``materialx``
     OpenPBR's material, and glTF's, as MaterialX has them
+``usd``
+    a stage of USD with UsdPreviewSurface
 
 Each writer says by ``..._losses`` what its format cannot hold, before anything is written.
 """
 
+from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
 from jaxrender.io.exports.contents import Contents, MaterialMaps, Part, mesh_of, plain_name
 from jaxrender.io.exports.environments import (
     cube_faces,
@@ -28,8 +33,11 @@ from jaxrender.io.exports.harmonics import write_harmonics
 from jaxrender.io.exports.materialx import materialx_library, openpbr_losses, write_materialx
 from jaxrender.io.exports.mitsuba import mitsuba_losses, mitsuba_panorama, write_mitsuba
 from jaxrender.io.exports.mitsuba_textures import spread_over_faces, table_widths
+from jaxrender.io.exports.usd import usd_library, usd_losses, write_usd
 
 __all__ = [
+    "Brushed",
+    "SeparatelyMasked",
     "Contents",
     "GltfMaterial",
     "GltfTextures",
@@ -47,9 +55,12 @@ __all__ = [
     "spread_over_faces",
     "srgb",
     "table_widths",
+    "usd_library",
+    "usd_losses",
     "write_environment_pictures",
     "write_gltf",
     "write_harmonics",
     "write_materialx",
     "write_mitsuba",
+    "write_usd",
 ]

@@ -19,6 +19,7 @@ from PIL import Image as PillowImage
 
 from jaxrender.geometry import Mesh, Pinhole
 from jaxrender.io.atomic import replacing
+from jaxrender.io.exports.anisotropy import tangents
 from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
 from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.images import write_image
@@ -119,7 +120,8 @@ class _Writer:
         textures: GltfTextures | None,
     ) -> dict[str, Any]:
         """Lay the whole scene out."""
-        primitive = self._primitive(mesh)
+        turn = float(material.anisotropy_rotation) if float(material.anisotropy_strength) else None
+        primitive = self._primitive(mesh, turn)
         name = plain_name(contents.name)
         described = self._material(material, textures) | {"name": name}
         nodes: list[dict[str, Any]] = [{"name": name, "mesh": 0}]
@@ -157,8 +159,11 @@ class _Writer:
             "buffers": [{"byteLength": len(self.data)}],
         }
 
-    def _primitive(self, mesh: Mesh) -> dict[str, Any]:
-        """Write the triangles; corners with different texture coordinates are split."""
+    def _primitive(self, mesh: Mesh, turn: float | None) -> dict[str, Any]:
+        """Write the triangles; corners with different texture coordinates are split.
+
+        Tangents are those of a brushed surface, whose meridians are turned.
+        """
         vertex, faces, coordinates = np.arange(len(mesh.vertices)), mesh.faces, None
         if mesh.texture_coordinates is not None:
             corners = np.column_stack([faces.ravel(), mesh.texture_coordinates.reshape(-1, 2)])
@@ -172,6 +177,9 @@ class _Writer:
             "POSITION": self._array(mesh.vertices[vertex] @ _FROM_WORLD.T, bounded=True),
             "NORMAL": self._array(normals),
         }
+        if turn is not None:
+            along = tangents(normals @ _FROM_WORLD, turn) @ _FROM_WORLD.T
+            attributes["TANGENT"] = self._array(np.column_stack([along, np.ones(len(along))]))
         if coordinates is not None:
             flipped = coordinates * [1, -1] + [0, 1]
             attributes["TEXCOORD_0"] = self._array(flipped)
@@ -179,7 +187,7 @@ class _Writer:
 
     def _array(self, rows: np.ndarray, bounded: bool = False) -> int:
         values = np.ascontiguousarray(rows, "<f4")
-        kind = {2: "VEC2", 3: "VEC3"}[values.shape[1]]
+        kind = {2: "VEC2", 3: "VEC3", 4: "VEC4"}[values.shape[1]]
         accessor: dict[str, Any] = {
             "bufferView": self._view(values.tobytes(), _ARRAYS),
             "componentType": _FLOAT, "count": len(values), "type": kind,
@@ -247,6 +255,9 @@ class _Writer:
                 "clearcoatFactor": float(material.clearcoat),
                 "clearcoatRoughnessFactor": float(material.clearcoat_roughness),
             }
+        if material.anisotropy_strength:
+            strength = {"anisotropyStrength": float(material.anisotropy_strength)}
+            extensions[f"{_KHR}anisotropy"] = strength
         found: dict[str, Any] = {"pbrMetallicRoughness": base}
         return found | ({"extensions": extensions} if extensions else {})
 

@@ -1,4 +1,4 @@
-"""The material of glTF 2.0 as a BRDF, with KHR_materials_ior, _specular and _clearcoat.
+"""The material of glTF 2.0 as a BRDF, with KHR_materials_ior, _specular, _clearcoat, _anisotropy.
 
 With S the GGX lobe of alpha = roughness^2 with separate masking, c = base_color, m = metallic, and
 P(x) = (1 - x)^5, the dielectric has, in each channel,
@@ -10,6 +10,9 @@ w the specular factor; rho = (1 - m) rho_d + m rho_m.  A clear coat of weight k 
 both ends: with G = k (.04 + .96 P(n . w)) of the direction w to the viewer,
 
     rho_coated = (1 - G) rho + G S_coat.
+
+KHR_materials_anisotropy of strength a makes alpha + (1 - alpha) a^2 of the base's width along the
+tangent.  A file has the tangents at its vertices; here they are the meridians about +Z, turned.
 """
 
 import equinox as eqx
@@ -21,6 +24,7 @@ from jaxrender.brdf.facets import FacetTransfer, facet_transfer
 from jaxrender.brdf.fresnel import schlick_growth
 from jaxrender.brdf.half_vector import are_visible, lifted
 from jaxrender.brdf.parameters import Scalar, as_scalar, matching
+from jaxrender.brdf.tangents import in_tangent_frame
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Float
 
@@ -40,6 +44,8 @@ class GltfMaterial(BRDF):
     specular_color: Float[AnyArray, "3"] = eqx.field(default_factory=lambda: np.ones(3))
     clearcoat: Scalar = eqx.field(converter=as_scalar, default=0.0)
     clearcoat_roughness: Scalar = eqx.field(converter=as_scalar, default=0.0)
+    anisotropy_strength: Scalar = eqx.field(converter=as_scalar, default=0.0)
+    anisotropy_rotation: Scalar = eqx.field(converter=as_scalar, default=0.0)
 
     @property
     def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
@@ -59,8 +65,8 @@ class GltfMaterial(BRDF):
 
     @property
     def isotropic(self) -> bool:
-        """Always."""
-        return True
+        """Where there is no anisotropy."""
+        return bool(np.asarray(self.anisotropy_strength) == 0)
 
     def transfer(
         self, incoming: Components, outgoing: Components
@@ -72,7 +78,7 @@ class GltfMaterial(BRDF):
             matching(one, incoming.z)
             for one in (self.metallic, self.ior, self.specular, self.clearcoat)
         )
-        lobe, cosine = self._facets(self.roughness, incoming, outgoing)
+        lobe, cosine = self._facets(self.roughness, incoming, outgoing, self.anisotropy_strength)
         growth, head_on = schlick_growth(cosine), head_on_reflectance(ior)
         tints = [jnp.minimum(head_on * c, 1.0) for c in jnp.asarray(self.specular_color)]
         reflected = [weight * (f + (1 - f) * growth) for f in tints]
@@ -88,8 +94,14 @@ class GltfMaterial(BRDF):
         return tuple(found)
 
     def _facets(
-        self, roughness: Scalar, incoming: Components, outgoing: Components
+        self,
+        roughness: Scalar,
+        incoming: Components,
+        outgoing: Components,
+        anisotropy: Scalar = 0.0,
     ) -> FacetTransfer:
         alpha = jnp.maximum(matching(roughness, incoming.z) ** 2, _LEAST_ALPHA)
-        facets = TrowbridgeReitz(alpha)
-        return facet_transfer(facets, "smith-separate", incoming, outgoing)
+        along = alpha + (1 - alpha) * matching(anisotropy, incoming.z) ** 2
+        facets = TrowbridgeReitz(along, alpha)
+        sides = (in_tangent_frame(one, self.anisotropy_rotation) for one in (incoming, outgoing))
+        return facet_transfer(facets, "smith-separate", *sides)

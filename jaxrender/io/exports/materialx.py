@@ -45,7 +45,13 @@ _GLTF = (
     "specular_color",
     "clearcoat",
     "clearcoat_roughness",
+    "anisotropy_strength",
+    "anisotropy_rotation",
 )
+
+
+# A document of a material has no mesh, and so no tangents.
+MERIDIAN = "the meridian that brushing follows: it follows the renderer's own tangents"
 
 
 def openpbr_losses(material: OpenPBR) -> tuple[str, ...]:
@@ -55,6 +61,8 @@ def openpbr_losses(material: OpenPBR) -> tuple[str, ...]:
         lost.append("the brightness of the interface that the fit found: it is 1")
     if np.any(np.asarray(material.tangent_rotation)):
         lost.append("the rotation of the tangent: the renderer's own tangents are kept")
+    elif not material.isotropic:
+        lost.append(MERIDIAN)
     if material.multiple_scattering == "none":
         lost.append("that facets hand no light on to one another: renderers add it")
     return tuple(lost)

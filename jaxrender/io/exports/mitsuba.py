@@ -18,8 +18,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from jaxrender.brdf import AnisotropicGGX
 from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole, Sphere
 from jaxrender.io.atomic import replacing
+from jaxrender.io.exports.anisotropy import brushed_mesh, brushed_plugin
 from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
 from jaxrender.io.exports.mitsuba_materials import mitsuba_material, rgb
 from jaxrender.io.exports.mitsuba_textures import textured_plugin, write_textured_mesh
@@ -79,13 +81,14 @@ def mitsuba_losses(contents: Contents) -> tuple[str, ...]:
         lost.append("the distortion of lenses: Mitsuba's cameras are undistorted")
     if any(abs(one.fl_y / one.fl_x - 1) > _SQUARE for one in pinholes):
         lost.append("pixels that are not square: fl_x serves both axes")
-    if contents.material is not None and not contents.material.isotropic:
+    material = contents.material
+    if material is not None and not (material.isotropic or isinstance(material, AnisotropicGGX)):
         lost.append("the direction of brushed or fibrous surfaces: its mean over turns is kept")
     return tuple(lost)
 
 
 def write_mitsuba(contents: Contents, folder: Path) -> tuple[Part, ...]:
-    """Write the scene into a folder; the material must be isotropic, or a texture.
+    """Write the scene into a folder; isotropic materials, ``AnisotropicGGX`` and textures can be.
 
     Raises ``ValueError`` where there is no material, no shape or no light.
     """
@@ -98,8 +101,6 @@ def write_mitsuba(contents: Contents, folder: Path) -> tuple[Part, ...]:
         "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
         "object": shape,
     }
-    if isinstance(contents.shape, Mesh):
-        parts.append(Part(OBJECT, "the mesh with its normals, in the world's axes and units"))
     if contents.environment is not None:
         write_image(folder / LIGHT, mitsuba_panorama(contents.environment))
         scene["environment"] = {
@@ -153,6 +154,13 @@ def _object(contents: Contents, folder: Path) -> tuple[dict[str, Any], list[Part
     """Write the shape with its material or texture, and what they read."""
     shape, maps = contents.shape, contents.maps
     assert shape is not None
+    if isinstance(contents.material, AnisotropicGGX):
+        brushed = brushed_mesh(mesh_of(shape), float(contents.material.tangent_rotation))
+        u, v = brushed.coordinates.T
+        write_mesh(folder / OBJECT, brushed.mesh, {"s": u, "t": v})
+        plugin, parts = _held(brushed_plugin(contents.material), folder)
+        about = "the mesh with its normals; u runs along the tangents of the brushed surface"
+        return {"type": "ply", "filename": OBJECT, "bsdf": plugin}, [*parts, Part(OBJECT, about)]
     if maps is None:
         assert contents.material is not None
         made = mitsuba_material(contents.material, folder)
@@ -167,7 +175,29 @@ def _object(contents: Contents, folder: Path) -> tuple[dict[str, Any], list[Part
         found = {"type": "sphere", "center": center, "radius": float(shape.radius)}
     else:
         found = {"type": "ply", "filename": OBJECT}
-    return found | {"bsdf": made.plugin}, [*made.parts]
+    parts = [*made.parts]
+    if isinstance(shape, Mesh):
+        parts.append(Part(OBJECT, "the mesh with its normals, in the world's axes and units"))
+    return found | {"bsdf": made.plugin}, parts
+
+
+def _held(plugin: dict[str, Any], folder: Path) -> tuple[dict[str, Any], list[Part]]:
+    """Write arrays as colours, or as bitmaps where they are above one, which colours may not be."""
+    found, parts = {}, []
+    for name, value in plugin.items():
+        if isinstance(value, np.ndarray) and np.all(value <= 1):
+            found[name] = rgb(value)
+        elif isinstance(value, np.ndarray):
+            file = f"{name}.exr"
+            write_image(folder / file, value.reshape(1, 1, 3))
+            parts.append(Part(file, f"{name}, the same everywhere; linear RGB"))
+            found[name] = {"type": "bitmap", "filename": file, "raw": True}
+        elif isinstance(value, dict):
+            found[name], own = _held(value, folder)
+            parts += own
+        else:
+            found[name] = value
+    return found, parts
 
 
 def _sensor(camera: Camera) -> dict[str, Any]:
@@ -198,7 +228,7 @@ def _sensor(camera: Camera) -> dict[str, Any]:
 # The elements of plugins by their key, and of objects within plugins.
 _TAGS = {"integrator": "integrator", "object": "shape", "environment": "emitter", "bsdf": "bsdf"}
 _TAGS |= {"film": "film", "sampler": "sampler", "rfilter": "rfilter"}
-_TAGS |= dict.fromkeys(("reflectance", "weight", "normalmap"), "texture")
+_TAGS |= dict.fromkeys(("reflectance", "specular_reflectance", "weight", "normalmap"), "texture")
 _TAGS_BY_START = {"source": "emitter", "point": "emitter", "camera": "sensor", "bsdf": "bsdf"}
 
 

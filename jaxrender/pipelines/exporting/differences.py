@@ -14,6 +14,8 @@ from jaxrender.shapes import Float
 
 # Incoming angles, and half vectors for each.
 _ANGLES, _POLAR, _AROUND = 10, 40, 12
+# Azimuths at which anisotropic ones are compared, too.
+_TURNS = 6
 # Pixels a side of the picture, and the most rows of its environment.
 _PICTURE, _ROWS = 24, 32
 _evaluate = eqx.filter_jit(BRDF.evaluate)
@@ -63,6 +65,16 @@ class Difference(NamedTuple):
         )
 
 
+def turned_pairs() -> Pairs:
+    """The same for surfaces that change as they turn: about each of several azimuths."""
+    pairs, found = dense_pairs(), []
+    for angle in np.arange(_TURNS) * np.pi / _TURNS:
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        found.append(Pairs(pairs.incoming @ turn, pairs.outgoing @ turn, pairs.weights / _TURNS))
+    return Pairs(*(np.concatenate(parts) for parts in zip(*found)))
+
+
 def dense_pairs() -> Pairs:
     """List pairs that are dense about the mirror direction, however narrow the highlight."""
     cosines = (np.arange(_ANGLES) + 0.5) / _ANGLES
@@ -83,8 +95,9 @@ def dense_pairs() -> Pairs:
 
 
 def difference(material: BRDF, exported: BRDF, contents: Contents) -> Difference:
-    """Compare two isotropic materials, in a picture too where the contents have a light."""
-    pairs = dense_pairs()
+    """Compare two materials, in a picture too where the contents have a light."""
+    is_even = material.isotropic and exported.isotropic
+    pairs = dense_pairs() if is_even else turned_pairs()
     own, other = pairs.values(material), pairs.values(exported)
     weights = pairs.weights[:, None]
     rms = float(np.sqrt(np.sum(weights * (own - other) ** 2) / np.sum(weights * own**2)))

@@ -7,31 +7,47 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF, Exchanged, IsotropicMean, OpenPBR, tabulate_rgl
+from jaxrender.brdf import BRDF, AnisotropicGGX, Exchanged, IsotropicMean, OpenPBR, tabulate_rgl
 from jaxrender.errors import InputError
 from jaxrender.io.exports import (
+    Brushed,
     Contents,
     GltfMaterial,
     Part,
+    SeparatelyMasked,
     environment_losses,
     gltf_losses,
     materialx_library,
     mitsuba_losses,
     openpbr_losses,
+    usd_library,
+    usd_losses,
     write_environment_pictures,
     write_gltf,
     write_harmonics,
     write_materialx,
     write_mitsuba,
+    write_usd,
 )
+from jaxrender.io.exports.materialx import MERIDIAN
 from jaxrender.io.exports.mitsuba_materials import TABLE
 from jaxrender.io.merl import MerlTable, write_merl
 from jaxrender.io.rgl import read_rgl, write_rgl
 from jaxrender.lighting import Light, LightSum
 from jaxrender.pipelines.exporting.differences import difference
-from jaxrender.pipelines.exporting.nearest_gltf import described, nearest_gltf, own_gltf
+from jaxrender.pipelines.exporting.nearest_gltf import (
+    described,
+    nearest_brushed,
+    nearest_gltf,
+    own_gltf,
+)
 from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
-from jaxrender.pipelines.exporting.textures import textured_gltf, textured_mitsuba
+from jaxrender.pipelines.exporting.textures import (
+    USD_DETAILS,
+    textured_gltf,
+    textured_mitsuba,
+    textured_usd,
+)
 from jaxrender.spectra import light_coefficients
 
 ALL = "all"
@@ -82,6 +98,8 @@ def _mitsuba(contents: Contents) -> Prepared:
     if contents.maps is not None:
         return textured_mitsuba(contents, contents.maps)
     assert contents.material is not None
+    if isinstance(contents.material, AnisotropicGGX):
+        return _brushed_mitsuba(contents, contents.material)
     material = _isotropic(contents.material)
 
     def write(folder: Path) -> Written:
@@ -91,6 +109,17 @@ def _mitsuba(contents: Contents) -> Prepared:
         return Written(parts, (_of_table(folder, material, contents, "outgoing"),))
 
     return Prepared(mitsuba_losses(contents), write)
+
+
+def _brushed_mitsuba(contents: Contents, material: AnisotropicGGX) -> Prepared:
+    """Prepare a brushed surface: only the masking differs."""
+    apart = difference(material, SeparatelyMasked(material), contents).sentence
+    loss = f"that facets hide light in and out together: Mitsuba hides them apart, {apart} away"
+    remark = "the tangents are the texture coordinates of object.ply, face by face"
+    return Prepared(
+        (*mitsuba_losses(contents), loss),
+        lambda folder: Written(write_mitsuba(contents, folder), (remark,)),
+    )
 
 
 def _rgl(contents: Contents) -> Prepared:
@@ -120,11 +149,15 @@ def _chosen(contents: Contents) -> _Chosen:
     own = own_gltf(contents.material)
     if own is not None:
         return _Chosen(own, (), "the material is glTF's own, by its definition")
-    target = _isotropic(contents.material)
-    near = nearest_gltf(target)
+    target, brushed = contents.material, Brushed.of(contents.material)
+    if brushed is None:
+        target = _isotropic(target)
+        near = nearest_gltf(target)
+    else:
+        near = nearest_brushed(target, brushed)
     apart = difference(target, near, contents).sentence
     losses = (f"{LACKED}; the nearest that it has is {apart} away",)
-    if not contents.material.isotropic:
+    if brushed is None and not contents.material.isotropic:
         losses += (_TURNING,)
     return _Chosen(near, losses, f"the nearest material of glTF has {described(near)}")
 
@@ -149,10 +182,25 @@ def _materialx(contents: Contents) -> Prepared:
         losses, remark = openpbr_losses(material), "the numbers are OpenPBR's own"
     else:
         material, losses, remark = _chosen(contents)
+        if not material.isotropic:
+            losses += (MERIDIAN,)
     return Prepared(
         losses,
         lambda folder: Written(write_materialx(material, contents.name, folder), (remark,)),
     )
+
+
+def _usd(contents: Contents) -> Prepared:
+    usd_library()
+    if contents.maps is not None:
+        return textured_usd(contents, contents.maps)
+    found = _chosen(contents)
+
+    def write(folder: Path) -> Written:
+        parts = write_usd(contents, folder, found.material)
+        return Written(parts, (found.remark, USD_DETAILS))
+
+    return Prepared((*usd_losses(contents, found.material), *found.losses), write)
 
 
 def _merl(contents: Contents) -> Prepared:
@@ -222,6 +270,9 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "materialx": ExportFormat(
         "the material as MaterialX, by OpenPBR or glTF's shading model", (MATERIAL,), _materialx
+    ),
+    "usd": ExportFormat(
+        "a stage of USD with UsdPreviewSurface, lights and cameras", (_MAPPED, _SHAPE), _usd
     ),
     "merl": ExportFormat(
         "the material as a file of the MERL database (.binary)", (MATERIAL,), _merl

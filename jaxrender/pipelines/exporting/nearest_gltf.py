@@ -6,13 +6,14 @@ compared at grazing alone.  A dielectric has a base colour, a coloured reflectan
 roughness; a metal a base colour and a roughness.  The better of the two is taken.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from jaxrender.brdf import BRDF, MetallicRoughness, Microfacet
-from jaxrender.io.exports import GltfMaterial, GltfTextures, MaterialMaps
+from jaxrender.brdf import BRDF, AnisotropicGGX, MetallicRoughness, Microfacet, OpenPBR
+from jaxrender.io.exports import Brushed, GltfMaterial, GltfTextures, MaterialMaps
 from jaxrender.pipelines.exporting.differences import Pairs, dense_pairs
 from jaxrender.shapes import Float
 
@@ -38,6 +39,27 @@ def nearest_gltf(brdf: BRDF, metals: bool = True) -> GltfMaterial:
     wanted = pairs.roots(brdf)
     found = [_fitted(pairs, wanted, metal) for metal in ((False, True) if metals else (False,))]
     return min(found, key=lambda one: float(np.sum((pairs.roots(one) - wanted) ** 2)))
+
+
+def nearest_brushed(brdf: AnisotropicGGX | OpenPBR, brushed: Brushed) -> GltfMaterial:
+    """Fit the surface with one width, their geometric mean, and give the fit both again."""
+    mean = float(np.sqrt(brushed.along * brushed.across))
+    if isinstance(brdf, OpenPBR):
+        even = dataclasses.replace(
+            brdf, specular_roughness=np.sqrt(mean), specular_roughness_anisotropy=0.0
+        )
+    else:
+        even = dataclasses.replace(brdf, roughness=mean, roughness_y=mean)
+    near = nearest_gltf(even)
+    factor = float(near.roughness) ** 2 / mean
+    along, across = (min(factor * one, 1.0) for one in (brushed.along, brushed.across))
+    strength = np.sqrt((along - across) / max(1 - across, _TINY))
+    return dataclasses.replace(
+        near,
+        roughness=np.sqrt(across),
+        anisotropy_strength=float(strength),
+        anisotropy_rotation=brushed.rotation,
+    )
 
 
 class TexturedGltf(NamedTuple):
@@ -85,6 +107,8 @@ def described(material: GltfMaterial) -> str:
     color = " ".join(f"{x:.3f}" for x in np.asarray(material.base_color))
     tint = " ".join(f"{x:.3f}" for x in np.asarray(material.specular_color))
     said = f"base colour {color}, roughness {float(material.roughness):.3f}"
+    if float(material.anisotropy_strength):
+        said += f", anisotropy {float(material.anisotropy_strength):.3f}"
     if float(material.metallic) == 1:
         return f"{said}, metallic 1"
     return f"{said}, metallic 0, index {float(material.ior):.3f}, specular colour {tint}"

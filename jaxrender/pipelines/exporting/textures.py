@@ -13,14 +13,20 @@ from jaxrender.io.exports import (
     mitsuba_losses,
     spread_over_faces,
     table_widths,
+    usd_losses,
     write_gltf,
     write_mitsuba,
+    write_usd,
 )
 from jaxrender.io.rgl import read_rgl
 from jaxrender.pipelines.exporting.differences import difference
 from jaxrender.pipelines.exporting.nearest_gltf import nearest_textured
 from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 
+USD_DETAILS = (
+    "UsdPreviewSurface leaves to renderers how the base loses what the interface reflects: "
+    "pictures differ between them"
+)
 UNSEEN = "places that no photograph shows are black"
 
 
@@ -42,6 +48,25 @@ def textured_gltf(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Pr
         parts = write_gltf(contents, folder, found.material, found.textures, binary=binary)
         remark = "textures: base colour and specular colour in sRGB, roughness linear in green"
         return Written(parts, (remark, UNSEEN))
+
+    return Prepared(losses, write)
+
+
+def textured_usd(contents: Contents, maps: MaterialMaps) -> Prepared:
+    """Prepare a texture of texels for USD: the numbers are those of glTF's nearest material."""
+    found = nearest_textured(maps)
+    apart = difference(maps.mean, found.mean, contents).sentence
+    losses = (
+        *usd_losses(contents, found.material),
+        f"{LACKED}; for the mean texel the nearest that it has is {apart} away",
+        "steps finer than a 256th of a texture's range",
+    )
+    if found.too_bright:
+        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
+
+    def write(folder: Path) -> Written:
+        parts = write_usd(contents, folder, found.material, found.textures)
+        return Written(parts, (USD_DETAILS, UNSEEN))
 
     return Prepared(losses, write)
 
