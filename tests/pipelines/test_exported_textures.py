@@ -91,7 +91,7 @@ def test_usd_holds_textures(tmp_path):
     from pxr import Usd, UsdValidation
 
     result = write_result(tmp_path / "cat", smooth_maps(texel_places(), 3, True), egg())
-    with pytest.raises(InputError, match="would lose the normals of single texels; the model"):
+    with pytest.raises(InputError, match=r"would lose the normals of single texels: .*; the model"):
         export(result, "usd")
     done = export(result, "usd", lossy=True)
     files = {"scene.usdc", "environment.exr", "base_color.png", "specular_color.png"}

@@ -154,6 +154,7 @@ def _chosen(contents: Contents) -> _Chosen:
         target = _isotropic(target)
         near = nearest_gltf(target)
     else:
+        assert isinstance(target, AnisotropicGGX | OpenPBR)
         near = nearest_brushed(target, brushed)
     apart = difference(target, near, contents).sentence
     losses = (f"{LACKED}; the nearest that it has is {apart} away",)

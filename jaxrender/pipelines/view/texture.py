@@ -88,7 +88,9 @@ def page_texture(run: FinishedRun, maps: MaterialMaps) -> PageTexture:
         assert isinstance(maps.mean, Microfacet)
         ends = np.percentile(maps.sigma[maps.seen], [0, 100]) / float(maps.mean.sigma)
         layers = 1 + int(np.ceil(np.log(ends[1] / ends[0]) / np.log(_STEP)))
-        ratios = np.geomspace(*ends, min(layers, _MOST_LAYERS)) if layers > 1 else ends[:1]
+        ratios = ends[:1]
+        if layers > 1:
+            ratios = np.geomspace(ends[0], ends[1], min(layers, _MOST_LAYERS))
     overlays = _overlays(run, maps)
     step = -(-max(rows, columns) // MOST_TEXELS)
     if step > 1:
