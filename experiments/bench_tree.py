@@ -81,7 +81,7 @@ def main():
             few = points if haar else points[: arguments.points // 100]
             expected = np.asarray(from_array(samples, few)) if haar else None
             if haar:
-                print(f"{tree.count} coefficients in {len(tree.child_masks)} nodes")
+                print(f"{tree.count} coefficients in {len(tree.structure)} nodes")
                 row("array", dtype, lambda few=few, samples=samples: from_array(samples, few), None)
                 forest = CellForest.of([tree])
                 row("cells", dtype, lambda few=few, f=forest: f.evaluate(few), expected)

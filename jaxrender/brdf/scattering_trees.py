@@ -42,9 +42,9 @@ class ScatteringTrees(eqx.Module):
     """
 
     trees: tuple[CoefficientTree, ...]
-    readers: tuple[CellForest, ...] | tuple[Traversal, ...]
 
-    def __init__(self, trees: tuple[CoefficientTree, ...]):
+    def __check_init__(self):
+        trees = self.trees
         if len(trees) != _SIDES**2:
             raise ValueError(f"{len(trees)} trees; give four, one for each pair of sides")
         kinds = {(tree.wavelet.name, tree.size, tree.axes, tree.channels) for tree in trees}
@@ -53,11 +53,6 @@ class ScatteringTrees(eqx.Module):
                 f"trees of (wavelet, size, axes, channels) {sorted(kinds)}: give four alike, of "
                 f"{_AXES} axes"
             )
-        self.trees = tuple(trees)
-        if is_stepwise(trees[0].wavelet):
-            self.readers = (CellForest.of(trees),)
-        else:
-            self.readers = tuple(Traversal.of(tree) for tree in trees)
 
     @classmethod
     def of(
@@ -86,7 +81,7 @@ class ScatteringTrees(eqx.Module):
         places = [NUSSELT.square_from_direction(part) for part in pair]
         points = jnp.concatenate(places, axis=-1).reshape(-1, _AXES)
         sides = [(part[..., 2] < 0).astype(np.int32).reshape(-1) for part in pair]
-        found = self._at(points, _SIDES * sides[0] + sides[1])
+        found = _looked_up(self.trees, points, _SIDES * sides[0] + sides[1])
         return jnp.maximum(found, 0).reshape(*pair[0].shape[:-1], -1)
 
     def reflection(self, side: int = 0) -> WaveletBRDF:
@@ -105,14 +100,17 @@ class ScatteringTrees(eqx.Module):
         means = [np.asarray(tree.root) * 16 / np.pi for tree in self.trees]
         return np.stack(means).reshape(_SIDES, _SIDES, -1)
 
-    def _at(
-        self, points: Float[AnyArray, "point 4"], which: Int[Array, "point"]
-    ) -> Float[Array, "point channel"]:
-        first = self.readers[0]
-        if isinstance(first, CellForest):
-            return first.evaluate(points, which)
-        each = jnp.stack([reader.evaluate(points) for reader in self.readers])
-        return jnp.take_along_axis(each, which[None, :, None], axis=0)[0]
+
+@eqx.filter_jit
+def _looked_up(
+    trees: tuple[CoefficientTree, ...],
+    points: Float[AnyArray, "point 4"],
+    which: Int[Array, "point"],
+) -> Float[Array, "point channel"]:
+    if is_stepwise(trees[0].wavelet):
+        return CellForest.of(trees).evaluate(points, which)
+    each = jnp.stack([Traversal.of(tree).evaluate(points) for tree in trees])
+    return jnp.take_along_axis(each, which[None, :, None], axis=0)[0]
 
 
 def _table(

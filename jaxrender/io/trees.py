@@ -23,7 +23,7 @@ from jaxrender.io.tree_layout import (
     fault_of,
     wavelet_of,
 )
-from jaxrender.wavelets import CoefficientTree, Wavelet
+from jaxrender.wavelets import CoefficientTree, Structure, Wavelet
 
 _PRECISIONS = (np.float32, np.float64)
 _CHILDREN, _SELECTORS = "places of a node's children", "selectors of a node's coefficients"
@@ -52,10 +52,9 @@ def write_tree(
         root, values = (np.asarray(a).astype(precision) for a in (tree.root, tree.values))
     if not (np.isfinite(root).all() and np.isfinite(values).all()):
         raise ValueError(f"{path}: coefficients are not finite as {precision.__name__}")
-    if len(tree.child_masks) > MOST_NODES or values.size > MOST_NUMBERS:
-        raise ValueError(
-            f"{len(tree.child_masks):,} nodes, {values.size:,} numbers: threshold more"
-        )
+    structure = tree.structure
+    if len(structure) > MOST_NODES or values.size > MOST_NUMBERS:
+        raise ValueError(f"{len(structure):,} nodes, {values.size:,} numbers: threshold more")
     if wavelet_of(tree.wavelet.name) != tree.wavelet:
         raise ValueError(f"wavelet {tree.wavelet.name!r} has no name in files; use one that has")
     fault = fault_of(about, tree)
@@ -63,8 +62,8 @@ def write_tree(
         raise ValueError(f"{path}: {fault}")
     units = about.units
     variables = {
-        "child_mask": Variable(("node",), tree.child_masks.astype(np.uint16), "1", _CHILDREN),
-        "value_mask": Variable(("node",), tree.value_masks.astype(np.uint16), "1", _SELECTORS),
+        "child_mask": Variable(("node",), structure.child_masks.astype(np.uint16), "1", _CHILDREN),
+        "value_mask": Variable(("node",), structure.value_masks.astype(np.uint16), "1", _SELECTORS),
         "root": Variable(("channel",), root, units, "mean of the function"),
     }
     if len(values):
@@ -104,7 +103,8 @@ def read_tree(path: str | Path) -> TreeFile:
         if root.dtype != values.dtype:
             file.refuse(f"`root` is {root.dtype}, `values` {values.dtype}")
         try:
-            tree = CoefficientTree(wavelet, size, axes, root, children, selectors, values, offset)
+            structure = Structure(children, selectors, axes)
+            tree = CoefficientTree(wavelet, size, structure, root, values, offset)
         except ValueError as error:
             file.refuse(str(error))
         fault = fault_of(about, tree)

@@ -46,7 +46,7 @@ from jaxrender.wavelets.filters import (
 )
 from jaxrender.wavelets.hashing import CoefficientHash
 from jaxrender.wavelets.importance import Importance, importance, most_important
-from jaxrender.wavelets.nodes import Entries
+from jaxrender.wavelets.nodes import Entries, Structure
 from jaxrender.wavelets.sampling import CellDensities, Drawn, TabulatedDensities
 from jaxrender.wavelets.slices import SlicedDensities
 from jaxrender.wavelets.supports import is_stepwise
@@ -72,6 +72,7 @@ __all__ = [
     "Entries",
     "Importance",
     "SlicedDensities",
+    "Structure",
     "TabulatedDensities",
     "Thresholded",
     "Traversal",

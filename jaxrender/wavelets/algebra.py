@@ -2,20 +2,26 @@
 
 Coefficients are linear in the function, so sums and multiples are those of the coefficients; and
 they do not know the number of samples, so that a finer resolution needs nothing (L 7.1) and a
-coarser one leaves levels out.
+coarser one leaves levels out.  Values may be traced: ``jit`` and ``grad`` go through all of it.
 """
 
 import dataclasses
+import functools
+import operator
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.shapes import AnyArray, Float
 from jaxrender.wavelets.nodes import Entries
 from jaxrender.wavelets.tree import CoefficientTree
 
+Weights = Sequence[float | Float[AnyArray, ""]] | Float[AnyArray, "tree"]
 
-def weighted_sum(trees: Sequence[CoefficientTree], weights: Sequence[float]) -> CoefficientTree:
+
+def weighted_sum(trees: Sequence[CoefficientTree], weights: Weights) -> CoefficientTree:
     """Add up multiples of trees of one wavelet, size and number of channels.
 
     Coefficients that cancel exactly are kept as zeros.  Raises ``ValueError`` for no tree, another
@@ -27,23 +33,26 @@ def weighted_sum(trees: Sequence[CoefficientTree], weights: Sequence[float]) -> 
     for tree in trees[1:]:
         _refuse_unlike(first, tree)
     lists = [tree.entries() for tree in trees]
-    root = np.sum([w * np.asarray(tree.root) for tree, w in zip(trees, weights)], axis=0)
+    roots = [weight * tree.root for tree, weight in zip(trees, weights)]
     values = [weight * entries.values for entries, weight in zip(lists, weights)]
+    known = all(isinstance(part, np.ndarray) for part in values)
     joined = Entries(
         np.concatenate([entries.level for entries in lists]),
         np.concatenate([entries.code for entries in lists]),
         np.concatenate([entries.selector for entries in lists]),
-        np.concatenate(values),
+        np.concatenate(values) if known else jnp.concatenate(values),
     )
+    root = functools.reduce(operator.add, roots)
     total = CoefficientTree.of_entries(first.wavelet, first.size, first.axes, joined, root)
     return dataclasses.replace(total, offset=first.offset)
 
 
-def scaled(tree: CoefficientTree, factor: float | Float[AnyArray, "channel"]) -> CoefficientTree:
+def scaled(tree: CoefficientTree, factor: float | Float[AnyArray, "*channel"]) -> CoefficientTree:
     """Multiply a tree by a number, or each channel by its own."""
-    root = np.asarray(tree.root)
-    factors = np.broadcast_to(np.asarray(factor, root.dtype), root.shape)
-    return dataclasses.replace(tree, root=root * factors, values=np.asarray(tree.values) * factors)
+    if not isinstance(factor, jax.Array):
+        factor = np.asarray(factor, tree.values.dtype)
+    row = factor.reshape(1, -1)
+    return dataclasses.replace(tree, root=tree.root * row[0], values=tree.values * row)
 
 
 def resampled(tree: CoefficientTree, size: int) -> CoefficientTree:
@@ -61,8 +70,8 @@ def resampled(tree: CoefficientTree, size: int) -> CoefficientTree:
         tree.wavelet,
         size,
         tree.axes,
-        Entries(*(part[held] for part in entries)),
-        np.asarray(tree.root),
+        entries.chosen(held),
+        tree.root,
     )
     return dataclasses.replace(coarse, offset=tree.offset)
 

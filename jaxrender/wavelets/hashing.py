@@ -51,7 +51,8 @@ class CoefficientHash(eqx.Module):
         keys = np.asarray(np.ravel_multi_index(tuple(places.T), sides))
         slots = smallest_prime(max(_SLOTS_PER_COEFFICIENT * len(keys), 3))
         table, held = np.full(slots, _EMPTY, np.int64), np.zeros((slots, tree.channels))
-        held = held.astype(entries.values.dtype)
+        values = np.asarray(entries.values)
+        held = held.astype(values.dtype)
         waiting: np.ndarray = np.arange(len(keys))
         for probe in itertools.count():
             if not len(waiting):
@@ -61,7 +62,7 @@ class CoefficientHash(eqx.Module):
             first = np.unique(slot, return_index=True)[1]
             lucky = first[table[slot[first]] == _EMPTY]
             table[slot[lucky]] = keys[waiting[lucky]]
-            held[slot[lucky]] = entries.values[waiting[lucky]]
+            held[slot[lucky]] = values[waiting[lucky]]
             waiting = np.delete(waiting, lucky)
         root = np.asarray(tree.root)
         return cls(tree.wavelet, tree.size, tree.axes, tree.offset, root, table, held)

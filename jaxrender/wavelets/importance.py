@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.shapes import Float, Int
-from jaxrender.wavelets.nodes import Entries
 from jaxrender.wavelets.supports import overlaps
 from jaxrender.wavelets.tree import CoefficientTree
 
@@ -37,7 +36,7 @@ class Importance(NamedTuple):
 def importance(tree: CoefficientTree) -> Importance:
     """Rank the coefficients of a tree; the root's is always kept."""
     entries = tree.entries()
-    norms = np.linalg.norm(entries.values.astype(float), axis=1)
+    norms = np.linalg.norm(np.asarray(entries.values, float), axis=1)
     order = np.argsort(-norms, kind="stable")
     norms = norms[order]
     squares = np.concatenate([np.cumsum(norms[::-1] ** 2)[::-1], [0.0]])
@@ -60,8 +59,8 @@ def most_important(tree: CoefficientTree, count: int) -> CoefficientTree:
         tree.wavelet,
         tree.size,
         tree.axes,
-        Entries(*(part[held] for part in entries)),
-        np.asarray(tree.root),
+        entries.chosen(held),
+        tree.root,
     )
     return dataclasses.replace(smaller, offset=tree.offset)
 

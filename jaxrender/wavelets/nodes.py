@@ -7,14 +7,18 @@ the bits of the place interleaved, axis 0 lowest,
     code(child b) = 2^axes code(node) + b,
 
 so that nodes sorted by level and code have their children side by side, and two masks a node, which
-children and which coefficients there are, are all that a file has to hold.  Host side, NumPy.
+children and which coefficients there are, are all that a file has to hold.  Host side, but for
+values that may be traced.
 """
 
+import dataclasses
+import functools
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.shapes import Bool, Float, Int
+from jaxrender.shapes import AnyArray, Bool, Float, Int
 
 Codes = Int[np.ndarray, "entry"]
 Masks = Int[np.ndarray, "node"]
@@ -26,37 +30,82 @@ class Entries(NamedTuple):
     level: Int[np.ndarray, "entry"]
     code: Codes
     selector: Int[np.ndarray, "entry"]
-    values: Float[np.ndarray, "entry channel"]
+    values: Float[AnyArray, "entry channel"]
+
+    def chosen(self, rows: Int[np.ndarray, "row"] | Bool[np.ndarray, "entry"]) -> "Entries":
+        """Take some of them, by number or by mask."""
+        return Entries(self.level[rows], self.code[rows], self.selector[rows], self.values[rows])
 
 
-class Structure(NamedTuple):
-    """The masks, and what follows from them; node 0 is the root."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Structure:
+    """The masks of a tree, and what follows from them; node 0 is the root.
+
+    Equal if its masks are, and hashable: to JAX it is static, and only values are numbers.  The
+    arrays cannot be written to.  Raises ``ValueError`` for masks that do not agree: of different
+    number, with bits that there is no child or selector for, and children that are more or fewer
+    than the nodes below the root.
+    """
 
     child_masks: Masks
     value_masks: Masks
-    level: Int[np.ndarray, "node"]
-    code: Int[np.ndarray, "node"]
-    first_child: Int[np.ndarray, "node"]
-    first_value: Int[np.ndarray, "node"]
+    axes: int
+    level: Int[np.ndarray, "node"] = dataclasses.field(init=False, repr=False)
+    code: Int[np.ndarray, "node"] = dataclasses.field(init=False, repr=False)
 
-    @property
+    def __post_init__(self):
+        _refuse_disagreeing(self.child_masks, self.value_masks, self.axes)
+        level, code = _levels_and_codes(self.child_masks, self.axes)
+        masks = {"child_masks": self.child_masks, "value_masks": self.value_masks}
+        for name, part in {**masks, "level": level, "code": code}.items():
+            held = np.array(part, np.int64)
+            held.flags.writeable = False
+            object.__setattr__(self, name, held)
+
+    def __eq__(self, other: object) -> bool:
+        if self is other or not isinstance(other, Structure):
+            return self is other
+        return (
+            self.axes == other.axes
+            and hash(self) == hash(other)
+            and np.array_equal(self.child_masks, other.child_masks)
+            and np.array_equal(self.value_masks, other.value_masks)
+        )
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash((self.axes, self.child_masks.tobytes(), self.value_masks.tobytes()))
+
+    def __len__(self) -> int:
+        return len(self.child_masks)
+
+    @functools.cached_property
+    def first_child(self) -> Int[np.ndarray, "node"]:
+        """The node that is the first child of each, where there is one."""
+        counts = popcount(self.child_masks)
+        return 1 + np.cumsum(counts) - counts
+
+    @functools.cached_property
+    def first_value(self) -> Int[np.ndarray, "node"]:
+        """The row of each node's first value, where there is one."""
+        counts = popcount(self.value_masks)
+        return np.cumsum(counts) - counts
+
+    @functools.cached_property
     def value_nodes(self) -> Int[np.ndarray, "value"]:
         """The node of each value."""
-        return np.repeat(np.arange(len(self.level)), popcount(self.value_masks))
+        return np.repeat(np.arange(len(self)), popcount(self.value_masks))
 
-    @property
+    @functools.cached_property
     def value_selectors(self) -> Int[np.ndarray, "value"]:
         """The selector nu of each value, ascending within a node."""
-        bits = set_bits(self.value_masks)
-        return np.nonzero(bits)[1]
+        return np.nonzero(set_bits(self.value_masks))[1]
 
 
-def structure_of(child_masks: Masks, value_masks: Masks, axes: int) -> Structure:
-    """Work out levels, codes and links from the masks of a tree.
-
-    Raises ``ValueError`` for masks that do not agree: of different number, with bits that there is
-    no child or selector for, and children that are more or fewer than the nodes below the root.
-    """
+def _refuse_disagreeing(child_masks: Masks, value_masks: Masks, axes: int) -> None:
     children = 1 << axes
     nodes = len(child_masks)
     if len(value_masks) != nodes or not nodes:
@@ -68,14 +117,18 @@ def structure_of(child_masks: Masks, value_masks: Masks, axes: int) -> Structure
     if np.any(value_masks & 1):
         first = int(np.flatnonzero(value_masks & 1)[0])
         raise ValueError(f"value mask of node {first} has bit 0, the scaling function's; clear it")
-    counts = popcount(child_masks)
-    if counts.sum() != nodes - 1:
+    below = popcount(child_masks).sum()
+    if below != nodes - 1:
         raise ValueError(
-            f"the child masks name {counts.sum()} children, and {nodes - 1} nodes stand below the "
+            f"the child masks name {below} children, and {nodes - 1} nodes stand below the "
             "root; the masks are damaged"
         )
-    first_child = 1 + np.cumsum(counts) - counts
-    first_value = np.cumsum(popcount(value_masks)) - popcount(value_masks)
+
+
+def _levels_and_codes(
+    child_masks: Masks, axes: int
+) -> tuple[Int[np.ndarray, "node"], Int[np.ndarray, "node"]]:
+    nodes, counts = len(child_masks), popcount(child_masks)
     level, code = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
     start, stop = 0, 1
     while start < stop < nodes:
@@ -86,14 +139,14 @@ def structure_of(child_masks: Masks, value_masks: Masks, axes: int) -> Structure
         start, stop = stop, stop + len(parents)
         level[start:stop] = level[parents[0]] + 1
         code[start:stop] = (code[parents] << axes) + bit
-    return Structure(child_masks, value_masks, level, code, first_child, first_value)
+    return level, code
 
 
 class ArrangedEntries(NamedTuple):
     """The structure of a tree, and its coefficients in the structure's order."""
 
     structure: Structure
-    values: Float[np.ndarray, "value channel"]
+    values: Float[AnyArray, "value channel"]
 
 
 def structure_from(entries: Entries, axes: int) -> ArrangedEntries:
@@ -112,9 +165,14 @@ def structure_from(entries: Entries, axes: int) -> ArrangedEntries:
         node[held] = starts[level] + np.searchsorted(codes[level], entries.code[held])
     np.bitwise_or.at(value_masks, node, 1 << entries.selector)
     order, row = np.unique((node << axes) + entries.selector, return_inverse=True)
-    values = np.zeros((len(order), entries.values.shape[1]), entries.values.dtype)
-    np.add.at(values, row, entries.values)
-    return ArrangedEntries(structure_of(child_masks, value_masks, axes), values)
+    structure = Structure(child_masks, value_masks, axes)
+    shape = len(order), entries.values.shape[1]
+    if isinstance(entries.values, np.ndarray):
+        values = np.zeros(shape, entries.values.dtype)
+        np.add.at(values, row, entries.values)
+    else:
+        values = jnp.zeros(shape, entries.values.dtype).at[row].add(entries.values)
+    return ArrangedEntries(structure, values)
 
 
 def interleaved(places: Int[np.ndarray, "entry axis"], bits: int) -> Codes:

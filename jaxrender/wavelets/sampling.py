@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 from jaxrender.wavelets.algebra import resampled
@@ -49,7 +50,7 @@ class Prepared(NamedTuple):
 
     tree: CoefficientTree
     support: Float[AnyArray, "cell"]
-    nothing: float
+    nothing: Float[AnyArray, ""]
 
 
 class Slices(NamedTuple):
@@ -158,12 +159,12 @@ class TabulatedDensities(CellDensities):
                 "levels, or use SlicedDensities"
             )
         order = fixed_axes + free_axes(tree.axes, fixed_axes)
-        samples = np.transpose(np.asarray(tree.samples())[..., 0], order)
+        samples = jnp.transpose(tree.samples()[..., 0], order)
         held = len(fixed_axes)
         table = samples.reshape(tree.size**held, -1)
         table = table[_morton(tree.size, held)][:, _morton(tree.size, tree.axes - held)]
         shares = jnp.asarray(ready.support)
-        rows = probabilities(jnp.asarray(table), shares, ready.nothing)
+        rows = probabilities(table, shares, ready.nothing)
         return cls(tree.axes, fixed_axes, Slices(pyramid_over(rows, tree.axes - held), shares))
 
     @property
@@ -262,33 +263,38 @@ def prepared(
     return Prepared(tree, cells.ravel()[_morton(tree.size, free)], _rounding(tree))
 
 
-def _rounding(tree: CoefficientTree) -> float:
+def _rounding(tree: CoefficientTree) -> Float[Array, ""]:
     """Bound what is left of a zero when a tree of one channel is added up, generously."""
-    structure, root = tree.structure, np.asarray(tree.root)
-    sums = np.bincount(structure.value_nodes, np.abs(tree.values[:, 0]), len(structure.level))
-    highest = np.zeros(tree.levels + 1)
-    np.maximum.at(highest, structure.level, sums * 2.0 ** (structure.level * tree.axes / 2))
-    return float(4 * np.finfo(root.dtype).eps * (np.abs(root[0]) + highest.sum()))
+    structure, root = tree.structure, jnp.asarray(tree.root)
+    values = jnp.abs(jnp.asarray(tree.values)[:, 0])
+    sums = jnp.zeros(len(structure), values.dtype).at[structure.value_nodes].add(values)
+    scale = jnp.asarray(2.0 ** (structure.level * tree.axes / 2), values.dtype)
+    highest = jnp.zeros(tree.levels + 1, values.dtype).at[structure.level].max(sums * scale)
+    return 4 * jnp.finfo(root.dtype).eps * (jnp.abs(root[0]) + highest.sum())
 
 
 def _reduced(tree: CoefficientTree, weights: AnyArray | None) -> CoefficientTree:
-    values, root = np.asarray(tree.values), np.asarray(tree.root)
-    given = np.full(tree.channels, 1 / tree.channels) if weights is None else np.asarray(weights)
-    if given.shape != root.shape or not (np.isfinite(given).all() and (given >= 0).all()):
+    given = np.full(tree.channels, 1 / tree.channels) if weights is None else weights
+    fine = given.shape == tree.root.shape
+    if fine and not isinstance(given, Tracer):
+        fine = bool(np.all(np.isfinite(given)) and np.all(np.asarray(given) >= 0))
+    if not fine:
         raise ValueError(f"weights {given}; give {tree.channels}, finite and not negative")
-    if not (np.isfinite(values).all() and np.isfinite(root).all()):
+    known = (part for part in (tree.root, tree.values) if not isinstance(part, Tracer))
+    if not all(np.all(np.isfinite(part)) for part in known):
         raise ValueError("some of the tree's coefficients are not finite; mend the samples")
-    given = given.astype(root.dtype)[:, None]
-    return dataclasses.replace(tree, root=root @ given, values=values @ given)
+    given = given.astype(tree.root.dtype)[:, None]
+    return dataclasses.replace(tree, root=tree.root @ given, values=tree.values @ given)
 
 
 def probabilities(
-    values: Float[Array, "row cell"], support: Float[AnyArray, "cell"], nothing: float
+    values: Float[Array, "row cell"], support: Float[AnyArray, "cell"], nothing: Float[AnyArray, ""]
 ) -> Float[Array, "row cell"]:
     """Clamp and normalise each row; the support alone where the mean is nothing but rounding."""
     clamped = jnp.asarray(support)[None].astype(values.dtype) * jnp.maximum(values, 0)
     total = clamped.sum(axis=1, keepdims=True)
-    empty = total <= max(nothing * len(support), float(np.finfo(values.dtype).tiny))
+    least = jnp.maximum(nothing * len(support), jnp.finfo(values.dtype).tiny)
+    empty = total <= least.astype(values.dtype)
     held = jnp.asarray(support).astype(values.dtype)
     uniform = held / held.sum()
     return jnp.where(empty, uniform[None], clamped / jnp.where(empty, 1, total))

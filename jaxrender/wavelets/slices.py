@@ -41,7 +41,7 @@ class SlicedDensities(CellDensities):
     axes: int = eqx.field(static=True)
     fixed_axes: tuple[int, ...] = eqx.field(static=True)
     levels: int = eqx.field(static=True)
-    nothing: float = eqx.field(static=True)
+    nothing: Float[AnyArray, ""]
     links: Traversal
     support: Float[AnyArray, "cell"]
 

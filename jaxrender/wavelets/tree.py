@@ -24,12 +24,10 @@ from jaxrender.wavelets.filters import Wavelet
 from jaxrender.wavelets.layout import check_signal
 from jaxrender.wavelets.nodes import (
     Entries,
-    Masks,
     Structure,
     interleaved,
     separated,
     structure_from,
-    structure_of,
 )
 from jaxrender.wavelets.transform import synthesise_nonstandard
 
@@ -40,17 +38,17 @@ _MOST_AXES = 4
 class CoefficientTree(eqx.Module):
     """A function on [0, 1]^axes as the coefficients that are not zero.
 
-    Samples stand at the centres of ``size`` cells along each axis.  The masks are host arrays.
-    Raises ``ValueError`` for more than four axes, a size that is no power of two, masks that do not
-    agree with each other or with the number of values, and nodes finer than the size.
+    Samples stand at the centres of ``size`` cells along each axis.  A pytree whose leaves are the
+    root and the values: it goes through ``jit``, ``vmap`` and ``grad``, and optimisers train it.
+    Raises ``ValueError`` for more than four axes, a size that is no power of two, another number of
+    values than the masks name, and nodes finer than the size.
     """
 
     wavelet: Wavelet = eqx.field(static=True)
     size: int = eqx.field(static=True)
-    axes: int = eqx.field(static=True)
+    structure: Structure = eqx.field(static=True)
+    """Which coefficients there are."""
     root: Float[AnyArray, "channel"]
-    child_masks: Masks
-    value_masks: Masks
     values: Float[AnyArray, "value channel"]
     offset: float = eqx.field(static=True, default=-1.0)
     """Where sample 0 stands; by default the centre of its cell.  ``resampled`` leaves it there."""
@@ -64,17 +62,14 @@ class CoefficientTree(eqx.Module):
             raise ValueError(f"{self.axes} axes; a tree has 1 to {_MOST_AXES}")
         if self.size < 1 or self.size & (self.size - 1):
             raise ValueError(f"size {self.size} is no power of two")
-        if not isinstance(self.child_masks, np.ndarray):
-            return  # on its way through a transformation of JAX's
-        structure = self.structure
-        held = int(np.bitwise_count(self.value_masks).sum())
+        held = int(np.bitwise_count(self.structure.value_masks).sum())
         if len(self.values) != held:
             raise ValueError(f"{len(self.values)} values, and masks that name {held}")
         if self.values.shape[1] != self.root.shape[0]:
             raise ValueError(
                 f"{self.values.shape[1]} channels of values, {self.root.shape[0]} at the root"
             )
-        deepest = int(structure.level.max(initial=0))
+        deepest = int(self.structure.level.max(initial=0))
         if deepest >= max(self.levels, 1):
             raise ValueError(f"nodes at level {deepest}; size {self.size} has {self.levels} levels")
 
@@ -113,12 +108,16 @@ class CoefficientTree(eqx.Module):
         size: int,
         axes: int,
         entries: Entries,
-        root: Float[np.ndarray, "channel"],
+        root: Float[AnyArray, "channel"],
     ) -> "CoefficientTree":
         """Arrange coefficients of ``size`` samples along each axis.  Equal places are added up."""
         structure, values = structure_from(entries, axes)
-        masks = structure.child_masks, structure.value_masks
-        return cls(wavelet, size, axes, root, *masks, values)
+        return cls(wavelet, size, structure, root, values)
+
+    @property
+    def axes(self) -> int:
+        """Of the cube."""
+        return self.structure.axes
 
     @property
     def levels(self) -> int:
@@ -131,11 +130,6 @@ class CoefficientTree(eqx.Module):
         return self.root.shape[0]
 
     @property
-    def structure(self) -> Structure:
-        """Levels, codes and links of all nodes; raises ``ValueError`` for damaged masks."""
-        return structure_of(self.child_masks, self.value_masks, self.axes)
-
-    @property
     def count(self) -> int:
         """How many coefficients are held, the root's included."""
         return len(self.values) + 1
@@ -144,23 +138,18 @@ class CoefficientTree(eqx.Module):
         """List the coefficients but the root's."""
         structure = self.structure
         node = structure.value_nodes
-        return Entries(
-            structure.level[node],
-            structure.code[node],
-            structure.value_selectors,
-            np.asarray(self.values),
-        )
+        places = structure.level[node], structure.code[node], structure.value_selectors
+        return Entries(*places, self.values)
 
     def coefficients(self) -> Float[Array, "*size channel"]:
         """Lay out all coefficients in Mallat's order, normalised as ``transform`` has them."""
-        entries = self.entries()
-        dense = np.zeros((*(self.size,) * self.axes, self.channels), entries.values.dtype)
-        norm = np.asarray(float(self.size) ** (self.axes / 2), dense.dtype)
+        entries, values = self.entries(), jnp.asarray(self.values)
         bits = (entries.selector[:, None] >> np.arange(self.axes)) & 1
         places = separated(entries.code, self.axes) + (bits << entries.level[:, None])
-        dense[tuple(places.T)] = entries.values * norm
-        dense[(0,) * self.axes] = np.asarray(self.root) * norm
-        return jnp.asarray(dense)
+        dense = jnp.zeros((*(self.size,) * self.axes, self.channels), values.dtype)
+        dense = dense.at[(0,) * self.axes].set(jnp.asarray(self.root, values.dtype))
+        norm = float(self.size) ** (self.axes / 2)
+        return dense.at[tuple(places.T)].set(values, unique_indices=True) * norm
 
     def samples(self) -> Float[Array, "*size channel"]:
         """Reconstruct all samples."""

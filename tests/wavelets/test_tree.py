@@ -30,7 +30,7 @@ from jaxrender.wavelets import (
     synthesise_nonstandard,
     weighted_sum,
 )
-from jaxrender.wavelets.nodes import interleaved, separated, structure_of
+from jaxrender.wavelets.nodes import Structure, interleaved, separated
 
 EVERY = pytest.mark.parametrize("wavelet", WAVELETS.values(), ids=list(WAVELETS))
 CUBES = pytest.mark.parametrize(("size", "axes"), [(8, 4), (16, 2), (16, 1), (4, 3), (1, 2)])
@@ -85,8 +85,8 @@ def test_one_coefficient_is_one_function():
     code = interleaved(np.array([[0, 1]]), 2)
     entries = Entries(np.array([1]), code, np.array([2]), np.ones((1, 1)))
     tree = CoefficientTree.of_entries(haar(), 8, 2, entries, np.zeros(1))
-    assert tree.child_masks.tolist() == [1 << 2, 0]
-    assert tree.value_masks.tolist() == [0, 1 << 2]
+    assert tree.structure.child_masks.tolist() == [1 << 2, 0]
+    assert tree.structure.value_masks.tolist() == [0, 1 << 2]
     expected = np.zeros((8, 8))
     expected[:4, 4:6], expected[:4, 6:] = 2.0, -2.0
     np.testing.assert_allclose(tree.samples()[..., 0], expected, atol=1e-15)
@@ -144,19 +144,19 @@ def test_unlike_trees_are_not_added():
 
 def test_damaged_masks_are_refused():
     tree = tree_of(haar(), 8, 2, 0.5)
-    child, value = tree.child_masks.copy(), tree.value_masks.copy()
-    child[-1] |= 1
-    with pytest.raises(ValueError, match="nodes stand below the root"):
-        dataclasses.replace(tree, child_masks=child)
+    child, value = tree.structure.child_masks.copy(), tree.structure.value_masks.copy()
     value[0] ^= 2
     with pytest.raises(ValueError, match="values, and masks that name"):
-        dataclasses.replace(tree, value_masks=value)
+        dataclasses.replace(tree, structure=Structure(child, value, 2))
+    child[-1] |= 1
+    with pytest.raises(ValueError, match="nodes stand below the root"):
+        Structure(child, value, 2)
     with pytest.raises(ValueError, match="stray bits"):
-        structure_of(np.array([1 << 4]), np.array([0]), 2)
+        Structure(np.array([1 << 4]), np.array([0]), 2)
     with pytest.raises(ValueError, match="bit 0"):
-        structure_of(np.array([0]), np.array([1]), 2)
+        Structure(np.array([0]), np.array([1]), 2)
     with pytest.raises(ValueError, match="no parent"):
-        structure_of(np.array([0, 1]), np.array([0, 0]), 2)
+        Structure(np.array([0, 1]), np.array([0, 0]), 2)
     with pytest.raises(ValueError, match="no power of two"):
         dataclasses.replace(tree, size=12)
     with pytest.raises(ValueError, match="has 1 levels"):

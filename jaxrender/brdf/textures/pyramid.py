@@ -211,7 +211,7 @@ def _evaluate(
 
 
 def _numbers(tree: CoefficientTree) -> int:
-    return (len(tree.child_masks) << tree.axes) * tree.channels
+    return (len(tree.structure) << tree.axes) * tree.channels
 
 
 def _refuse_many(numbers: int, trees: int) -> None:

@@ -15,6 +15,7 @@ from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.shapes import AnyArray, Int
 from jaxrender.wavelets import (
     CoefficientTree,
+    Structure,
     Wavelet,
     analyse_nonstandard,
     haar,
@@ -58,12 +59,12 @@ class TreeStore:
 
     def __init__(self):
         self.trees: list[CoefficientTree] = []
-        self._numbers: dict[tuple[bytes, ...], int] = {}
+        self._numbers: dict[tuple[Structure, bytes, bytes], int] = {}
 
     def add(self, tree: CoefficientTree) -> int:
         """Return the number of a tree, a new one if it is not there yet."""
-        parts = tree.root, tree.child_masks, tree.value_masks, tree.values
-        key = tuple(np.asarray(part).tobytes() for part in parts)
+        root, values = (np.asarray(part).tobytes() for part in (tree.root, tree.values))
+        key = tree.structure, root, values
         if key not in self._numbers:
             self._numbers[key] = len(self.trees)
             self.trees.append(tree)
@@ -116,14 +117,13 @@ def thresholded(tree: CoefficientTree, rms: float) -> Thresholded:
     count = max(len(entries.values), 1)
     # A tree's coefficients squared add up to an integral over the cube, not to a mean of samples.
     kept = keep_within(entries.values, rms / np.sqrt(count), joint=True)
-    values = np.asarray(kept.coefficients)
-    held = np.any(values != 0, axis=1)
+    held = np.any(np.asarray(kept.coefficients) != 0, axis=1)
     fewer = CoefficientTree.of_entries(
         tree.wavelet,
         tree.size,
         tree.axes,
-        type(entries)(*(part[held] for part in entries)),
-        np.asarray(tree.root),
+        entries.chosen(held),
+        tree.root,
     )
     missing = kept.predicted_rms * np.sqrt(count)
     return Thresholded(dataclasses.replace(fewer, offset=tree.offset), float(missing))
