@@ -17,8 +17,8 @@ from lalonde_figure_3_1 import picture, sphere
 from lalonde_table_4_1 import SIZE, image_rms, materials
 
 from jaxrender.brdf import WaveletBRDF
+from jaxrender.brdf.compression.squares import Goal, compression_of
 from jaxrender.brdf.tables.cell_means import tabulate
-from jaxrender.pipelines.compress import Goal, compression_of
 from jaxrender.wavelets import wavelet_named
 
 OUT = Path(__file__).parent / "out"

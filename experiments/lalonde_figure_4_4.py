@@ -16,8 +16,8 @@ import jax
 import numpy as np
 from lalonde_table_4_1 import PUBLISHED, SIZE, materials
 
+from jaxrender.brdf.compression.squares import Goal, compression_of
 from jaxrender.brdf.tables.cell_means import tabulate
-from jaxrender.pipelines.compress import Goal, compression_of
 from jaxrender.wavelets import WAVELETS
 
 OUT = Path(__file__).parent / "out"

@@ -28,9 +28,9 @@ import numpy as np
 from lalonde_figure_3_1 import SAWTOOTH, picture, sphere
 
 from jaxrender.brdf import BRDF, CosineLobe, WaveletBRDF
+from jaxrender.brdf.compression.squares import Compression, Goal, compression_of
 from jaxrender.brdf.tables.cell_means import tabulate
 from jaxrender.pipelines.brdf_sources import source_of
-from jaxrender.pipelines.compress import Compression, Goal, compression_of
 from jaxrender.wavelets import wavelet_named
 
 FRACTIONS = (1.0, 0.2, 0.1, 0.05, 0.01, 0.005, 0.001, 0.0001)

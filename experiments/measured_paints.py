@@ -16,14 +16,14 @@ import jax
 import numpy as np
 
 from jaxrender.brdf import BRDF, WaveletBRDF
+from jaxrender.brdf.compression.squares import Goal, compression_of
 from jaxrender.brdf.isotropic_mean import IsotropicMean
-from jaxrender.brdf.tables.cell_means import tabulate
+from jaxrender.brdf.tables.cell_means import CELL_SAMPLES, tabulate
 from jaxrender.geometry import Pinhole, Sphere, look_at
 from jaxrender.inverse.nearest_models import best_models
 from jaxrender.io import read_environment
 from jaxrender.lighting.base import LightNodes
 from jaxrender.pipelines.brdf_sources import source_of
-from jaxrender.pipelines.compress import CELL_SAMPLES, Goal, compression_of
 from jaxrender.reflection import ExactForward
 from jaxrender.reflection.render import render
 from jaxrender.spectra.central import central_spectrum_of

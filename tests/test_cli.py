@@ -15,6 +15,7 @@ import pytest
 
 import jaxrender
 from jaxrender import cli
+from jaxrender.brdf import Goal
 from jaxrender.cli import process
 from jaxrender.errors import InputError
 from jaxrender.pipelines import compress as compression
@@ -67,7 +68,8 @@ def calls(monkeypatch, tmp_path):
 
     def compress(brdf, out, goal, **named):
         answer(brdf=brdf, out=out, goal=goal, **named)
-        return types.SimpleNamespace(said=("what is kept", "what is missed"))
+        said = ("what is kept", "what is missed")
+        return types.SimpleNamespace(said=said, conserves_energy=named["conserve"])
 
     monkeypatch.setattr(measuring, "measure", measure)
     monkeypatch.setattr(compression, "compress", compress)
@@ -190,14 +192,22 @@ def test_compress(calls, capsys):
 def test_compress_hands_over_every_option(calls):
     line = (
         "compress a.bsdf --out a.nc --keep 0.2 --error 0.05 --size 8 --wavelet cdf-2-2 --spectral "
-        "--cell-samples 4 --embedding half-difference --transform log"
+        "--cell-samples 4 --embedding half-difference --transform log --conserve"
     )
     assert cli.main(line.split()) == 0
-    assert calls["goal"] == compression.Goal(fraction=0.2, error=0.05)
+    assert calls["goal"] == Goal(fraction=0.2, error=0.05)
     assert (calls["size"], calls["wavelet"], calls["spectral"]) == (8, "cdf-2-2", True)
     assert calls["cell_samples"] == 4
     assert (calls["embedding"], calls["transform"]) == ("half-difference", "log")
-    assert compression.goal_of(None, "5%") == compression.Goal(error=0.05)
+    assert calls["conserve"]
+    assert compression.goal_of(None, "5%") == Goal(error=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"), [("", 0), ("--strict", 1), ("--strict --conserve", 0)]
+)
+def test_a_tree_that_creates_light_fails_if_strict(calls, options, code):
+    assert cli.main(["compress", "phong", "--out", "a.nc", *options.split()]) == code
 
 
 def test_how_progress_is_reported(calls, capsys):

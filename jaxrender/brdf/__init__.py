@@ -28,6 +28,8 @@
     measured reflectance: tables and series over two directions
 ``wavelet`` ``scattering_trees``
     a coefficient tree over pairs of directions; four of them, where light passes too
+``half_difference_tree`` ``compression``
+    a tree over half and difference angles; how trees are made of any BRDF, and their energy
 ``isotropic_mean`` ``exchanged``
     the isotropic part of any BRDF; the BRDF with its two directions exchanged
 ``textures``
@@ -42,6 +44,7 @@ from jaxrender.brdf.anisotropic_ggx import AnisotropicGGX
 from jaxrender.brdf.bank import Bank, BankLobe, standard_lobes
 from jaxrender.brdf.base import BRDF
 from jaxrender.brdf.blinn_phong import BlinnPhong
+from jaxrender.brdf.compression import Compressed, Goal, compressed, conserving
 from jaxrender.brdf.cook_torrance import CookTorrance
 from jaxrender.brdf.distributions import (
     DISTRIBUTIONS,
@@ -157,6 +160,7 @@ __all__ = [
     "Beckmann",
     "BlinnPhong",
     "ByOwnNumber",
+    "Compressed",
     "CookTorrance",
     "CorrectedBRDF",
     "CosineLobe",
@@ -166,6 +170,7 @@ __all__ = [
     "Exchanged",
     "Gaussian",
     "Glossy",
+    "Goal",
     "HalfDifference",
     "HeTorrance",
     "HeTorranceLobe",
@@ -211,6 +216,8 @@ __all__ = [
     "ZernikeBRDF",
     "ZernikeFit",
     "brdf_named",
+    "compressed",
+    "conserving",
     "lobe_named",
     "material_named",
     "conductor_fresnel",

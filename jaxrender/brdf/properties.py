@@ -64,13 +64,21 @@ def directional_albedo(
     for cosine in np.asarray(cosines, float):
         if not 0 < cosine <= 1:
             raise ValueError(f"cosine={cosine}: must lie in (0, 1], from the normal to grazing")
-        directions, weights = _nodes_about_mirror(np.arccos(cosine), azimuth, nodes)
-        polar = np.sqrt(1 - cosine**2)
-        still = [polar * np.cos(azimuth), polar * np.sin(azimuth), cosine]
-        still = np.broadcast_to(still, directions.shape)
-        pair = (still, directions) if fixed == "incoming" else (directions, still)
-        albedos.append((weights * directions[:, 2]) @ np.asarray(_evaluate(brdf, *pair), float))
+        albedos.append(evaluated_about_mirror(brdf, cosine, azimuth, fixed, nodes)[1].sum(axis=0))
     return np.stack(albedos)
+
+
+def evaluated_about_mirror(
+    brdf: BRDF, cosine: float, azimuth: float = 0.0, fixed: str = "incoming", nodes: int = 96
+) -> tuple[Float[np.ndarray, "node"], Float[np.ndarray, "node channel"]]:
+    """Evaluate what ``directional_albedo`` adds up, with the cosine of each direction."""
+    directions, weights = _nodes_about_mirror(np.arccos(cosine), azimuth, nodes)
+    polar = np.sqrt(1 - cosine**2)
+    still = [polar * np.cos(azimuth), polar * np.sin(azimuth), cosine]
+    still = np.broadcast_to(still, directions.shape)
+    pair = (still, directions) if fixed == "incoming" else (directions, still)
+    values = np.asarray(_evaluate(brdf, *pair), float)
+    return directions[:, 2], (weights * directions[:, 2])[:, None] * values
 
 
 def max_albedo(

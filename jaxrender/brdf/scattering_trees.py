@@ -15,18 +15,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxrender.brdf.compression.squares import Goal, compression_of
+from jaxrender.brdf.half_vector import are_visible
+from jaxrender.brdf.measured import MeasuredAlbedo
+from jaxrender.brdf.tables.cell_means import CELL_SAMPLES, albedo_of, tabulate
 from jaxrender.brdf.wavelet import WaveletBRDF
-from jaxrender.geometry import NUSSELT
+from jaxrender.geometry import NUSSELT, Components
+from jaxrender.geometry.disc_cells import covered_shares
 from jaxrender.shapes import AnyArray, Array, Directions, Float, Int, checked
 from jaxrender.wavelets import (
     CellForest,
     CoefficientTree,
     Traversal,
     Wavelet,
-    analyse_nonstandard,
     haar,
     is_stepwise,
-    keep_fraction,
 )
 
 _SIDES = 2
@@ -56,20 +59,29 @@ class ScatteringTrees(eqx.Module):
 
     @classmethod
     def of(
-        cls, scattering: Scattering, size: int, wavelet: Wavelet | None = None, keep: float = 1.0
+        cls,
+        scattering: Scattering,
+        size: int,
+        wavelet: Wavelet | None = None,
+        keep: float = 1.0,
+        cell_samples: int = CELL_SAMPLES,
     ) -> "ScatteringTrees":
-        """Tabulate a BSDF on ``size``^4 cells for each pair of sides; keep part of each tree.
+        """Make a tree for each pair of sides as ``brdf.compression.compressed`` does.
 
         ``keep`` is a fraction of the non-zero coefficients.  Raises ``ValueError`` for values that
-        are not finite, a size that is no power of two and a fraction outside (0, 1].
+        are negative or not finite, a size that is no power of two and a fraction outside (0, 1].
         """
-        chosen, trees = wavelet or haar(), []
+        dtype, trees = jax.dtypes.canonicalize_dtype(float).type, []
         for incoming in range(_SIDES):
             for outgoing in range(_SIDES):
-                table = _table(scattering, size, (incoming, outgoing))
-                coefficients = analyse_nonstandard(chosen, table)
-                kept = keep_fraction(coefficients, keep, joint=True).coefficients
-                trees.append(CoefficientTree.of_coefficients(chosen, kept))
+                brdf = _Side.of(scattering, (incoming, outgoing))
+                table, masked = tabulate(brdf, size, dtype=dtype, cell_samples=cell_samples)
+                if masked:
+                    raise ValueError(
+                        f"{masked} means of values that are negative or not finite; mend the "
+                        "function"
+                    )
+                trees.append(compression_of(table, wavelet or haar(), Goal(keep)).tree)
         return cls(tuple(trees))
 
     @checked
@@ -95,9 +107,13 @@ class ScatteringTrees(eqx.Module):
         """Return the share of uniform light from one side that leaves to another.
 
         The mean over the incoming disc of the integral of f cos t_o dw_o; 4 dk dl is cos t dw, and
-        the disc's 4 dk dl are pi (ERRATA 75).
+        the disc's 4 dk dl are pi (ERRATA 75).  Cells count by the share that the disc covers.
         """
-        means = [np.asarray(tree.root) * 16 / np.pi for tree in self.trees]
+        disc = covered_shares(self.trees[0].size)
+        means = [
+            np.tensordot(disc / disc.sum(), albedo_of(np.asarray(tree.samples())), axes=2)
+            for tree in self.trees
+        ]
         return np.stack(means).reshape(_SIDES, _SIDES, -1)
 
 
@@ -113,24 +129,39 @@ def _looked_up(
     return jnp.take_along_axis(each, which[None, :, None], axis=0)[0]
 
 
-def _table(
-    scattering: Scattering, size: int, sides: tuple[int, int]
-) -> Float[Array, "kappa_i lambda_i kappa_r lambda_r channel"]:
-    """Sample pairs of one pair of sides, some incoming directions at a time; zero off the disc."""
-    inside = np.asarray(NUSSELT.covers(NUSSELT.centres((size, size))))
-    if not inside.any():
-        raise ValueError(f"size={size}: no cell has a direction; give more samples")
-    upper = NUSSELT.cell_directions((size, size))[inside]
-    incoming, outgoing = (upper * [1, 1, 1 - 2 * side] for side in sides)
-    found = np.asarray(
-        jax.lax.map(
-            lambda one: scattering(jnp.broadcast_to(one, outgoing.shape), outgoing), incoming
+class _Side(MeasuredAlbedo):
+    """A BSDF between two sides as a BRDF: each direction mirrored above the surface."""
+
+    scattering: Scattering
+    signs: Float[AnyArray, "2"]
+    channels: int = eqx.field(static=True)
+
+    @property
+    def reciprocal(self) -> bool:
+        return False
+
+    @property
+    def isotropic(self) -> bool:
+        return False
+
+    @classmethod
+    def of(cls, scattering: Scattering, sides: tuple[int, int]) -> "_Side":
+        up = jnp.array([[0.0, 0.0, 1.0]])
+        signs = 1.0 - 2 * np.array(sides)
+        return cls(scattering, signs, jax.eval_shape(scattering, up, up).shape[-1])
+
+    @property
+    def amplitudes(self) -> Float[AnyArray, "lobe channel"]:
+        return np.eye(self.channels)
+
+    def transfer(
+        self, incoming: Components, outgoing: Components
+    ) -> tuple[Float[Array, "*batch"], ...]:
+        pair = jnp.broadcast_arrays(*incoming, *outgoing)
+        towards, away = (
+            jnp.stack([part[0], part[1], sign.astype(part[2].dtype) * part[2]], axis=-1)
+            for part, sign in zip((pair[:3], pair[3:]), jnp.asarray(self.signs), strict=True)
         )
-    )
-    if not np.isfinite(found).all():
-        raise ValueError(f"{np.sum(~np.isfinite(found))} values are not finite; mend the function")
-    table = np.zeros((size, size, size, size, found.shape[-1]), found.dtype)
-    rows = np.zeros((len(upper), size, size, found.shape[-1]), found.dtype)
-    rows[:, inside] = found
-    table[inside] = rows
-    return jnp.asarray(table)
+        found = self.scattering(towards, away)
+        visible, cosine = are_visible(incoming, outgoing), jnp.asarray(incoming.z)
+        return tuple(jnp.where(visible, found[..., c] * cosine, 0) for c in range(self.channels))

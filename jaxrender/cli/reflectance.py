@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from jaxrender.cli import process
-from jaxrender.cli.app import DONE, app, examples
+from jaxrender.cli.app import DONE, NOT_CONVERGED, app, examples
 from jaxrender.cli.reporting import AS_USUAL, Reporting
 
 
@@ -82,7 +82,7 @@ def measure(
 @app.command(
     help_epilogue=examples(
         "compress paint.binary --out paint.nc --error 0.05",
-        "compress microfacet:sigma=0.2,mu=1.5 --out facets.nc --size 16",
+        "compress microfacet:sigma=0.2,mu=1.5 --out facets.nc --size 16 --conserve --strict",
     )
 )
 def compress(
@@ -98,12 +98,14 @@ def compress(
     cell_samples: int = 16,
     embedding: Literal["nusselt", "half-difference", "auto"] = "nusselt",
     transform: Literal["cube-root", "log", "none"] | None = None,
+    conserve: bool = False,
+    strict: bool = False,
     reporting: Reporting = AS_USUAL,
 ) -> int:
     """Compress a BRDF to a tree of wavelet coefficients.
 
-    Prints the size of the tree, the errors of thresholding and of the tree, and the cost of an
-    evaluation.
+    Prints the size of the tree, the errors of thresholding and of the tree, whether it conserves
+    energy, and the cost of an evaluation.  The numbers are also in OUT.json.
 
     Parameters
     ----------
@@ -134,6 +136,11 @@ def compress(
         (whichever is nearer to measurements held out).
     transform
         What the tree holds over half-difference: the cube-root (default), log or none of a value.
+    conserve
+        Dim a BRDF that sends out more light than arrives, as little as leaves no albedo above 1:
+        by g(t_i) g(t_r), which keeps it reciprocal.  The loss is printed.
+    strict
+        Exit with 1 if an albedo of the tree is above 1.
     """
     process.set_up_jax()
     from jaxrender.pipelines import compress as compression
@@ -150,11 +157,12 @@ def compress(
         progress=reporting.progress(),
         embedding=embedding,
         transform=transform,
+        conserve=conserve,
     )
     for line in done.said:
         process.say(line)
     process.say(f"tree: {out}")
-    return DONE
+    return NOT_CONVERGED if strict and not done.conserves_energy else DONE
 
 
 @app.command(

@@ -16,6 +16,7 @@ measurements out of the table, and chooses by the error there.
 
 Python reads a tree, renders with it, draws directions from it, and finds the nearest models::
 
+    tree = compressed(brdf, 32, Goal(0.01)).tree  # jaxrender.brdf.compression; from a model
     tree, about = read_tree("paint.nc")  # jaxrender.io
     material = WaveletBRDF(tree)  # jaxrender.brdf
     sampler = TreeSampler.of(tree)  # jaxrender.brdf; for reflection.tracing.path_radiance
@@ -32,44 +33,29 @@ import jax
 import numpy as np
 
 from jaxrender.brdf import BRDF, WaveletBRDF
+from jaxrender.brdf.compression.compressed import cell_table
+from jaxrender.brdf.compression.energy import CONSERVES, Energy, conserving
+from jaxrender.brdf.compression.isotropic import Isotropic, Judge
+from jaxrender.brdf.compression.judged_pairs import Estimate
+from jaxrender.brdf.compression.squares import Compression, Goal, compression_of
 from jaxrender.brdf.half_difference_tree import TRANSFORMS
-from jaxrender.brdf.tables.cell_means import Behaviour, behaviour, tabulate
-from jaxrender.brdf.tables.cells import Table
+from jaxrender.brdf.tables.cell_means import CELL_SAMPLES
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import NUSSELT
+from jaxrender.io.atomic import replacing
 from jaxrender.io.tree_layout import TreeAbout
 from jaxrender.io.trees import write_tree
 from jaxrender.pipelines.brdf_sources import Source, source_of
-from jaxrender.pipelines.compress_isotropic import (
-    Goal,
-    Isotropic,
-    Judge,
-    chosen_isotropic,
-    sentence_of,
-    written,
-)
+from jaxrender.pipelines.compress_isotropic import chosen_isotropic, sentence_of, written
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.shapes import Float
-from jaxrender.wavelets import (
-    CoefficientTree,
-    Thresholded,
-    Wavelet,
-    analyse_nonstandard,
-    keep_fraction,
-    keep_within,
-    wavelet_named,
-)
+from jaxrender.pipelines.result import write_json
+from jaxrender.wavelets import Wavelet, wavelet_named
 
 # A table of so many numbers takes about 2 GB to make a tree of.
 _MOST_NUMBERS = 2**26
-# Of a wavelet that is not orthonormal an error is only estimated: try again, so often.
-_ATTEMPTS = 6
 _POINTS = 1 << 16
 _TABLE_BYTES = 4
-# With 16, 32 or 64 a microfacet of sigma .4 at 32^4 is missed by 35 % between samples, with 1 or 4
-# by 50 and 45.
-CELL_SAMPLES = 16
 EMBEDDINGS = ("nusselt", "half-difference", "auto")
 _USUAL_WAVELETS = {"nusselt": "haar", "half-difference": "cdf-2-2"}
 _evaluate = eqx.filter_jit(BRDF.evaluate)
@@ -91,23 +77,26 @@ def goal_of(keep: float | None, error: str | None) -> Goal | None:
     return Goal(Goal().fraction if keep is None else keep, share)
 
 
-class Compression(NamedTuple):
-    """A tree, the number of coefficients of its table, and its relative rms error."""
-
-    tree: CoefficientTree
-    non_zero: int
-    predicted: float
-    measured: float
-    by_channel: Float[np.ndarray, "channel"]
-    table: Behaviour
-    samples: Behaviour
-
-
 class Compressed(NamedTuple):
-    """The written tree, and sentences about it."""
+    """The written tree, sentences about it, and whether it conserves energy (``Energy.outcome``).
+
+    ``lost`` is what ``conserve`` took of uniform light that the BRDF reflects.
+    """
 
     compression: Compression | Isotropic
+    errors: dict[str, Estimate]
     said: tuple[str, ...]
+    lost: float = 0.0
+
+    @property
+    def energy(self) -> Energy:
+        """Of the tree."""
+        return self.compression.energy
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether no albedo is above 1, but for rounding."""
+        return self.energy.outcome == CONSERVES
 
 
 def compress(
@@ -121,6 +110,7 @@ def compress(
     cell_samples: int = CELL_SAMPLES,
     embedding: str = "nusselt",
     transform: str | None = None,
+    conserve: bool = False,
     progress: Progress | None = None,
 ) -> Compressed:
     """Write the tree of a BRDF: a file, a model or a fit's result folder (``brdf_sources``).
@@ -128,6 +118,8 @@ def compress(
     ``cell_samples`` are taken for the mean over a cell of Nusselt's square, 1 at its centre.
     ``embedding`` is one of ``EMBEDDINGS``; ``transform`` of values belongs to ``half-difference``.
     The wavelet is Haar's by default over Nusselt's squares, and else the linear spline.
+    ``conserve`` dims what sends out more light than arrives (``brdf.compression.conserving``).
+    Beside the tree ``OUT.json`` holds what is said, as numbers.
 
     Raises ``InputError`` for unreadable and unwritable files, a size that is too large or no power
     of two, an unknown wavelet, and a goal out of range.
@@ -143,13 +135,15 @@ def compress(
     if embedding != "nusselt":
         with progress.stage("compare"):
             found = chosen_isotropic(
-                source, wavelets, size, cell_samples, goal, embedding, transform
+                source, wavelets, size, cell_samples, goal, embedding, transform, conserve
             )
         if found is not None:
             with progress.stage("write"):
-                said = written(source, found, goal, out)
-            took = f"time: evaluation {1e6 * _seconds_a_point(found.brdf):.3f} us a pair, warm"
-            return Compressed(found, (*said, took))
+                said = written(source, found.tree, goal, out)
+            took = f"time: evaluation {1e6 * _seconds_a_point(found.tree.brdf):.3f} us a pair, warm"
+            done = Compressed(found.tree, found.tree.errors, (*said, took), found.lost)
+            _write_numbers(out, source.name, done)
+            return done
     goal, chosen = goal or Goal(), wavelets["nusselt"]
     channels = source.brdf.amplitudes.shape[1]
     if size**4 * channels > _MOST_NUMBERS:
@@ -160,16 +154,17 @@ def compress(
     seconds = {}
     with progress.stage("tabulate"):
         start = time.perf_counter()
-        fill = "zero" if source.rings else "nearest"
-        # Cells that a table or a tree already has are taken as they are.
-        each = 1 if _has_cells(source.brdf, size) else cell_samples
-        table, masked = tabulate(source.brdf, size, fill, cell_samples=each)
+        fill, brdf, lost, dimmed = "zero" if source.rings else "nearest", source.brdf, 0.0, ()
+        if conserve:
+            done = conserving(brdf)
+            brdf, lost, dimmed = done.brdf, done.lost, (done.sentence(),)
+        table, masked = cell_table(brdf, size, fill, cell_samples=cell_samples)
         seconds["tabulate"] = time.perf_counter() - start
     if not table.any():
         raise InputError(f"{named}: reflects nothing anywhere; there is nothing to compress")
     with progress.stage("transform"):
         start = time.perf_counter()
-        found = compression_of(table, chosen, goal)
+        found = compression_of(table, chosen, goal, 1.0 if conserve else None)
         seconds["transform"] = time.perf_counter() - start
     tree = WaveletBRDF(found.tree)
     with progress.stage("compare"):
@@ -188,11 +183,11 @@ def compress(
             relative_rms=found.measured,
             relative_rms_between=between,
             non_zero=found.non_zero,
-            comment="; ".join([kept, *source.said]),
+            comment="; ".join([kept, *source.said, *dimmed, found.energy.sentence()]),
         )
         write_tree(out, found.tree, about)
         seconds["write"] = time.perf_counter() - start
-    said = [*_said_of_source(source, size, masked), *_said(found, goal, out)]
+    said = [*_said_of_source(source, size, masked), *dimmed, *_said(found, goal, out)]
     said.append(
         f"{sentence_of(errors, judge.where)}; if plain is much more than the error above, the "
         "cells are wider than the lobe: give a larger --size, or --embedding half-difference"
@@ -200,35 +195,31 @@ def compress(
     each = _seconds_a_point(tree)
     stages = ", ".join(f"{name} {took:.2f} s" for name, took in seconds.items())
     said.append(f"time: {stages}; evaluation {1e6 * each:.3f} us a pair, warm")
-    return Compressed(found, tuple(said))
+    done = Compressed(found, errors, tuple(said), lost)
+    _write_numbers(out, source.name, done)
+    return done
 
 
-def compression_of(table: Table, wavelet: Wavelet, goal: Goal) -> Compression:
-    """Transform a table that is zero outside the disc, keep the largest coefficients, and judge.
-
-    Raises ``ValueError`` for a goal out of range, a size that is no power of two, and values that
-    are not finite.
-    """
-    coefficients = _without_rounding(np.array(analyse_nonstandard(wavelet, table)))
-    non_zero = int(np.count_nonzero(np.any(coefficients != 0, axis=-1)))
-    norm = float(np.sqrt(np.sum(np.square(table), dtype=float)))
-    whole = norm / np.sqrt(coefficients[..., 0].size)
-    wanted = goal.error
-    for _ in range(_ATTEMPTS):
-        kept = _kept(coefficients, goal.fraction, None if wanted is None else wanted * whole)
-        tree = CoefficientTree.of_coefficients(wavelet, np.asarray(kept.coefficients))
-        predicted = kept.predicted_rms / whole
-        del kept
-        errors, clamped = _judged(tree, table)
-        measured = float(np.sqrt(np.sum(errors**2)) / norm)
-        if goal.error is None or wanted is None or measured <= goal.error:
-            break
-        wanted *= 0.98 * goal.error / measured
-    sizes = np.sqrt(np.sum(np.square(table), axis=(0, 1, 2, 3), dtype=float))
-    shares = errors / np.where(sizes > 0, sizes, 1)
-    return Compression(
-        tree, non_zero, predicted, measured, shares, behaviour(table), behaviour(clamped)
-    )
+def _write_numbers(out: Path, name: str, done: Compressed) -> None:
+    """Write what was found beside the tree, whole or not at all."""
+    energy, tree = done.energy, done.compression.tree
+    document = {
+        "task": "compress",
+        "source": name,
+        "outcome": energy.outcome,
+        "albedo": {"largest": energy.largest, "of_table": energy.of_table},
+        "albedo_over_table": energy.ratio,
+        "albedo_over_table_undimmed": energy.undimmed,
+        "lost_of_table": energy.lost,
+        "lost_by_conserve": done.lost,
+        "coefficients": {"kept": tree.count, "non_zero": done.compression.non_zero},
+        "errors": {
+            metric: {"value": one.value, "standard_error": one.deviation}
+            for metric, one in done.errors.items()
+        },
+    }
+    with replacing(out.with_name(f"{out.name}.json")) as aside:
+        write_json(aside, document)
 
 
 def _checked(goal: Goal, size: int, cell_samples: int) -> None:
@@ -260,43 +251,6 @@ def _wavelet_of(name: str) -> Wavelet:
         return wavelet_named(name)
     except ValueError as error:
         raise InputError(f"--wavelet: {error}") from None
-
-
-def _has_cells(brdf: BRDF, size: int) -> bool:
-    if isinstance(brdf, WaveletBRDF):
-        return brdf.tree.size == size and brdf.embedding == NUSSELT
-    return isinstance(brdf, TabulatedBRDF) and (brdf.size, brdf.embedding) == (
-        (size,) * 4,
-        NUSSELT,
-    )
-
-
-def _without_rounding(coefficients: Table) -> Table:
-    """Make what is only rounding zero, so that a constant table has one coefficient; in place."""
-    largest = max(float(coefficients.max()), -float(coefficients.min()))
-    least = np.finfo(coefficients.dtype).eps * largest
-    for part in coefficients:
-        part[np.abs(part) <= least] = 0
-    return coefficients
-
-
-def _kept(coefficients: Table, fraction: float, rms: float | None) -> Thresholded:
-    if rms is None:
-        return keep_fraction(coefficients, fraction, joint=True)
-    return keep_within(coefficients, rms, joint=True)
-
-
-def _judged(tree: CoefficientTree, table: Table) -> tuple[Float[np.ndarray, "channel"], Table]:
-    """Find the root of each channel's squared errors above the horizon, and the clamped samples."""
-    found = np.maximum(np.asarray(tree.samples()), 0)
-    # What a tree leaks where no direction is does not count.
-    found[~np.any(table, axis=(2, 3, 4))] = 0
-    found[:, :, ~np.any(table, axis=(0, 1, 4))] = 0
-    squares = sum(
-        np.sum(np.square(a - b), axis=(0, 1, 2), dtype=float)
-        for a, b in zip(found, table, strict=True)
-    )
-    return np.sqrt(squares), found
 
 
 def _seconds_a_point(brdf: BRDF) -> float:
@@ -338,8 +292,8 @@ def _said(found: Compression, goal: Goal, out: Path) -> list[str]:
         f"{_percent(found.predicted)}{'' if tree.wavelet.orthonormal else ', an estimate'}); by "
         f"channel {' '.join(_percent(e) for e in found.by_channel)}",
         f"reciprocity: exchanging directions changes {_percent(found.samples.reciprocity_error)} "
-        f"(the table {_percent(found.table.reciprocity_error)}); largest albedo "
-        f"{found.samples.largest_albedo:.3g} (the table {found.table.largest_albedo:.3g})",
+        f"(the table {_percent(found.table.reciprocity_error)})",
+        found.energy.sentence(),
     ]
     if goal.error is not None and found.measured > goal.error:
         said.append(f"--error {goal.error:g} was not met with {tree.wavelet.name}; try haar")

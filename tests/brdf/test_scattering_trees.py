@@ -35,7 +35,7 @@ def pairs(count=300):
 
 @pytest.mark.parametrize("wavelet", [haar(), linear_spline()], ids=["haar", "cdf-2-2"])
 def test_cells_have_the_function(wavelet):
-    trees = ScatteringTrees.of(tinted, SIZE, wavelet)
+    trees = ScatteringTrees.of(tinted, SIZE, wavelet, cell_samples=1)
     incoming, outgoing = pairs()
     found = trees.evaluate(incoming, outgoing)
     np.testing.assert_allclose(found, tinted(incoming, outgoing), atol=1e-12)
@@ -46,12 +46,12 @@ def test_shares_of_a_diffuse_sheet():
         through = incoming[..., 2] * outgoing[..., 2] < 0
         return jnp.where(through, 0.3, 0.6)[..., None] / np.pi
 
-    shares = ScatteringTrees.of(sheet, 32).reflectance()[..., 0]
-    np.testing.assert_allclose(shares, [[0.6, 0.3], [0.3, 0.6]], rtol=0.025)
+    shares = ScatteringTrees.of(sheet, 8, cell_samples=2).reflectance()[..., 0]
+    np.testing.assert_allclose(shares, [[0.6, 0.3], [0.3, 0.6]], rtol=1e-9)
 
 
 def test_a_side_alone_is_a_brdf():
-    trees = ScatteringTrees.of(tinted, SIZE)
+    trees = ScatteringTrees.of(tinted, SIZE, cell_samples=2)
     incoming, outgoing = np.abs(pairs())
     for side, sign in ((0, 1), (1, -1)):
         found = trees.reflection(side).evaluate(incoming, outgoing)
@@ -60,16 +60,16 @@ def test_a_side_alone_is_a_brdf():
 
 
 def test_thresholded_values_are_not_negative():
-    trees = ScatteringTrees.of(tinted, SIZE, keep=0.02)
+    trees = ScatteringTrees.of(tinted, SIZE, keep=0.02, cell_samples=1)
     assert trees.trees[0].count < 100
     assert np.min(trees.evaluate(*pairs())) >= 0
 
 
 def test_misuse_is_refused():
-    trees = ScatteringTrees.of(tinted, 4)
+    trees = ScatteringTrees.of(tinted, 4, cell_samples=1)
     with pytest.raises(ValueError, match="give four"):
         ScatteringTrees(trees.trees[:3])
     with pytest.raises(ValueError, match="give four alike"):
-        ScatteringTrees((*trees.trees[:3], ScatteringTrees.of(tinted, 8).trees[0]))
+        ScatteringTrees((*trees.trees[:3], ScatteringTrees.of(tinted, 8, cell_samples=1).trees[0]))
     with pytest.raises(ValueError, match="not finite"):
-        ScatteringTrees.of(lambda i, o: jnp.full((*i.shape[:-1], 1), jnp.nan), 4)
+        ScatteringTrees.of(lambda i, o: jnp.full((*i.shape[:-1], 1), jnp.nan), 4, cell_samples=1)

@@ -3,11 +3,14 @@
 - Models, the recovered material of a result folder, tables and trees become trees; what the file
   says of its error is what the samples say (an independent table), and errors asked for are met.
 - As much is kept as was asked; rounding is no coefficient: a constant BRDF has those of the disc.
+- Light that a tree creates is an outcome, in words and numbers, which ``conserve`` takes away.
 - A cell has the mean of the BRDF over it, what is above the horizon of it.
 - A sphere of the tree looks as the material within the error that the tree states.
 - Holes and negative values are filled or cleared, and counted.
 - Everything wrong is refused by name and remedy.
 """
+
+import json
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,7 +20,8 @@ import pywt
 from small_captures import CONFIG, write_json
 
 from jaxrender.brdf import BRDF, Microfacet, Phong, WaveletBRDF
-from jaxrender.brdf.tables.cell_means import tabulate
+from jaxrender.brdf.compression.squares import Goal, compression_of
+from jaxrender.brdf.tables.cell_means import albedo_of, tabulate
 from jaxrender.errors import InputError
 from jaxrender.geometry import NUSSELT, Pinhole, Sphere, look_at
 from jaxrender.harmonics import LatLongGrid
@@ -26,7 +30,7 @@ from jaxrender.io.tables import BRDFTable, write_table
 from jaxrender.io.trees import read_tree
 from jaxrender.lighting import Environment
 from jaxrender.pipelines.brdf_sources import source_of
-from jaxrender.pipelines.compress import Goal, compress, compression_of
+from jaxrender.pipelines.compress import compress
 from jaxrender.reflection import ExactForward
 from jaxrender.reflection.render import render
 from jaxrender.wavelets import haar, linear_spline
@@ -56,7 +60,28 @@ def test_a_model(tmp_path, wavelet):
     if wavelet == "haar":
         assert 0.5 * done.compression.predicted < true <= done.compression.predicted
     assert any("1/sr" in word or "rms" in word for word in done.said)
-    assert [p.name for p in tmp_path.iterdir()] == ["t.nc"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["t.nc", "t.nc.json"]
+
+
+def test_light_that_is_created_is_an_outcome(tmp_path):
+    """T 6.2 without masking sends out more than arrives at grazing; dimmed, it does not."""
+    bare = "microfacet:sigma=0.2,kd=0.05,ks=0.3,mu=1.5,fresnel=half,masking=none"
+    options = {"size": 8, "cell_samples": 2}
+    for more, outcome in (({}, "brdf_creates_energy"), ({"conserve": True}, "conserves_energy")):
+        done = compress(bare, tmp_path / "t.nc", Goal(0.1), **options, **more)
+        written = json.loads((tmp_path / "t.nc.json").read_text())
+        assert written["outcome"] == done.energy.outcome == outcome
+        assert done.conserves_energy == (outcome == "conserves_energy")
+        assert any(line.startswith(f"energy: {outcome}; largest albedo") for line in done.said)
+        samples = np.asarray(read_tree(tmp_path / "t.nc").tree.samples())
+        assert albedo_of(np.maximum(samples, 0)).max() == pytest.approx(
+            written["albedo"]["largest"], rel=1e-3
+        )
+        assert (written["albedo"]["largest"] > 1.02) == (not more)
+        assert (written["lost_by_conserve"] > 0.02) == bool(more)
+        assert written["coefficients"]["kept"] == done.compression.tree.count
+        assert written["errors"]["cosine-l1"]["standard_error"] > 0
+    assert any("g(t_i) g(t_r)" in line and "is lost" in line for line in done.said)
 
 
 @pytest.mark.slow
@@ -71,19 +96,21 @@ def test_cells_have_their_means():
         pair = [NUSSELT.direction_from_square(places[:, i : i + 2]) for i in (0, 2)]
         mean = float(np.mean(lobe.evaluate(*pair)))
         assert table[cell] == pytest.approx(mean, rel=0.06)
-        assert tabulate(lobe, 8).values[cell][0] != pytest.approx(mean, rel=0.06)
+        assert tabulate(lobe, 8, cell_samples=1).values[cell][0] != pytest.approx(mean, rel=0.06)
 
 
 def test_a_cell_on_the_horizon_has_the_mean_of_what_is_above():
     white = tabulate(source_of("lambertian:kd=0.3").brdf, 8, cell_samples=16).values[..., 0]
     np.testing.assert_allclose(white[white > 0], 0.3, rtol=1e-6)
-    assert np.count_nonzero(white) > np.count_nonzero(tabulate(source_of(WIDE).brdf, 8).values)
+    assert np.count_nonzero(white) > np.count_nonzero(
+        tabulate(source_of(WIDE).brdf, 8, cell_samples=1).values
+    )
 
 
 @pytest.mark.parametrize("wavelet", [haar(), linear_spline()], ids=lambda w: w.name)
 @pytest.mark.parametrize("error", [0.02, 0.2])
 def test_an_error_is_met_with_little_to_spare(wavelet, error):
-    table = tabulate(source_of(WIDE).brdf, 8).values
+    table = tabulate(source_of(WIDE).brdf, 8, cell_samples=2).values
     found = compression_of(table, wavelet, Goal(error=error))
     assert 0.6 * error < found.measured <= error
     fewer = compression_of(table, wavelet, Goal(0.6 * found.tree.count / found.non_zero))
@@ -92,7 +119,7 @@ def test_an_error_is_met_with_little_to_spare(wavelet, error):
 
 def test_rounding_is_no_coefficient():
     """Lambert's BRDF is constant in the disc: as many coefficients as an indicator of the disc."""
-    white = tabulate(source_of("lambertian:kd=0.3183").brdf, 16).values
+    white = tabulate(source_of("lambertian:kd=0.3183").brdf, 16, cell_samples=1).values
     found = compression_of(white, haar(), Goal(1.0))
     disc = NUSSELT.covers(NUSSELT.centres((16, 16))).astype(float)
     exact = np.einsum("ij,kl->ijkl", disc, disc)[..., None]
@@ -116,7 +143,7 @@ class Holey(BRDF):
 
 @pytest.mark.parametrize("hole", [np.nan, -1.0, np.inf])
 def test_holes_are_counted_and_filled(hole):
-    found = tabulate(Holey(hole), 8)
+    found = tabulate(Holey(hole), 8, cell_samples=1)
     cells = NUSSELT.cell_directions((8, 8))
     above = np.asarray(NUSSELT.covers(NUSSELT.centres((8, 8))))
     holes = ((cells[..., 0] > 0.5) & above).sum() * ((cells[..., 1] > 0.3) & above).sum()
@@ -126,14 +153,14 @@ def test_holes_are_counted_and_filled(hole):
     beyond = found.values[~above], found.values[:, :, ~above]
     assert all((part == 0).all() for part in beyond)
     inside = found.values[above][:, above]
-    cleared = tabulate(Holey(hole), 8, "zero").values[above][:, above]
+    cleared = tabulate(Holey(hole), 8, "zero", cell_samples=1).values[above][:, above]
     assert np.count_nonzero(inside) > np.count_nonzero(cleared)
 
 
 @pytest.mark.slow
 def test_a_tree_of_a_table_and_of_that_tree(tmp_path):
     brdf = Phong(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.2, 0.1]), 4.0)
-    values = tabulate(brdf, 4, dtype=np.float64).values
+    values = tabulate(brdf, 4, dtype=np.float64, cell_samples=1).values
     write_table(tmp_path / "table.nc", BRDFTable(values, None))
     done = compress(str(tmp_path / "table.nc"), tmp_path / "t.nc", Goal(1.0), size=4)
     assert done.compression.measured < 1e-6

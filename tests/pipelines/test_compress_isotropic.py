@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from jaxrender.brdf import BRDF, HalfDifferenceTree, Measurements, Microfacet
+from jaxrender.brdf.compression.isotropic import Judge
+from jaxrender.brdf.compression.judged_pairs import judged, pairs_about_mirrors
+from jaxrender.brdf.compression.squares import Goal
 from jaxrender.errors import InputError
 from jaxrender.io.alta import AltaMeasurements, write_alta
 from jaxrender.io.trees import read_tree
 from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.compress import compress, goal_of
-from jaxrender.pipelines.compress_isotropic import Goal, Judge
-from jaxrender.pipelines.judged_pairs import judged, pairs_about_mirrors
 
 GLOSS = "ggx:kd=0.05,ks=0.05,sigma=0.08,mu=1.5"
 ISOTROPIC = {"embedding": "half-difference", "size": 16}

@@ -42,7 +42,7 @@ def turned(vectors: np.ndarray, angle: float, side: float = 1.0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def tree():
-    table = tabulate(MATERIAL, SIZE, dtype=np.float64).values
+    table = tabulate(MATERIAL, SIZE, dtype=np.float64, cell_samples=1).values
     kept = keep_fraction(analyse_nonstandard(haar(), table), 0.1, joint=True)
     return CoefficientTree.of_coefficients(haar(), kept.coefficients)
 

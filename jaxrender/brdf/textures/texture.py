@@ -8,18 +8,19 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from jaxrender.brdf.base import BRDF
-from jaxrender.brdf.tables.tabulated import TabulatedBRDF
+from jaxrender.brdf.compression.compressed import cell_table
+from jaxrender.brdf.compression.squares import Goal, compression_of
+from jaxrender.brdf.tables.cell_means import CELL_SAMPLES
 from jaxrender.shapes import AnyArray, Int
 from jaxrender.wavelets import (
     CoefficientTree,
     Structure,
     Wavelet,
-    analyse_nonstandard,
     haar,
-    keep_fraction,
     keep_within,
 )
 
@@ -84,20 +85,23 @@ def refuse_unlike(trees: Sequence[CoefficientTree]) -> None:
 
 
 def tree_of(
-    brdf: BRDF, size: int = 16, keep: float = 1.0, wavelet: Wavelet | None = None
+    brdf: BRDF,
+    size: int = 16,
+    keep: float = 1.0,
+    wavelet: Wavelet | None = None,
+    cell_samples: int = CELL_SAMPLES,
 ) -> CoefficientTree:
-    """Tabulate a BRDF on Nusselt's square, ``size`` samples an axis, and analyse it (L chapter 4).
+    """Make the tree of a BRDF over two squares, as ``brdf.compression.compressed`` does.
 
-    ``keep`` is the fraction of the places with a coefficient that is not zero, the largest.  Haar's
-    wavelet by default.  Beyond the horizon samples are 0.  Raises ``ValueError`` for a size that is
-    no power of two, a fraction outside (0, 1] and a BRDF that is not finite.
+    All coefficients of its table are kept by default, in JAX's default precision.  Raises
+    ``ValueError`` for a size that is no power of two, a fraction outside (0, 1] and a BRDF that is
+    negative or not finite somewhere.
     """
-    wavelet = haar() if wavelet is None else wavelet
-    table = TabulatedBRDF.of(brdf, size, outside="zero")
-    coefficients = analyse_nonstandard(wavelet, table.values)
-    if keep < 1:
-        coefficients = keep_fraction(coefficients, keep, joint=True).coefficients
-    return CoefficientTree.of_coefficients(wavelet, np.asarray(coefficients))
+    dtype = jax.dtypes.canonicalize_dtype(float).type
+    table, masked = cell_table(brdf, size, dtype=dtype, cell_samples=cell_samples)
+    if masked:
+        raise ValueError(f"{masked} means of values that are negative or not finite; mend the BRDF")
+    return compression_of(table, wavelet or haar(), Goal(keep)).tree
 
 
 class Thresholded(NamedTuple):

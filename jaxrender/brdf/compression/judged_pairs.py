@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf.tables.measurements import METRICS, Measurements, nearly_zero
+from jaxrender.brdf.tables.mirror_lobes import WIDTHS, mirror_density
 from jaxrender.shapes import Float
 
 COUNT = 1 << 17
-_WIDTHS = (0.005, 0.02, 0.06, 0.2, 0.5)
 _FROM_DISC = 0.3
 
 
@@ -43,8 +43,8 @@ def pairs_about_mirrors(count: int = COUNT, seed: int = 1) -> Pairs:
     rng = np.random.default_rng(seed)
     outgoing = _above(np.sqrt(rng.random(count)), rng.random(count))
     incoming = _above(np.sqrt(rng.random(count)), rng.random(count))
-    which = rng.integers(len(_WIDTHS), size=count)
-    chosen, part = np.array(_WIDTHS)[which], rng.random(count)
+    which = rng.integers(len(WIDTHS), size=count)
+    chosen, part = np.array(WIDTHS)[which], rng.random(count)
     # GGX's distribution of the tilt: tan^2 = width^2 u / (1 - u).
     tilt = np.arctan(chosen * np.sqrt(part / (1 - part)))
     half = _above(np.sin(tilt), rng.random(count))
@@ -62,16 +62,9 @@ def density_about_mirrors(
     incoming: Float[np.ndarray, "pair 3"], outgoing: Float[np.ndarray, "pair 3"]
 ) -> Float[np.ndarray, "pair"]:
     """Evaluate the density of incoming directions per steradian, given the outgoing ones."""
-    middle = incoming + outgoing
-    half = middle / np.maximum(np.linalg.norm(middle, axis=1), 1e-300)[:, None]
-    cosine, across = half[:, 2], np.sum(half * outgoing, axis=1)
-    total = np.zeros(len(half))
-    for width in _WIDTHS:
-        square = width**2
-        lobe = square / (np.pi * (cosine**2 * (square - 1) + 1) ** 2)
-        total += lobe * np.maximum(cosine, 0) / np.maximum(4 * across, 1e-12)
     disc = np.maximum(incoming[:, 2], 0) / np.pi
-    return _FROM_DISC * disc + (1 - _FROM_DISC) * total / len(_WIDTHS)
+    lobes = np.asarray(mirror_density(incoming, outgoing), float)
+    return _FROM_DISC * disc + (1 - _FROM_DISC) * lobes
 
 
 def judged(
