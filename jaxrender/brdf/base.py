@@ -16,6 +16,7 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Array, Directions, Float, checked
@@ -62,6 +63,16 @@ class BRDF(eqx.Module):
         lobes = jnp.stack(self.transfer(directions, Components.of(outgoing)), axis=-1)
         cosine = jnp.asarray(directions.z)[..., None]
         lobes = jnp.where(cosine > 0, lobes / jnp.where(cosine > 0, cosine, 1), 0)
+        amplitudes = self.amplitudes
+        if _one_lobe_a_channel(amplitudes):
+            return lobes
         return jnp.einsum(
-            "...k,kc->...c", lobes, jnp.asarray(self.amplitudes, lobes.dtype), precision="highest"
+            "...k,kc->...c", lobes, jnp.asarray(amplitudes, lobes.dtype), precision="highest"
         )
+
+
+def _one_lobe_a_channel(amplitudes: Float[AnyArray, "lobe channel"]) -> bool:
+    """Whether a product with them changes nothing, as for all that is known by its values."""
+    if not isinstance(amplitudes, np.ndarray) or amplitudes.shape[0] != amplitudes.shape[1]:
+        return False
+    return np.array_equal(amplitudes, np.eye(len(amplitudes)))

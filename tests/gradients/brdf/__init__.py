@@ -25,6 +25,8 @@ EXCEPTIONS = {
     "Distribution": "what a distribution is: its rows are those of the four",
     **dict.fromkeys(("fit_isotropic_table", "fit_zernike"), _FIT),
     **dict.fromkeys(("masked", "tabulate", "tabulate_rgl"), _SETS),
+    **dict.fromkeys(("compressed", "conserving"), _SETS),
+    **dict.fromkeys(("Compressed", "Goal"), _GIVEN),
     "RglSize": "numbers of nodes",
     "Exchanged": "another BRDF at the pair exchanged: its rows are that one's",
     **dict.fromkeys(
