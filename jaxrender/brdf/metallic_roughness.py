@@ -72,9 +72,23 @@ class MetallicRoughness(Layered):
         facets = TrowbridgeReitz(r**2)
         lobe, cosine = facet_transfer(facets, "smith-separate", incoming, outgoing)
         growth = schlick_growth(cosine)
-        reflectance = head_on_reflectance(ior)
-        reflectance = reflectance + (1 - reflectance) * growth
-        diffuse = (1 - reflectance) * incoming.z / jnp.pi
-        base = (1 - metal) * diffuse + metal * (1 - growth) * lobe
-        clear = ((1 - metal) * reflectance + metal * growth) * lobe
+        diffuse = (1 - growth) * incoming.z / jnp.pi
+        base, clear = mixed(metal, ior, diffuse, (1 - growth) * lobe, growth * lobe)
         return jnp.where(visible, base, 0), jnp.where(visible, clear, 0)
+
+
+def mixed(
+    metallic: Scalar,
+    ior: Scalar,
+    diffuse: Float[Array, "*batch"],
+    lobe: Float[Array, "*batch"],
+    edge: Float[Array, "*batch"],
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+    """Put together what the base colour colours, and what it does not, from three parts.
+
+    ``diffuse`` is (1 - P) / pi, ``lobe`` (1 - P) S and ``edge`` P S, or integrals of these, of
+    which only S knows the roughness.  All is linear in them, in the share and in F_0.
+    """
+    head_on = head_on_reflectance(ior)
+    base = (1 - metallic) * (1 - head_on) * diffuse + metallic * lobe
+    return base, (1 - metallic) * head_on * lobe + edge

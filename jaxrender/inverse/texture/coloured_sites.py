@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.inverse.texture.site_sums import ROUNDING, SiteMaterial, SiteSums, quotient
-from jaxrender.inverse.texture.site_systems import SpecularPrior
+from jaxrender.inverse.texture.site_systems import KnownSpecular, SpecularPrior
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 # Before their spread is known, channels differ by so much of the mean K_s.
@@ -122,8 +122,8 @@ class ColouredPrior(NamedTuple):
         return ColouredPrior(*map(np.asarray, (mean, 1 / level, 1 / colour)))
 
 
-# What is known of K_s beforehand: of one for all channels, or of one for each.
-KsPrior = SpecularPrior | ColouredPrior
+# What is known of K_s beforehand: of one for all channels, of one for each, or all of it.
+KsPrior = SpecularPrior | ColouredPrior | KnownSpecular
 
 
 class ColouredSpread(NamedTuple):

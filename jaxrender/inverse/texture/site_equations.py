@@ -15,8 +15,8 @@ from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.search import predicted
+from jaxrender.inverse.texture.site_numbers import NUMBERS
 from jaxrender.inverse.texture.site_sums import SiteMaterial, by_channel, over_sites, site_sums
-from jaxrender.inverse.texture.site_systems import SpecularPrior
 from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float
 
@@ -31,7 +31,8 @@ class Expected(NamedTuple):
 class SiteEquations(NamedTuple):
     """Chi-squared of every site with its derivatives: half the slope, and the normal matrix.
 
-    The unknowns of a site are K_d, K_s (of each channel where it has a colour) and its numbers.
+    The unknowns of a site are K_d, K_s (of each channel where it has a colour, none where it is
+    known) and its numbers.
     """
 
     cost: Float[AnyArray, "site"]
@@ -76,7 +77,7 @@ def equations_of(
     with jax.default_matmul_precision("highest"):
         material = prior.solve(site_sums(data, near.at))
         foreseen = predicted(material, near.at, data)
-        jacobian = _jacobian(near, data, material, names)
+        jacobian = _jacobian(near, data, material, prior, names)
         weighted = jnp.asarray(data.weights)[..., None] * jacobian
         left = jnp.asarray(data.weights) * (data.radiance - foreseen)
         matrix = over_sites(jnp.einsum("sci,scj->sij", weighted, weighted), data)
@@ -103,7 +104,7 @@ def common_equations(
     with jax.default_matmul_precision("highest"):
         material = prior.solve(site_sums(data, near.at))
         foreseen = predicted(material, near.at, data)
-        every = _jacobian(near, data, material, names)
+        every = _jacobian(near, data, material, prior, names)
         weights = jnp.asarray(data.weights)
         own, others = jnp.split(every, [every.shape[2] - len(chain)], axis=2)
         own, others = weights[..., None] * own, weights[..., None] * (others @ chain)
@@ -147,21 +148,17 @@ def _held(
     Bool[Array, "site unknown"],
 ]:
     """Add what is expected, and hold what is at zero or was not measured; say what is free."""
-    kd, ks = jnp.asarray(material.kd), by_channel(jnp.asarray(material.ks))
+    kd = jnp.asarray(material.kd)
     sites, channels = kd.shape
+    ks = by_channel(jnp.asarray(material.ks))[:, : prior.amplitudes(channels)]
     off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
     below = jnp.concatenate(
         [jnp.zeros((sites, channels)), ks - jnp.asarray(prior.mean), off], axis=1
     )
-    of_numbers = jnp.asarray(expected.precision)
-    if isinstance(prior, SpecularPrior):
-        each = (jnp.zeros(channels), jnp.asarray(prior.precision)[None], of_numbers)
-        precision = jnp.concatenate(each)
-        gradient, matrix = gradient - precision[None] * below, matrix + jnp.diag(precision)[None]
-    else:
-        parts = jnp.zeros((channels, channels)), prior.matrix(channels), jnp.diag(of_numbers)
-        together = block_diag(*parts)
-        gradient, matrix = gradient - below @ together, matrix + together[None]
+    of_numbers = jnp.diag(jnp.asarray(expected.precision))
+    of_ks = [prior.matrix(channels)] if ks.shape[1] else []
+    together = block_diag(jnp.zeros((channels, channels)), *of_ks, of_numbers)
+    gradient, matrix = gradient - below @ together, matrix + together[None]
     free = jnp.concatenate([kd > 0, ks > 0, jnp.ones(off.shape, bool)], axis=1)
     free = free & (jnp.diagonal(matrix, axis1=1, axis2=2) > 0)
     pairs = free[:, :, None] & free[:, None, :]
@@ -173,21 +170,30 @@ def _held(
 
 
 def _jacobian(
-    near: LinearisedModel, data: SiteData, material: SiteMaterial, names: tuple[str, ...]
+    near: LinearisedModel,
+    data: SiteData,
+    material: SiteMaterial,
+    prior: KsPrior,
+    names: tuple[str, ...],
 ) -> Float[Array, "sample channel unknown"]:
-    """Line up the derivatives by K_d of each channel, by K_s, and by the numbers named."""
+    """Line up the derivatives by K_d of each channel, by a free K_s, and by the numbers named."""
     site = jnp.asarray(data.site)
     kd, ks = jnp.asarray(material.kd)[site], by_channel(jnp.asarray(material.ks)[site])
-    channels, of_ks = kd.shape[1], ks.shape[1]
+    channels = kd.shape[1]
+    of_ks = prior.amplitudes(channels)
     amplitudes = (kd, jnp.broadcast_to(ks, kd.shape))
     by_kd = near.at.diffuse[:, :, None] * jnp.eye(channels)[None]
     by_ks = near.at.specular[:, :, None]
     # One K_s goes through all channels.
-    columns = [by_kd, by_ks if of_ks == 1 else by_ks * jnp.eye(channels)[None]]
+    columns = [by_kd]
+    if of_ks:
+        columns.append(by_ks if of_ks == 1 else by_ks * jnp.eye(channels)[None])
     for name in names:
         slopes = zip(near.at.shaped, near.slopes[name])
         slope = sum((amplitudes[place] * part for place, part in slopes), jnp.zeros_like(kd))
-        if name == "sigma" and jnp.ndim(near.numbers[name]):
+        # Those of sites vary, and what all sites share is searched by variables of its own.
+        own = name in NUMBERS and jnp.ndim(near.numbers[name])
+        if own and NUMBERS[name].logarithmic:
             slope = slope * near.numbers[name][:, None]
         columns.append(slope[:, :, None])
     return jnp.concatenate(columns, axis=2)

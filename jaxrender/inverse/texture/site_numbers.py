@@ -1,6 +1,7 @@
-"""Numbers that each site has for itself: the width of its lobe, and its normal.
+"""Numbers that each site has for itself: the width of its lobe, its metalness, and its normal.
 
-The search knows log sigma, and the tilt of the normal: t_x and t_y along two tangents of the site,
+The search knows the logarithm of a width, which is sigma or a roughness, and a share of metal as it
+is.  Of the normal it knows the tilt: t_x and t_y along two tangents of the site,
 
     n'  ~  n + t_x e_x + t_y e_y.
 
@@ -22,12 +23,60 @@ from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
-# What may be a map beside a coloured K_s, and the numbers that it has at each site.
+# What may be a map of facets, beside a coloured K_s, and the numbers that it has at each site.
 MAPS: Mapping[str, tuple[str, ...]] = {"sigma": ("sigma",), "normal": ("tilt_x", "tilt_y")}
+# The same of glTF's material.
+METALLIC_MAPS: Mapping[str, tuple[str, ...]] = {
+    "roughness": ("roughness",),
+    "metalness": ("metallic",),
+}
 # K_s of every channel, as a metal has it: an amplitude, which is no number to be searched for.
 COLOR = "color"
 # A normal is marked where its standard error is larger (radians): two degrees.
 _TRUSTED_TILT = np.deg2rad(2.0)
+
+
+class SiteNumber(NamedTuple):
+    """How a number of each site is searched for: by its logarithm, or as it is.
+
+    ``spread`` is what is expected of it before its like are known, and ``least`` the least that is
+    learned: sites that show little may be unlike those that show much, however well these agree.
+    ``step`` is the largest of the search, which begins at the best of ``trials`` beside what is
+    expected, and begins ``again`` where a site is not yet explained.  ``of_shape`` says that the
+    mean over the sites is that of the shape, which is zero.
+    """
+
+    logarithmic: bool
+    spread: float
+    least: float
+    step: float
+    trials: tuple[float, ...] = (0.0,)
+    again: tuple[float, ...] = ()
+    of_shape: bool = False
+
+
+def _width(power: float) -> SiteNumber:
+    """Make a width whose logarithm is so many times that of sigma."""
+    others = [step * np.log(1.6) for step in range(-3, 4) if step]
+    return SiteNumber(
+        True,
+        0.7 * power,
+        0.3 * power,
+        0.7 * power,
+        tuple(power * other for other in (0.0, *others)),
+        tuple(power * np.log(factor) for factor in (0.4, 1.0, 2.5)),
+    )
+
+
+_TILT = SiteNumber(False, 0.15, 0.04, 0.15, of_shape=True)
+NUMBERS: Mapping[str, SiteNumber] = {
+    "sigma": _width(1.0),
+    "roughness": _width(0.5),
+    # From wherever most sites are both ends are tried: what is not painted is one of them.
+    "metallic": SiteNumber(False, 0.5, 0.2, 0.5, (0.0, -1.0, 1.0), (-1.0, 1.0)),
+    "tilt_x": _TILT,
+    "tilt_y": _TILT,
+}
 
 
 class TiltedModel(eqx.Module):
@@ -55,6 +104,13 @@ class TiltedModel(eqx.Module):
     def take(self, index: Rows) -> "TiltedModel":
         """Keep the samples of the given indices."""
         return TiltedModel(self.model.take(index), np.asarray(self.axes)[index])
+
+
+class NumberMap(NamedTuple):
+    """A number of every site with its standard error; NaN and infinite where nothing is known."""
+
+    value: Float[np.ndarray, "site"]
+    error: Float[np.ndarray, "site"]
 
 
 class OwnSigma(eqx.Module):
@@ -103,8 +159,8 @@ class NormalMap(NamedTuple):
 class SiteNumbers(NamedTuple):
     """What was found at every site, with its covariance; NaN and infinite where nothing was.
 
-    ``names`` are those of ``MAPS``; in place of sigma ``value`` has log sigma.  ``inflation`` is by
-    how much larger the errors of K_d and K_s are for all this being unknown.
+    ``names`` are those of ``NUMBERS``; in place of a width ``value`` has its logarithm.
+    ``inflation`` is by how much larger the errors of K_d and K_s are for all this being unknown.
     """
 
     names: tuple[str, ...]
@@ -113,15 +169,22 @@ class SiteNumbers(NamedTuple):
     inflation: Float[np.ndarray, "site amplitude"]
     axes: Float[np.ndarray, "site 2 3"]
 
+    def number(self, name: str) -> NumberMap | None:
+        """Pick one number in its own units, where sites have it."""
+        if name not in self.names:
+            return None
+        at = self.names.index(name)
+        value, error = self.value[:, at], np.sqrt(self.covariance[:, at, at])
+        if NUMBERS[name].logarithmic:
+            value = np.exp(value)
+            error = value * error
+        return NumberMap(value, np.where(np.isfinite(value), error, np.inf))
+
     @property
     def sigma(self) -> SigmaMap | None:
         """sigma at every site with its standard error."""
-        if "sigma" not in self.names:
-            return None
-        at = self.names.index("sigma")
-        sigma = np.exp(self.value[:, at])
-        error = np.where(np.isfinite(sigma), sigma * np.sqrt(self.covariance[:, at, at]), np.inf)
-        return SigmaMap(sigma, error)
+        found = self.number("sigma")
+        return None if found is None else SigmaMap(*found)
 
     @property
     def normals(self) -> NormalMap | None:

@@ -1,4 +1,4 @@
-"""A sigma, a normal and a coloured K_s of every site, whichever of these are asked for.
+"""Numbers and a coloured K_s of every site, whichever are asked for.
 
 What all sites share (mu, and sigma where only normals are their own) is solved for on some sites,
 with all numbers of these eliminated.  Their noise and the spread of their numbers are learned
@@ -6,7 +6,7 @@ there, too.  The spread is then what is expected of each site: who saw no highli
 nothing of its sigma.  The whole surface comes last (:mod:`.site_solver`).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from jaxrender.inverse.texture.coloured_sites import ColouredPrior, KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations
 from jaxrender.inverse.texture.site_equations import Common, Expected, common_equations
-from jaxrender.inverse.texture.site_numbers import MAPS, SiteNumbers
+from jaxrender.inverse.texture.site_numbers import MAPS, METALLIC_MAPS, NUMBERS, SiteNumbers
 from jaxrender.inverse.texture.site_solver import (
     LEAST_NOISE,
     Asked,
@@ -28,17 +28,12 @@ from jaxrender.inverse.texture.site_solver import (
     solve_numbers_of,
 )
 from jaxrender.inverse.texture.site_sums import by_channel
-from jaxrender.inverse.texture.site_systems import SpecularPrior
+from jaxrender.inverse.texture.site_systems import KnownSpecular, SpecularPrior
 from jaxrender.inverse.texture.specular_prior import normal_spread, spread_of
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations, noise_settled
 from jaxrender.shapes import AnyArray, Float
 
-# What is expected of a site before its like are known: log sigma about that of all, and tilts.
-_FIRST_SPREAD = {"sigma": 0.7, "tilt_x": 0.15, "tilt_y": 0.15}
-# Sites that show little may be unlike those that show much, however well these agree: polished
-# where no highlight falls, or dented where nobody looked.  Then their errors must say so.
-_LEAST_SPREAD = {"sigma": 0.3, "tilt_x": 0.04, "tilt_y": 0.04}
 # Rounds of noise and spread, and steps of what all sites share in each of them.
 _ROUNDS, _TURNS, _SETTLED = 4, 6, 0.1
 
@@ -65,13 +60,14 @@ class SiteFit(NamedTuple):
         cls,
         unknowns: Unknowns,
         point: Float[AnyArray, "unknown"],
-        prior: SpecularPrior,
+        prior: SpecularPrior | KnownSpecular,
         noise: NoiseModel,
         coloured: bool = False,
     ) -> "SiteFit":
         """Begin with one lobe for all sites, at the search variables ``point``."""
         nothing = np.zeros((len(point), len(point)))
         if coloured:
+            assert isinstance(prior, SpecularPrior)
             known = ColouredPrior.begin(float(prior.mean), float(prior.precision))
             return cls(Shared(unknowns, np.asarray(point), nothing, nothing), None, known, noise)
         return cls(Shared(unknowns, np.asarray(point), nothing, nothing), None, prior, noise)
@@ -79,7 +75,9 @@ class SiteFit(NamedTuple):
 
 def numbers_of(maps: tuple[str, ...]) -> tuple[str, ...]:
     """Name the numbers that sites have for themselves."""
-    return tuple(name for one in MAPS if one in maps for name in MAPS[one])
+    return tuple(
+        name for one, names in {**MAPS, **METALLIC_MAPS}.items() if one in maps for name in names
+    )
 
 
 def search_sites(
@@ -91,9 +89,9 @@ def search_sites(
 ) -> SiteFit:
     """Find what all sites share, the noise, and how the sites' numbers are spread."""
     names, unknowns, point = numbers_of(maps), begin.shared.unknowns, begin.shared.point
-    typical = float(unknowns.unpack(jnp.asarray(point)).numbers["sigma"])
-    mean = np.array([np.log(typical) if name == "sigma" else 0.0 for name in names])
-    spread = np.array([_FIRST_SPREAD[name] for name in names])
+    typical = {n: float(v) for n, v in unknowns.unpack(jnp.asarray(point)).numbers.items()}
+    mean = np.array([_searched(name, typical.get(name, 0.0)) for name in names])
+    spread = np.array([NUMBERS[name].spread for name in names])
     expected = Expected(mean, spread**-2)
     asked = Asked(names, unknowns, point, begin.prior, expected, begin.noise)
     start = None
@@ -191,18 +189,18 @@ def _learned(asked: Asked, solved: Solved) -> Asked:
         of_data, told = _without(
             solved.value[:, at], variances[:, at - count], mean[at], precision[at]
         )
-        own = lit if name == "sigma" else np.ones(len(lit), bool)
-        found, variance = normal_spread(of_data, np.where(own, told, 0), _LEAST_SPREAD[name])
+        number = NUMBERS[name]
+        own = np.ones(len(lit), bool) if number.of_shape else lit
+        found, variance = normal_spread(of_data, np.where(own, told, 0), number.least)
         if np.isfinite(variance):
-            # Normals are those of the shape on average.
-            mean[at] = found if name == "sigma" else 0.0
+            mean[at] = 0.0 if number.of_shape else found
             precision[at] = 1 / variance
     channels, size = solved.predicted.shape[1], inverse.shape[1]
     ks, prior = np.asarray(solved.local.material.ks), asked.prior
     if isinstance(prior, ColouredPrior):
         of_ks = slice(channels, size - count)
         prior = prior.learned(ks, inverse[:, of_ks, of_ks])
-    else:
+    elif isinstance(prior, SpecularPrior):
         known = float(prior.mean), float(prior.precision)
         ks, told = _without(ks, variances[:, channels], *known)
         prior = spread_of(ks, np.where(lit, told, 0))
@@ -225,7 +223,7 @@ def _without(
 
 
 def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common) -> Shared:
-    """Put covariances together; of a sigma of every site that of their mean."""
+    """Put covariances together; of a number of every site that of their mean."""
     unknowns, at = asked.unknowns, asked.shared
     point, size = asked.point.copy(), len(unknowns.names)
     exact, robust = np.zeros((2, size, size))
@@ -240,19 +238,23 @@ def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common
         exact[np.ix_(at, at)] = scatter * inverse
         clustered = some.clusters.covariance(np.asarray(common.scores) @ inverse)
         robust[np.ix_(at, at)] = widened(scatter * inverse, clustered)
-    if "sigma" in asked.names:
-        place = asked.names.index("sigma")
-        mean, own = asked.expected.mean[place], unknowns.names.index("sigma")
-        numbers = {n: float(v) for n, v in asked.numbers(np.zeros((1, 0))).items()}
-        point[own] = unknowns.pack(numbers | {"sigma": float(np.exp(mean))})[own]
-        slope = float(
-            jax.jacfwd(lambda p: jnp.log(unknowns.unpack(p).numbers["sigma"]))(jnp.asarray(point))[
-                own
-            ]
-        )
+    numbers = {n: float(v) for n, v in asked.numbers(np.zeros((1, 0))).items()}
+    for place, name in enumerate(asked.names):
+        if name not in unknowns.names:
+            continue
+        mean, own = float(asked.expected.mean[place]), unknowns.names.index(name)
+        mean = float(np.exp(mean)) if NUMBERS[name].logarithmic else mean
+        point[own] = unknowns.pack(numbers | {name: mean})[own]
+        slopes = jax.jacfwd(lambda p, name=name: _searched(name, unknowns.unpack(p).numbers[name]))
+        slope = float(slopes(jnp.asarray(point))[own])
         told = 1 / (asked.expected.precision[place] * max(some.count, 1))
         exact[own, own] = robust[own, own] = told / slope**2
     return Shared(unknowns, point, robust, exact)
+
+
+def _searched(name: str, value: Any) -> Any:
+    """Turn a number into what is searched for."""
+    return jnp.log(value) if NUMBERS[name].logarithmic else value
 
 
 def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNumbers:

@@ -2,9 +2,11 @@
 
 Levenberg and Marquardt's method, every site by itself, all sites of a part at once.  The lobe is
 linearised anew at each step.  A site's sigma may be far from that of all others, and its
-chi-squared may have several minima: so the search begins at the best of some sigmas.
+chi-squared may have several minima: so the search begins at the best of some sigmas, and of both
+ends of a share of metal.
 """
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -23,7 +25,7 @@ from jaxrender.inverse.texture.site_equations import (
     chi_squared,
     equations_of,
 )
-from jaxrender.inverse.texture.site_numbers import TiltedModel, tangents_of
+from jaxrender.inverse.texture.site_numbers import NUMBERS, TiltedModel, tangents_of
 from jaxrender.inverse.texture.site_sums import SiteMaterial
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
@@ -33,14 +35,10 @@ from jaxrender.shapes import Array, Bool, Float, Int
 LEAST_NOISE = 1e-3
 # Observations solved at once: few lengths, so that few programs are compiled.
 _LENGTHS = (2**9, 2**11, 2**13)
-# Sigmas that a site's search begins with: each this many times the one before it, within so many
-# times the typical one.
-_RATIO, _REACH = 1.6, 4.2
-# Where a site's chi-squared is so many times what is usual, it is tried from other sigmas.
-_BAD, _OTHERS = 2.5, (0.4, 1.0, 2.5)
+# Where a site's chi-squared is so many times what is usual, it is tried from other numbers.
+_BAD = 2.5
 # A search ends where no step would lower a site's chi-squared by more than this.
 _GAIN, _STEPS = 0.05, 10
-_LARGEST_STEP = {"sigma": 0.7, "tilt_x": 0.15, "tilt_y": 0.15}
 _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
 
 
@@ -69,16 +67,29 @@ class Asked(NamedTuple):
     def bounds(self) -> tuple[Float[np.ndarray, "number"], Float[np.ndarray, "number"]]:
         """Between what each number lies."""
         low, high = np.full((2, len(self.names)), [[-1.0], [1.0]])
-        if "sigma" in self.names:
-            at = self.names.index("sigma")
-            low[at], high[at] = np.log(self.unknowns.range_of("sigma"))
+        for at, name in enumerate(self.names):
+            if name in self.unknowns:
+                ends = self.unknowns.range_of(name)
+                low[at], high[at] = np.log(ends) if NUMBERS[name].logarithmic else ends
         return low, high
+
+    def begun(self, again: bool = False) -> "list[Float[np.ndarray, 'number']]":
+        """List where a search may begin, or begin ``again``: first of all, at what is expected."""
+        low, high = self.bounds
+        each = []
+        for name, mean, *ends in zip(self.names, self.expected.mean, low, high):
+            number = NUMBERS[name]
+            values = [mean + beside for beside in (number.again if again else number.trials)]
+            if number.logarithmic and not again:
+                values = [v for v in values if v == mean or ends[0] <= v <= ends[1]]
+            each.append(dict.fromkeys(np.clip(values or [mean], *ends).tolist()))
+        return [np.array(values) for values in itertools.product(*each)]
 
     def numbers(self, value: Float[np.ndarray, "sample number"]) -> dict[str, Float[Array, "..."]]:
         """Name all numbers that the model asks for."""
         every = dict(self.unknowns.unpack(jnp.asarray(self.point)).numbers)
         for name, column in zip(self.names, value.T):
-            every[name] = jnp.asarray(np.exp(column) if name == "sigma" else column)
+            every[name] = jnp.asarray(np.exp(column) if NUMBERS[name].logarithmic else column)
         return every
 
 
@@ -120,20 +131,18 @@ def solve_numbers_of(
     asked: Asked,
     start: Float[np.ndarray, "site number"] | None,
 ) -> Solved:
-    """Search every site, and from other sigmas again those that are not yet explained."""
+    """Search every site, and from other numbers again those that are not yet explained."""
     found = solve_at(measured, model_of, asked, start)
-    if "sigma" not in asked.names:
+    if not any(NUMBERS[name].again for name in asked.names):
         return found
-    at, (low, high) = asked.names.index("sigma"), asked.bounds
     seen, values = measured.seen > 0, np.maximum(measured.seen, 1) * measured.radiance.shape[1]
-    # Where the model is wrong everywhere, other sigmas are of no help.
+    # Where the model is wrong everywhere, other numbers are of no help.
     usual = max(float(np.median((found.local.cost / values)[seen])), 1.0)
-    for factor in _OTHERS:
+    for begun in asked.begun(again=True):
         bad = seen & (found.local.cost > _BAD * usual * values)
         if not bad.any():
             break
-        other = np.tile(asked.expected.mean, (measured.count, 1))
-        other[:, at] = np.clip(other[:, at] + np.log(factor), low[at], high[at])
+        other = np.tile(begun, (measured.count, 1))
         rows = np.flatnonzero(bad[measured.site])
         trial = solve_at(measured.take(rows), model_of, asked, other)
         better = bad & (trial.local.cost < found.local.cost)
@@ -153,7 +162,7 @@ def solve_at(
     first = _first(measured, model_of, asked, start)
     solved = Solved.begin(measured, first.value, asked.prior)
     trial, damping = solved.value.copy(), np.zeros(measured.count)
-    largest, (low, high) = np.array([_LARGEST_STEP[name] for name in asked.names]), asked.bounds
+    largest, (low, high) = np.array([NUMBERS[name].step for name in asked.names]), asked.bounds
     active = measured.seen > 0
     for _ in range(_STEPS):
         rows = np.flatnonzero(active[measured.site])
@@ -174,9 +183,12 @@ def solve_at(
         damping[damping < _UNDAMPED] = 0
         at = np.flatnonzero(active)
         matrix, gradient = (np.asarray(part)[at] for part in solved.local[2:0:-1])
-        step = _step(matrix, gradient, damping[at], len(largest))
+        slopes = gradient[:, gradient.shape[1] - len(largest) :]
+        ended = solved.value[at] >= high, solved.value[at] <= low
+        stays = (ended[0] & (slopes > 0)) | (ended[1] & (slopes < 0))
+        step = _step(matrix, gradient, damping[at], stays)
         trial[at] = np.clip(solved.value[at] + np.clip(step, -largest, largest), low, high)
-        gain = (trial[at] - solved.value[at]) * gradient[:, gradient.shape[1] - len(largest) :]
+        gain = (trial[at] - solved.value[at]) * slopes
         active[at] = np.sum(gain, axis=1) > _GAIN
         if not active.any():
             break
@@ -196,16 +208,10 @@ def _first(
     asked: Asked,
     start: Float[np.ndarray, "site number"] | None,
 ) -> _First:
-    """Take the start that is given, or the best of some sigmas with the normals of the shape."""
-    trials = [np.tile(asked.expected.mean, (measured.count, 1)) if start is None else start]
-    if "sigma" in asked.names and start is None:
-        at, (low, high) = asked.names.index("sigma"), asked.bounds
-        steps = int(np.log(_REACH) / np.log(_RATIO))
-        for step in range(-steps, steps + 1):
-            other = trials[0].copy()
-            other[:, at] += step * np.log(_RATIO)
-            if step and np.all((low[at] <= other[:, at]) & (other[:, at] <= high[at])):
-                trials.append(other)
+    """Take the start that is given, or the best of some, with the normals of the shape."""
+    trials = [start]
+    if start is None:
+        trials = [np.tile(begun, (measured.count, 1)) for begun in asked.begun()]
     value, foreseen = trials[0].copy(), np.zeros_like(measured.radiance)
     least = np.full(measured.count, np.inf)
     for trial in trials:
@@ -274,10 +280,14 @@ def _step(
     matrix: Float[np.ndarray, "site n n"],
     gradient: Float[np.ndarray, "site n"],
     damping: Float[np.ndarray, "site"],
-    numbers: int,
+    stays: Bool[np.ndarray, "site number"],
 ) -> Float[np.ndarray, "site number"]:
-    """Solve for how far the numbers go, K_d and K_s following."""
-    damped = matrix.copy()
+    """Solve for how far the numbers go, K_d and K_s following; those at a bound may stay there."""
+    numbers = stays.shape[1]
+    held = np.zeros(gradient.shape, bool)
+    held[:, gradient.shape[1] - numbers :] = stays
+    damped = np.where(held[:, :, None] | held[:, None, :], np.eye(held.shape[1]), matrix)
+    gradient = np.where(held, 0, gradient)
     for at in range(1, numbers + 1):
         damped[:, -at, -at] *= 1 + damping
     return np.linalg.solve(damped, gradient[..., None])[:, matrix.shape[1] - numbers :, 0]

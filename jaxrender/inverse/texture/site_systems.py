@@ -37,6 +37,10 @@ class SpecularPrior(NamedTuple):
         """Say how many K_s a site has."""
         return 1
 
+    def matrix(self, channels: int) -> Float[Array, "1 1"]:
+        """Return the precision of K_s."""
+        return jnp.asarray(self.precision).reshape(1, 1)
+
     def held(self, ks: Float[Array, "site"]) -> Float[Array, "site"]:
         """Say what it counts against each site's K_s."""
         return jnp.asarray(self.precision) * (ks - jnp.asarray(self.mean)) ** 2
@@ -48,6 +52,35 @@ class SpecularPrior(NamedTuple):
     def errors(self, sums: SiteSums) -> tuple[SiteMaterial, None]:
         """Compute standard errors; K_s has no colour that could have any."""
         return site_errors(sums, self), None
+
+
+class KnownSpecular(NamedTuple):
+    """A K_s that is one and the same everywhere, as that of a clear interface: nothing is free."""
+
+    mean: Float[AnyArray, ""]
+
+    def amplitudes(self, channels: int) -> int:
+        """Say how many K_s a site has that are not known."""
+        return 0
+
+    def matrix(self, channels: int) -> Float[Array, "0 0"]:
+        """Return the precisions of nothing."""
+        return jnp.zeros((0, 0))
+
+    def held(self, ks: Float[Array, "site"]) -> Float[Array, "site"]:
+        """Count nothing against it."""
+        return jnp.zeros_like(ks)
+
+    def solve(self, sums: SiteSums) -> SiteMaterial:
+        """Solve for K_d of every channel and site, at least zero."""
+        ks = jnp.broadcast_to(jnp.asarray(self.mean, sums.dd.dtype), sums.dd.shape[:1])
+        kd = quotient(sums.db - sums.ds * ks[:, None], sums.dd)
+        return SiteMaterial(jnp.maximum(kd, 0), ks)
+
+    def errors(self, sums: SiteSums) -> tuple[SiteMaterial, None]:
+        """Compute standard errors of K_d; K_s has none."""
+        variance = jnp.where(sums.dd > 0, 1 / jnp.where(sums.dd > 0, sums.dd, 1), jnp.inf)
+        return SiteMaterial(jnp.sqrt(variance), jnp.zeros(sums.dd.shape[:1])), None
 
 
 class FreeSites(NamedTuple):
