@@ -78,7 +78,7 @@ class MetallicRoughness(Layered):
 
 
 def mixed(
-    metallic: Scalar,
+    metallic: Float[AnyArray, "*#batch"] | float,
     ior: Scalar,
     diffuse: Float[Array, "*batch"],
     lobe: Float[Array, "*batch"],

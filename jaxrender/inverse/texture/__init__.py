@@ -28,6 +28,8 @@
     diffuse object; light from what moves with the view (``view_dependent`` with all else given,
     ``view_search`` with the specular lobe unknown too, from ``view_start``; their operator is in
     ``harmonic_columns``)
+``metallic`` ``metallic_table`` ``metallic_estimate``
+    maps of glTF's material: the fit, what its parts send over the roughness, what was found
 ``maps``
     site values as images
 ``from_photographs`` ``estimate`` ``region_lobe``
@@ -79,11 +81,17 @@ from jaxrender.inverse.texture.measurements import (
     by_site,
     whole_sites,
 )
+from jaxrender.inverse.texture.metallic import MetallicSites, recover_metallic
+from jaxrender.inverse.texture.metallic_estimate import (
+    LitMetallic,
+    MetallicEstimate,
+    metallic_under_known_light,
+)
 from jaxrender.inverse.texture.prediction import LitTexture
 from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
-from jaxrender.inverse.texture.site_numbers import COLOR, MAPS, NormalMap
+from jaxrender.inverse.texture.site_numbers import COLOR, MAPS, METALLIC, METALLIC_MAPS, NormalMap
 from jaxrender.inverse.texture.site_sums import SiteMaterial, SiteSums, site_sums
 from jaxrender.inverse.texture.site_systems import (
     SpecularPrior,
@@ -102,6 +110,8 @@ from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 __all__ = [
     "COLOR",
     "MAPS",
+    "METALLIC",
+    "METALLIC_MAPS",
     "NEVER",
     "Alternation",
     "Confidence",
@@ -112,8 +122,11 @@ __all__ = [
     "GlossyProblem",
     "GlossyTexture",
     "LightCoefficients",
+    "LitMetallic",
     "LitTexture",
     "Lobe",
+    "MetallicEstimate",
+    "MetallicSites",
     "ModelOf",
     "NormalMap",
     "RegionLobe",
@@ -146,7 +159,9 @@ __all__ = [
     "fit_texture_by_region",
     "forward_under",
     "image_of_sites",
+    "metallic_under_known_light",
     "recover_glossy",
+    "recover_metallic",
     "recover_texture",
     "site_errors",
     "site_sums",

@@ -16,7 +16,7 @@ from jaxrender.inverse.intervals import NORMAL_90
 from jaxrender.inverse.misfit import Misfit
 from jaxrender.inverse.outcomes import Outcome
 from jaxrender.inverse.own_words import plain
-from jaxrender.inverse.texture.maps import dilated, image_of_sites
+from jaxrender.inverse.texture.maps import image_of_sites, write_maps
 from jaxrender.inverse.texture.region_lobe import ORIGIN, RegionLobe, interval90
 from jaxrender.inverse.texture.site_numbers import NormalMap
 from jaxrender.inverse.texture.sites import SurfaceSites
@@ -24,7 +24,7 @@ from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.inverse.unknown_material import UnknownMaterial
-from jaxrender.io import write_image, write_mesh
+from jaxrender.io import write_mesh
 from jaxrender.shapes import Bool, Float
 
 _MAPS = ("kd", "ks", "kd_error", "ks_error")
@@ -223,11 +223,7 @@ class TextureEstimate(AnyEstimate):
             assert isinstance(self.sites.shape, Mesh)
             write_mesh(folder / self.files["vertices"], self.sites.shape, self._columns())
             return
-        for name, image in self.images().items():
-            filled = dilated(image, reach, self.sites.wraps)
-            write_image(folder / self.files[name], np.nan_to_num(filled))
-        for name, image in self.marks().items():
-            write_image(folder / self.files[name], image)
+        write_maps(folder, self.files, self.images(), self.marks(), reach, self.sites.wraps)
 
     @property
     def _amplitudes(self) -> tuple[str, ...]:

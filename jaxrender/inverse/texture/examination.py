@@ -118,7 +118,7 @@ def misfit_of(
     predicted: Float[np.ndarray, "sample channel"],
     texture: Texture,
     noise: NoiseModel | None,
-    least: float,
+    least: float = LEAST,
     seed: int = 0,
 ) -> Misfit | None:
     """Measure noise and misfit where sites can be trusted: where not, they are marked.

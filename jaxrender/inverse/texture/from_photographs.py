@@ -14,8 +14,13 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.photographs import LoadedCapture, Photograph, observations_of
 from jaxrender.inverse.scene import Scene
 from jaxrender.inverse.texture.estimate import TextureEstimate
+from jaxrender.inverse.texture.metallic_estimate import (
+    MetallicEstimate,
+    metallic_under_known_light,
+)
 from jaxrender.inverse.texture.regions import under_known_light
 from jaxrender.inverse.texture.rounds import TextureSettings
+from jaxrender.inverse.texture.site_numbers import METALLIC, METALLIC_MAPS
 from jaxrender.inverse.texture.sites import sites_of
 from jaxrender.inverse.texture.unknown_light import UnknownLightSettings, under_unknown_light
 
@@ -27,8 +32,11 @@ def estimate_texture(
     rows: int | None = None,
     regions: str | Path | None = None,
     control_points: int = 0,
-) -> TextureEstimate:
+) -> TextureEstimate | MetallicEstimate:
     """Find kd and ks of every texel or vertex, sigma and mu of the lobe, and an unknown light.
+
+    Of the model ``metallic-roughness`` base colour, and what ``settings.maps`` say of roughness and
+    metalness, are found under known light.
 
     ``settings`` are ``UnknownLightSettings`` where the scene has no light, else
     ``TextureSettings``.  ``rows`` of texels are made; None: as many as the photographs are enough
@@ -63,6 +71,14 @@ def estimate_texture(
         return under_unknown_light(observations, sites, scene.material, settings)
     assert not isinstance(settings, UnknownLightSettings)
     light = _light_of(scene, photographs, seen)
+    if scene.material.model == METALLIC:
+        if control_points:
+            raise ValueError(
+                f"control_points={control_points}: {METALLIC} has no sigma; leave it out, or make "
+                "roughness a map"
+            )
+        settings = settings or TextureSettings(maps=tuple(METALLIC_MAPS))
+        return metallic_under_known_light(observations, sites, light, scene.material, settings)
     return under_known_light(observations, sites, light, scene.material, settings, control_points)
 
 

@@ -1,8 +1,12 @@
 """Site values as images: row 0 at the top, NaN where nothing is known, and borders filled in."""
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from jaxrender.io import write_image
 from jaxrender.shapes import Bool, Float
 
 
@@ -22,6 +26,21 @@ def image_of_sites(
     if known is not None:
         laid[~known.reshape(image)] = np.nan
     return laid
+
+
+def write_maps(
+    folder: Path,
+    files: Mapping[str, str],
+    images: Mapping[str, Float[np.ndarray, "row column channel"]],
+    marks: Mapping[str, Float[np.ndarray, "row column channel"]],
+    reach: int,
+    wrap: bool,
+) -> None:
+    """Write images of sites, continued ``reach`` texels beyond what is known, and marks."""
+    for name, image in images.items():
+        write_image(folder / files[name], np.nan_to_num(dilated(image, reach, wrap)))
+    for name, image in marks.items():
+        write_image(folder / files[name], image)
 
 
 def dilated(

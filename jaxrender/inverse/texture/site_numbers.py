@@ -25,7 +25,8 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # What may be a map of facets, beside a coloured K_s, and the numbers that it has at each site.
 MAPS: Mapping[str, tuple[str, ...]] = {"sigma": ("sigma",), "normal": ("tilt_x", "tilt_y")}
-# The same of glTF's material.
+# The same of glTF's material, and what the catalogue calls it.
+METALLIC = "metallic-roughness"
 METALLIC_MAPS: Mapping[str, tuple[str, ...]] = {
     "roughness": ("roughness",),
     "metalness": ("metallic",),

@@ -18,6 +18,7 @@ from jaxrender.inverse.texture.coloured_sites import ColouredPrior, KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations
 from jaxrender.inverse.texture.site_equations import Common, Expected, common_equations
+from jaxrender.inverse.texture.site_minima import inverses
 from jaxrender.inverse.texture.site_numbers import MAPS, METALLIC_MAPS, NUMBERS, SiteNumbers
 from jaxrender.inverse.texture.site_solver import (
     LEAST_NOISE,
@@ -181,12 +182,12 @@ def _noise_left(some: SiteObservations, solved: Solved, fitted: int) -> NoiseMod
 
 def _learned(asked: Asked, solved: Solved) -> Asked:
     """Learn what to expect of the numbers of a site, and of its K_s."""
-    inverse, count = _inverse(np.asarray(solved.local.matrix)), len(asked.names)
+    inverse, count = inverses(np.asarray(solved.local.matrix)), len(asked.names)
     variances = np.diagonal(inverse, axis1=1, axis2=2)
     mean, precision = asked.expected.mean.copy(), asked.expected.precision.copy()
     lit = np.any(by_channel(np.asarray(solved.local.material.ks)) > 0, axis=1)
     for at, name in enumerate(asked.names):
-        of_data, told = _without(
+        of_data, told = own_estimates(
             solved.value[:, at], variances[:, at - count], mean[at], precision[at]
         )
         number = NUMBERS[name]
@@ -202,12 +203,12 @@ def _learned(asked: Asked, solved: Solved) -> Asked:
         prior = prior.learned(ks, inverse[:, of_ks, of_ks])
     elif isinstance(prior, SpecularPrior):
         known = float(prior.mean), float(prior.precision)
-        ks, told = _without(ks, variances[:, channels], *known)
+        ks, told = own_estimates(ks, variances[:, channels], *known)
         prior = spread_of(ks, np.where(lit, told, 0))
     return asked._replace(expected=Expected(mean, precision), prior=prior)
 
 
-def _without(
+def own_estimates(
     value: Float[np.ndarray, "site"],
     variance: Float[np.ndarray, "site"],
     mean: float,
@@ -260,9 +261,9 @@ def _searched(name: str, value: Any) -> Any:
 def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNumbers:
     """State values and errors; nothing is known of what was not seen."""
     count, seen = len(asked.names), measured.seen > 0
-    inverse = _inverse(np.asarray(solved.local.matrix))
+    inverse = inverses(np.asarray(solved.local.matrix))
     size = inverse.shape[1] - count
-    alone = _inverse(np.asarray(solved.local.matrix)[:, :size, :size])
+    alone = inverses(np.asarray(solved.local.matrix)[:, :size, :size])
     whole, own = (np.diagonal(part, axis1=1, axis2=2) for part in (inverse, alone))
     inflation = np.sqrt(np.maximum(whole[:, :size] / own, 1))
     covariance = inverse[:, size:, size:]
@@ -274,10 +275,3 @@ def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNu
         np.where(seen[:, None], inflation, 1.0),
         solved.axes,
     )
-
-
-def _inverse(matrix: Float[np.ndarray, "site n n"]) -> Float[np.ndarray, "site n n"]:
-    """Invert every matrix, scaled to comparable sizes."""
-    size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))
-    scale = size[:, :, None] * size[:, None, :]
-    return np.linalg.inv(matrix / scale + 1e-14 * np.eye(matrix.shape[1])) / scale

@@ -35,8 +35,9 @@ from jaxrender.shapes import Array, Bool, Float, Int
 LEAST_NOISE = 1e-3
 # Observations solved at once: few lengths, so that few programs are compiled.
 _LENGTHS = (2**9, 2**11, 2**13)
-# Where a site's chi-squared is so many times what is usual, it is tried from other numbers.
-_BAD = 2.5
+# Where a site's chi-squared is so many times what is usual, or so many standard deviations above
+# it, it is tried from other numbers.
+_BAD, _NO_CHANCE = 2.5, 5.0
 # A search ends where no step would lower a site's chi-squared by more than this.
 _GAIN, _STEPS = 0.05, 10
 _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
@@ -109,12 +110,12 @@ class Solved(NamedTuple):
         count, channels = measured.count, measured.radiance.shape[1]
         of_ks = prior.amplitudes(channels)
         size = channels + of_ks + value.shape[1]
-        dark = np.zeros((count, of_ks))
+        dark = np.zeros((count, of_ks) if of_ks > 1 else count)
         local = SiteEquations(
             np.full(count, np.inf),
             np.zeros((count, size)),
             np.tile(np.eye(size), (count, 1, 1)),
-            SiteMaterial(np.zeros((count, channels)), dark if of_ks > 1 else dark[:, 0]),
+            SiteMaterial(np.zeros((count, channels)), dark),
         )
         nowhere = np.tile(np.eye(3)[:2], (count, 1, 1))
         return cls(value.copy(), local, nowhere, np.zeros_like(measured.radiance))
@@ -138,8 +139,9 @@ def solve_numbers_of(
     seen, values = measured.seen > 0, np.maximum(measured.seen, 1) * measured.radiance.shape[1]
     # Where the model is wrong everywhere, other numbers are of no help.
     usual = max(float(np.median((found.local.cost / values)[seen])), 1.0)
+    most = usual * values * np.minimum(_BAD, 1 + _NO_CHANCE * np.sqrt(2 / values))
     for begun in asked.begun(again=True):
-        bad = seen & (found.local.cost > _BAD * usual * values)
+        bad = seen & (found.local.cost > most)
         if not bad.any():
             break
         other = np.tile(begun, (measured.count, 1))

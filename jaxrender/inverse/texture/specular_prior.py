@@ -6,6 +6,8 @@ The thesis takes the mean value of the specular texture there (T 6.4.2); a site 
 now gets a little of both.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jaxrender.inverse.texture.site_systems import SpecularPrior
@@ -52,3 +54,47 @@ def normal_spread(
         if np.allclose(before, (mean, spread), rtol=_SETTLED, atol=0):
             break
     return mean, spread
+
+
+class Kinds(NamedTuple):
+    """Normal distributions of which every site's number is drawn, each with its share of sites."""
+
+    share: Float[np.ndarray, "kind"]
+    mean: Float[np.ndarray, "kind"]
+    spread: Float[np.ndarray, "kind"]
+
+
+def kinds_of(
+    estimates: Float[np.ndarray, "site"],
+    precision: Float[np.ndarray, "site"],
+    begin: tuple[tuple[float, float], ...],
+    least: float,
+) -> Kinds:
+    """Tell kinds of sites apart by a number, as metals from plastics: a mixture of normals.
+
+    The likelihood is climbed by expectation and maximisation from means and spreads ``begin``; no
+    spread is less than ``least``.  Every kind begins with one site more, so that none dies out.
+    """
+    count, (first, wide) = len(begin), np.array(begin).T
+    kinds = Kinds(np.full(count, 1 / count), first, wide)
+    measured = precision > 0
+    values, variances = estimates[measured, None], 1 / precision[measured, None]
+    if not measured.any():
+        return kinds
+    for _ in range(_STEPS):
+        before, whole = kinds, kinds.spread**2 + variances
+        logs = np.log(kinds.share) - ((values - kinds.mean) ** 2 / whole + np.log(whole)) / 2
+        of_kind = np.exp(logs - logs.max(axis=1, keepdims=True))
+        of_kind /= of_kind.sum(axis=1, keepdims=True)
+        # What a site's own number is, if it is of a kind.
+        inside = 1 / (1 / kinds.spread**2 + 1 / variances)
+        own = inside * (kinds.mean / kinds.spread**2 + values / variances)
+        total = of_kind.sum(axis=0) + 1
+        mean = (np.sum(of_kind * own, axis=0) + first) / total
+        squares = np.sum(of_kind * ((own - mean) ** 2 + inside), axis=0)
+        square = (squares + (first - mean) ** 2 + wide**2) / total
+        spread = np.maximum(np.sqrt(square), least)
+        kinds = Kinds(total / total.sum(), mean, spread)
+        if all(np.allclose(one, other, atol=1e-6) for one, other in zip(before, kinds)):
+            break
+    return kinds
