@@ -100,6 +100,8 @@ def _summary_of_spectrum(spectrum: dict[str, Any]) -> list[str]:
 def _summary_of_texture(result: dict[str, Any]) -> list[str]:
     """Give the number of sites that were seen and marked, the median error, and what is a map."""
     texture = result["texture"]
+    if "base_color_marked" in texture:
+        return _summary_of_metallic(texture)
     lines = [
         f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: kd "
         f"{texture['kd_marked']}, ks {texture['ks_marked']}",
@@ -118,6 +120,25 @@ def _summary_of_texture(result: dict[str, Any]) -> list[str]:
         )
     if "ambiguity" in result:
         lines.append(f"not identifiable: {result['ambiguity']}")
+    return lines
+
+
+def _summary_of_metallic(texture: dict[str, Any]) -> list[str]:
+    """Do the same of glTF's material."""
+    lines = [
+        f"{texture['sentence']}: {texture['seen']} seen, {texture['unseen']} not; marked: "
+        f"base_color {texture['base_color_marked']}",
+        f"median error of base_color: {100 * texture['median_relative_error_base_color']:.2g} %",
+    ]
+    for name in ("roughness", "metallic"):
+        if f"{name}_range" in texture:
+            low, high = texture[f"{name}_range"]
+            lines.append(
+                f"{name} of most sites: {low:.3g} to {high:.3g}, standard error "
+                f"{texture[f'{name}_error']:.2g}, marked: {texture[f'{name}_marked']}"
+            )
+    if "metals" in texture:
+        lines.append(f"metal: {100 * texture['metals']:.3g} % of the sites that are not marked")
     return lines
 
 

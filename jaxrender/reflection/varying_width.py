@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.batches import in_batches
-from jaxrender.brdf import Glossy
+from jaxrender.brdf import Parametric
 from jaxrender.geometry import SurfacePlaces, SurfaceSamples
 from jaxrender.reflection.integral import radiance
 from jaxrender.reflection.render import ForwardModel, ShadowedModel, is_traced, render_samples
@@ -23,7 +23,7 @@ _SAMPLES_AT_ONCE = 64
 
 @checked
 def render_widths(
-    brdf: Glossy,
+    brdf: Parametric,
     widths: Float[AnyArray, "sample"],
     samples: SurfaceSamples,
     model: ForwardModel | ShadowedModel,
@@ -80,7 +80,7 @@ def _added(
 
 
 def _one_by_one(
-    brdf: Glossy, widths: Float[Array, "sample"], samples: SurfaceSamples, model: ForwardModel
+    brdf: Parametric, widths: Float[Array, "sample"], samples: SurfaceSamples, model: ForwardModel
 ) -> Float[Array, "sample channel"]:
     """Render every sample with its own lobe."""
 

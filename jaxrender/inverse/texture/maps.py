@@ -31,8 +31,8 @@ def image_of_sites(
 def write_maps(
     folder: Path,
     files: Mapping[str, str],
-    images: Mapping[str, Float[np.ndarray, "row column channel"]],
-    marks: Mapping[str, Float[np.ndarray, "row column channel"]],
+    images: Mapping[str, Float[np.ndarray, "row column _"]],
+    marks: Mapping[str, Float[np.ndarray, "row column _"]],
     reach: int,
     wrap: bool,
 ) -> None:

@@ -21,7 +21,14 @@ Each writer says by ``..._losses`` what its format cannot hold, before anything 
 """
 
 from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
-from jaxrender.io.exports.contents import Contents, MaterialMaps, Part, mesh_of, plain_name
+from jaxrender.io.exports.contents import (
+    Contents,
+    MaterialMaps,
+    MetallicMaps,
+    Part,
+    mesh_of,
+    plain_name,
+)
 from jaxrender.io.exports.environments import (
     cube_faces,
     environment_losses,
@@ -42,6 +49,7 @@ __all__ = [
     "GltfMaterial",
     "GltfTextures",
     "MaterialMaps",
+    "MetallicMaps",
     "Part",
     "cube_faces",
     "environment_losses",

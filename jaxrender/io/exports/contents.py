@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF
+from jaxrender.brdf import BRDF, MetallicRoughness
 from jaxrender.geometry import Mesh, Shape, Sphere
 from jaxrender.io.captures import Frame
 from jaxrender.lighting import DirectionalSources, Environment, Light, PointSources
@@ -48,6 +48,27 @@ class MaterialMaps(NamedTuple):
         return self.ks if self.ks.ndim == self.kd.ndim else self.ks[..., None]
 
 
+class MetallicMaps(NamedTuple):
+    """glTF's material for every texel, row 0 at v = 1; ``mean`` is that of all seen texels.
+
+    Texels that nobody saw are black.
+    """
+
+    mean: MetallicRoughness
+    base_color: Float[np.ndarray, "row column 3"]
+    roughness: Float[np.ndarray, "row column"]
+    metallic: Float[np.ndarray, "row column"]
+
+    @property
+    def of_vertices(self) -> bool:
+        """Whether sites are vertices."""
+        return False
+
+    @property
+    def offset(self) -> None:
+        """No site has a normal of its own."""
+
+
 class Contents(NamedTuple):
     """What a result holds, in the world's axes (z up), its units, and linear RGB.
 
@@ -60,7 +81,7 @@ class Contents(NamedTuple):
     environment: Environment | None = None
     sources: DirectionalSources = DirectionalSources.none()
     cameras: tuple[Frame, ...] = ()
-    maps: MaterialMaps | None = None
+    maps: MaterialMaps | MetallicMaps | None = None
     points: PointSources | None = None
 
     @property

@@ -40,11 +40,15 @@ _KHR = "KHR_materials_"
 
 
 class GltfTextures(NamedTuple):
-    """Maps over the texture's square, row 0 at v = 1: linear colours, and the roughness."""
+    """Maps over the texture's square, row 0 at v = 1: linear colours, roughness and metalness.
+
+    A share of metal goes with a roughness; without one the material's factor holds everywhere.
+    """
 
     base_color: Float[np.ndarray, "row column 3"]
     specular_color: Float[np.ndarray, "row column 3"] | None = None
     roughness: Float[np.ndarray, "row column"] | None = None
+    metallic: Float[np.ndarray, "row column"] | None = None
 
 
 def srgb(linear: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -240,6 +244,9 @@ class _Writer:
                 base["roughnessFactor"] = 1.0
                 rough = np.zeros((*textures.roughness.shape, 3))
                 rough[..., 1], rough[..., 2] = textures.roughness, 1.0
+                if textures.metallic is not None:
+                    base["metallicFactor"] = 1.0
+                    rough[..., 2] = textures.metallic
                 base["metallicRoughnessTexture"] = self._picture(rough)
             if textures.specular_color is not None:
                 plain = False

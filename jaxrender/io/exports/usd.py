@@ -32,7 +32,7 @@ _FOCAL_LENGTH = 50.0
 _TENTHS = 10.0
 # Sources are this wide, degrees: nearly a direction.
 _WIDTH = 0.05
-_NAMES = ("base_color", "specular_color", "roughness")
+_NAMES = ("base_color", "specular_color", "roughness", "metallic")
 
 
 def usd_losses(contents: Contents, material: GltfMaterial) -> tuple[str, ...]:
@@ -122,7 +122,7 @@ class _Writer:
             "useSpecularWorkflow": 0 if is_metal else 1,
         }
         if is_metal:
-            inputs["metallic"] = 1.0
+            inputs["metallic"], inputs["ior"] = 1.0, float(material.ior)
         else:
             inputs["specularColor"] = np.minimum(head_on * np.asarray(material.specular_color), 1)
         for key, value in inputs.items():
@@ -178,7 +178,7 @@ class _Writer:
         types = Sdf.ValueTypeNames
         places = self._shader(material, "coordinates", "UsdPrimvarReader_float2")
         places.CreateInput("varname", types.String).Set("st")
-        pairs = zip(_NAMES, ("diffuseColor", "specularColor", "roughness"))
+        pairs = zip(_NAMES, ("diffuseColor", "specularColor", "roughness", "metallic"))
         for name, target in pairs:
             values = getattr(maps, name)
             if values is None:

@@ -41,6 +41,8 @@ _OF_LADDER = "ggx"
 
 # Those of facets, which have a choice of Fresnel angle and masking.
 FACET_MODELS = tuple(name for name, model in MODELS.items() if "fresnel" in model.options)
+# glTF's, whose numbers a texture may have as maps.
+METALLIC = "metallic-roughness"
 # Every key that belongs to some models alone.
 _CHOICES = ("fresnel", "masking", "multiple_scattering")
 _KEYS_OF_SOME = (*NAMES, "ks_per_channel", *_CHOICES)

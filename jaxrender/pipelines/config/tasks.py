@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from jaxrender.catalogue import MODELS
-from jaxrender.pipelines.config.brdf import FACET_MODELS
+from jaxrender.pipelines.config.brdf import FACET_MODELS, METALLIC
 from jaxrender.pipelines.config.parameter import Parameter
 from jaxrender.pipelines.config.solve import SolveConfig
 
@@ -24,10 +24,12 @@ _AS_IT_IS: Mapping[str, tuple[Any, ...]] = {
     "solve.loss": ("auto", "squares"),
     "solve.band_limit": ("auto",),
     "lighting.split": ("auto",),
-    "brdf.model": (*FACET_MODELS, "lambertian"),
+    "brdf.model": (*FACET_MODELS, "lambertian", METALLIC),
     "brdf.compare": ((),),
     "brdf.kd": (Parameter(),),
     "brdf.ks": (Parameter(),),
+    "brdf.base_color": (Parameter(),),
+    "brdf.interface": (Parameter(fixed=1.0),),
     "texture.sigma": ("even",),
     "texture.normals": ("shape",),
     "texture.ks": ("single",),
@@ -94,11 +96,13 @@ _TEXTURE = {
     **_NO_PRIORS,
     "solve.loss": "counts squared residuals",
     "solve.most_sources": "looks for no sources",
-    "brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian",
+    "brdf.model": "fits facets (microfacet, ggx, beckmann), lambertian or metallic-roughness",
     "brdf.compare": "fits one model",
     "brdf.table": "has a material at each site, of which a few directions are seen",
     "brdf.kd": "finds kd of every site",
     "brdf.ks": "finds ks of every site",
+    "brdf.base_color": "finds base_color of every site",
+    "brdf.interface": "knows the light, so that the interface is as bright as its index says",
     "brdf.ks_per_channel": "has one ks for all channels (texture.ks: color: one each)",
 }
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import model_validator
 
-from jaxrender.pipelines.config.brdf import FACET_MODELS
+from jaxrender.pipelines.config.brdf import FACET_MODELS, METALLIC
 from jaxrender.pipelines.config.stated import Case
 from jaxrender.pipelines.config.values import ConfigPath, Count, Section, Switch, WholeNumber
 
@@ -33,6 +33,11 @@ class TextureConfig(Section):
     ks: Literal["single", "color"] = "single"
     """single: one K_s for all channels, as a dielectric has it.  color: each channel of each texel
     or vertex has its own, as metals have.  Where photographs do not tell, K_s has no color."""
+    roughness: Literal["even", "map"] = "even"
+    """Of model metallic-roughness: one roughness for all, or one for each texel or vertex."""
+    metalness: Literal["even", "map"] = "even"
+    """Of model metallic-roughness: one share of metal for all (brdf.metallic), or one for each
+    texel or vertex."""
     unknown_light: Switch = False
     """Whether the light is unknown although the recipe states it."""
     prior: Literal["total-variation", "variance"] = "total-variation"
@@ -74,6 +79,18 @@ def _is_diffuse_texture(config: RunConfig) -> bool:
     return config.task == "texture" and config.brdf.model == "lambertian"
 
 
+def _is_metallic(config: RunConfig) -> bool:
+    return config.task == "texture" and config.brdf.model == METALLIC
+
+
+# What glTF's material asks for anyway, as a texture.
+_TAKEN_BY_METALLIC = {
+    "texture.sigma": ("even",),
+    "texture.normals": ("shape",),
+    "texture.ks": ("single",),
+    "solve.refine": ("exact",),
+    "solve.method": ("variable-projection",),
+}
 # What sites that have something for themselves beside K_d and one K_s refuse, and what they take.
 _REFUSED_BY_SITES = {
     "solve.refine": "is found on the integral",
@@ -159,6 +176,52 @@ CASES_OF_TEXTURES = (
         {"texture.sigma": "knows no sigma that varies slowly"},
         {"texture.sigma": ("even", "map")},
         instead="choose texture.sigma: map, or texture.normals: shape",
+    ),
+    Case(
+        f"a texture of {METALLIC}",
+        _is_metallic,
+        {
+            "texture.sigma": "has a roughness (texture.roughness)",
+            "texture.normals": "takes the normals of the shape",
+            "texture.ks": "has a clear interface, which is as bright as its index says",
+            "texture.regions": "has maps in the place of regions",
+            "solve.refine": "is found on the integral",
+            "solve.refine_samples": "has no refinement with its own samples",
+            "solve.method": "is too much for the simplex",
+            "solve.starts": "has the same starts at every site",
+            "solve.free": "takes the capture as it is told",
+            "solve.diagnose": "names no causes of a misfit",
+        },
+        _TAKEN_BY_METALLIC,
+        instead="choose a model of facets",
+    ),
+    Case(
+        lambda config: f"a texture of {config.brdf.model}",
+        lambda config: not _is_metallic(config),
+        {
+            "texture.roughness": "has no roughness of its own",
+            "texture.metalness": "knows no share of metal",
+        },
+        {"texture.roughness": ("even",), "texture.metalness": ("even",)},
+        instead=f"choose brdf.model: {METALLIC}",
+    ),
+    *(
+        Case(
+            f"texture.{key}: map",
+            lambda config, key=key: (
+                config.texture is not None and getattr(config.texture, key) == "map"
+            ),
+            {f"brdf.{name}.fixed": f"finds {name}"},
+            instead=f"choose texture.{key}: even",
+        )
+        for key, name in (("roughness", "roughness"), ("metalness", "metallic"))
+    ),
+    Case(
+        "a texture under unknown light",
+        lambda config: config.task == "texture" and not config.knows_light,
+        {"brdf.model": "fits facets (microfacet, ggx, beckmann) or lambertian"},
+        {"brdf.model": (*FACET_MODELS, "lambertian")},
+        instead="give the light",
     ),
     Case(
         "texture.regions",

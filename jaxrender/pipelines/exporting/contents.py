@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender import brdf as brdfs
@@ -10,13 +11,14 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Shape
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.captures import Frame
-from jaxrender.io.exports import Contents, MaterialMaps
+from jaxrender.io.exports import Contents, MaterialMaps, MetallicMaps
 from jaxrender.lighting import DirectionalSources, Environment, PointSources
 from jaxrender.pipelines.captures import captures_of, joined
 from jaxrender.pipelines.render import light_of_run
 from jaxrender.pipelines.result import RESULT, FinishedRun
 from jaxrender.pipelines.scene import shape_of
 from jaxrender.pipelines.tasks import task_named
+from jaxrender.pipelines.tasks.texture.metallic import MetallicSubject
 from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 
 _CHANNELS = 3
@@ -75,9 +77,12 @@ def _contents(run: FinishedRun) -> Held:
     )
 
 
-def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps:
-    """Read a texture."""
-    subject = TexturedSubject(run, shape)
+def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | MetallicMaps | None:
+    """Read a texture; None for one of metal at vertices, which no format takes."""
+    subject = task_named(run.config.task).subject(run, shape)
+    if isinstance(subject, MetallicSubject):
+        return _metallic_maps(subject)
+    assert isinstance(subject, TexturedSubject)
     _refuse_other_channels(run, subject.kd.shape[1])
     if len(subject.lobes) > 1 and subject.sigma is None:
         losses.append("the index of each region: that of the sharpest serves all")
@@ -102,6 +107,20 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps:
         None if sigma is None else sigma.reshape(sites),
         None if subject.normals is None else subject.normals.offset.reshape(*sites, 3),
     )
+
+
+def _metallic_maps(subject: MetallicSubject) -> MetallicMaps | None:
+    if subject.size == (1, 1):
+        return None
+    known = {
+        name: np.nan_to_num(subject.numbers_of[name], nan=0.0) for name in ("roughness", "metallic")
+    }
+    seen = subject.seen
+    means = {name: jnp.asarray(float(values[seen].mean())) for name, values in known.items()}
+    mean = subject.variant.with_numbers(means)
+    mean = mean.with_amplitudes(subject.color[seen].mean(axis=0), np.ones(_CHANNELS))
+    laid = {name: values.reshape(subject.size) for name, values in known.items()}
+    return MetallicMaps(mean, subject.color.reshape(*subject.size, -1), **laid)
 
 
 def _material(run: FinishedRun) -> BRDF | None:

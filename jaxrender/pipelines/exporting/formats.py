@@ -13,6 +13,7 @@ from jaxrender.io.exports import (
     Brushed,
     Contents,
     GltfMaterial,
+    MaterialMaps,
     Part,
     SeparatelyMasked,
     environment_losses,
@@ -57,7 +58,7 @@ _ENVIRONMENT, _MERL = "environment", "material.binary"
 _DEGREE = 10
 # A material, or one for every texel.
 _MAPPED = "material or texture of texels"
-_ANY_MATERIAL = "material or texture"
+_PLAIN_MATERIAL = "material or texture of K_d and K_s"
 _TURNING = "how the surface differs with its turning"
 
 
@@ -82,7 +83,7 @@ def missing_of(contents: Contents, kind: ExportFormat) -> tuple[str, ...]:
     has = {
         MATERIAL: contents.material is not None,
         _MAPPED: contents.material is not None or (maps is not None and not maps.of_vertices),
-        _ANY_MATERIAL: contents.material is not None or maps is not None,
+        _PLAIN_MATERIAL: contents.material is not None or isinstance(maps, MaterialMaps),
         _SHAPE: contents.shape is not None,
         _LIGHT: contents.is_lit,
         _ENVIRONMENT: contents.environment is not None,
@@ -95,7 +96,7 @@ def _isotropic(brdf: BRDF) -> BRDF:
 
 
 def _mitsuba(contents: Contents) -> Prepared:
-    if contents.maps is not None:
+    if isinstance(contents.maps, MaterialMaps):
         return textured_mitsuba(contents, contents.maps)
     assert contents.material is not None
     if isinstance(contents.material, AnisotropicGGX):
@@ -266,7 +267,7 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "mitsuba": ExportFormat(
         "a scene of Mitsuba 3, as XML and as a dictionary",
-        (_ANY_MATERIAL, _SHAPE, _LIGHT),
+        (_PLAIN_MATERIAL, _SHAPE, _LIGHT),
         _mitsuba,
     ),
     "materialx": ExportFormat(

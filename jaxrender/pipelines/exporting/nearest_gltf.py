@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from jaxrender.brdf import BRDF, AnisotropicGGX, MetallicRoughness, Microfacet, OpenPBR
-from jaxrender.io.exports import Brushed, GltfMaterial, GltfTextures, MaterialMaps
+from jaxrender.io.exports import Brushed, GltfMaterial, GltfTextures, MaterialMaps, MetallicMaps
 from jaxrender.pipelines.exporting.differences import Pairs, dense_pairs
 from jaxrender.shapes import Float
 
@@ -65,20 +65,26 @@ def nearest_brushed(brdf: AnisotropicGGX | OpenPBR, brushed: Brushed) -> GltfMat
 class TexturedGltf(NamedTuple):
     """Textures, what they multiply, and the share of texels that are brighter than white.
 
-    ``mean`` is the material nearest to that of the mean texel.
+    ``mean`` is the material nearest to that of the mean texel; None: the texture is glTF's own.
     """
 
-    mean: GltfMaterial
+    mean: GltfMaterial | None
     material: GltfMaterial
     textures: GltfTextures
     too_bright: float
 
 
-def nearest_textured(maps: MaterialMaps) -> TexturedGltf:
+def nearest_textured(maps: MaterialMaps | MetallicMaps) -> TexturedGltf:
     """Find the material nearest to the mean, and scale its numbers for every texel.
 
     Colours change by kd and ks over the mean's, the roughness by the root of sigma over the mean's.
     """
+    if isinstance(maps, MetallicMaps):
+        material = GltfMaterial(np.ones(3), 1.0, 1.0, float(maps.mean.ior))
+        color = np.minimum(maps.base_color, 1)
+        textures = GltfTextures(color, None, maps.roughness, maps.metallic)
+        bright = float(np.mean(np.any(maps.base_color > 1, axis=-1)))
+        return TexturedGltf(None, material, textures, bright)
     nearest = nearest_gltf(maps.mean, metals=False)
     amplitudes = np.asarray(maps.mean.amplitudes, float)
     kd, ks = amplitudes[0], amplitudes[-1]

@@ -9,6 +9,7 @@ from jaxrender.geometry import Mesh
 from jaxrender.io.exports import (
     Contents,
     MaterialMaps,
+    MetallicMaps,
     gltf_losses,
     mitsuba_losses,
     spread_over_faces,
@@ -20,7 +21,7 @@ from jaxrender.io.exports import (
 )
 from jaxrender.io.rgl import read_rgl
 from jaxrender.pipelines.exporting.differences import difference
-from jaxrender.pipelines.exporting.nearest_gltf import nearest_textured
+from jaxrender.pipelines.exporting.nearest_gltf import TexturedGltf, nearest_textured
 from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 
 USD_DETAILS = (
@@ -30,45 +31,47 @@ USD_DETAILS = (
 UNSEEN = "places that no photograph shows are black"
 
 
-def textured_gltf(contents: Contents, maps: MaterialMaps, *, binary: bool) -> Prepared:
-    """Prepare a texture of texels: the model is always lost."""
+def textured_gltf(
+    contents: Contents, maps: MaterialMaps | MetallicMaps, *, binary: bool
+) -> Prepared:
+    """Prepare a texture of texels: its own numbers, or those of the nearest material."""
     found = nearest_textured(maps)
-    apart = difference(maps.mean, found.mean, contents).sentence
-    losses = (
-        *gltf_losses(contents),
-        f"{LACKED}; for the mean texel the nearest that it has is {apart} away",
-        "steps finer than a 256th of a texture's range",
-    )
-    if found.too_bright:
-        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
+    losses = (*gltf_losses(contents), *_lost(found, maps, contents))
     if maps.offset is not None:
         losses += ("the normals of single texels: the shape's own are kept",)
+    colours = "base colour" if found.mean is None else "base colour and specular colour"
+    numbers = "roughness linear in green" + (", metalness in blue" if found.mean is None else "")
 
     def write(folder: Path) -> Written:
         parts = write_gltf(contents, folder, found.material, found.textures, binary=binary)
-        remark = "textures: base colour and specular colour in sRGB, roughness linear in green"
-        return Written(parts, (remark, UNSEEN))
+        return Written(parts, (f"textures: {colours} in sRGB, {numbers}", UNSEEN))
 
     return Prepared(losses, write)
 
 
-def textured_usd(contents: Contents, maps: MaterialMaps) -> Prepared:
-    """Prepare a texture of texels for USD: the numbers are those of glTF's nearest material."""
+def textured_usd(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Prepared:
+    """Prepare a texture of texels for USD: its numbers are glTF's."""
     found = nearest_textured(maps)
-    apart = difference(maps.mean, found.mean, contents).sentence
-    losses = (
-        *usd_losses(contents, found.material),
-        f"{LACKED}; for the mean texel the nearest that it has is {apart} away",
-        "steps finer than a 256th of a texture's range",
-    )
-    if found.too_bright:
-        losses += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
 
     def write(folder: Path) -> Written:
         parts = write_usd(contents, folder, found.material, found.textures)
         return Written(parts, (USD_DETAILS, UNSEEN))
 
+    losses = (*usd_losses(contents, found.material), *_lost(found, maps, contents))
     return Prepared(losses, write)
+
+
+def _lost(
+    found: TexturedGltf, maps: MaterialMaps | MetallicMaps, contents: Contents
+) -> tuple[str, ...]:
+    """Say what textures of glTF's material lose."""
+    lost = ("steps finer than a 256th of a texture's range",)
+    if found.mean is not None:
+        apart = difference(maps.mean, found.mean, contents).sentence
+        lost = (f"{LACKED}; for the mean texel the nearest that it has is {apart} away", *lost)
+    if found.too_bright:
+        lost += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
+    return lost
 
 
 def textured_mitsuba(contents: Contents, maps: MaterialMaps) -> Prepared:

@@ -12,8 +12,8 @@
     how the fit ended and what it was made from; the table of parameters and what sigma rests on
 ``photographs`` ``light`` ``material`` ``residuals`` ``spectra``
     one section's figures a file
-``known_light`` ``recovered_light`` ``texture`` ``brdf_spectrum``
-    the pages of a material, a light, a texture and a BRDF's coefficients
+``known_light`` ``recovered_light`` ``texture`` ``metallic`` ``brdf_spectrum``
+    the pages of a material, a light, a texture, maps of glTF's material and a BRDF's coefficients
 ``page``
     a page's template and the style ``report.css`` filled with all of it
 """

@@ -142,7 +142,8 @@ def _sure(contents: Contents) -> tuple[str, ...]:
         said.append(f"The least certain is {_named(last)}: within {percent(last.reach)}.")
         if last.reach <= _WELL_KNOWN:
             said.append("All of these numbers are known well.")
-    error = contents.result.get("texture", {}).get("median_relative_error_kd")
+    texture = contents.result.get("texture", {})
+    error = texture.get(f"median_relative_error_{_colour(texture)}")
     if is_number(error):
         said.append(f"At the median place the colour is known within {percent(1.645 * error)}.")
     outcome = contents.result.get("outcome")
@@ -151,6 +152,11 @@ def _sure(contents: Contents) -> tuple[str, ...]:
     if outcome == "misfit":
         said.append("The photographs hold something that the model lacks: the ranges allow for it.")
     return tuple(said) or ("The sections below say how well the photographs are explained.",)
+
+
+def _colour(texture: dict[str, Any]) -> str:
+    """Name the colour of a texture's places."""
+    return "base_color" if "base_color_marked" in texture else "kd"
 
 
 def _named(known: _Known) -> str:
@@ -174,8 +180,9 @@ def _missing(contents: Contents) -> tuple[str, ...]:
     texture = result.get("texture", {})
     if texture.get("unseen"):
         said.append(f"{counted(texture['unseen'])} places that no photograph shows")
-    if texture.get("kd_marked"):
-        said.append(f"the colour of {counted(texture['kd_marked'])} places is unreliable")
+    marked = texture.get(f"{_colour(texture)}_marked")
+    if marked:
+        said.append(f"the colour of {counted(marked)} places is unreliable")
     lighting = str(result.get("lighting", {}).get("sentence", ""))
     if lighting and not lighting.startswith("all degrees"):
         said.append(lighting)

@@ -127,14 +127,14 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
     if contents.maps is None:
         return ()
     maps = contents.maps
-    found = [Map(_coloured(maps["kd"]), _CAPTIONS["kd"])]
+    found = [Map(coloured(maps["kd"]), _CAPTIONS["kd"])]
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.max(maps["kd_error"] / maps["kd"], axis=-1, keepdims=True)
     relative = np.where(np.isfinite(relative), relative, np.nan)
     graded = {"ks": maps["ks"], "kd_error": relative, "ks_error": maps["ks_error"]}
     names = ("kd_error",) if is_lambertian(contents) else ("ks", "kd_error", "ks_error")
     if maps["ks"].shape[-1] > 1:
-        found.append(Map(_coloured(maps["ks"]), f"{_CAPTIONS['ks']} in sRGB, with its colour"))
+        found.append(Map(coloured(maps["ks"]), f"{_CAPTIONS['ks']} in sRGB, with its colour"))
         graded["ks_error"] = np.max(maps["ks_error"], axis=-1, keepdims=True)
         names = names[1:]
     if "sigma" in maps:
@@ -144,17 +144,18 @@ def _maps(contents: TextureContents) -> tuple[Map, ...]:
         found.append(Map(_coded((1 + maps["normal"]) / 2), _CAPTIONS["normal"]))
         graded["normal_error"], names = maps["normal_error"], (*names, "normal_error")
     for name in names:
-        uri, top = _graded(graded[name])
+        uri, top = graded_map(graded[name])
         scale = percent(top) if name == "kd_error" else shown(top, 3)
         found.append(Map(uri, f"{_CAPTIONS[name]}; dark 0, yellow {scale}"))
     for name in ("marks", "sigma_marked", "normal_marked", "ks_colour_marked"):
         if name in maps:
             marks = np.rint(255 * as_rgb(maps[name])).astype(np.uint8)
-            found.append(Map(data_uri(_enlarged(marks)), _CAPTIONS[name]))
+            found.append(Map(data_uri(enlarged(marks)), _CAPTIONS[name]))
     return tuple(found)
 
 
-def _coloured(image: Picture) -> str:
+def coloured(image: Picture) -> str:
+    """Show linear colours, with one exposure for all channels; a data URI."""
     small = shrunk(np.nan_to_num(image), _LONGEST_SIDE)
     return _transparent(exposed(small, exposure_for(image)), image)
 
@@ -171,10 +172,11 @@ def _transparent(codes: np.ndarray, image: Picture) -> str:
     """Enlarge a small picture, which is transparent where nothing is known."""
     known = np.asarray(np.isfinite(image).all(axis=-1))
     opacity = shrunk(known[..., None].astype(float), _LONGEST_SIDE)[..., 0]
-    return data_uri(_enlarged(with_alpha(codes, opacity)))
+    return data_uri(enlarged(with_alpha(codes, opacity)))
 
 
-def _graded(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
+def graded_map(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
+    """Show one number from dark 0 to yellow; a data URI, and what yellow stands for."""
     finite = image[np.isfinite(image)]
     top = float(np.percentile(finite, _WITHIN_PERCENTILE)) if finite.size else 1.0
     top = top if top > 0 else 1.0
@@ -182,10 +184,10 @@ def _graded(image: Float[np.ndarray, "row column 1"]) -> tuple[str, float]:
     opacity = shrunk(np.where(np.isfinite(image), 1.0, 0.0), _LONGEST_SIDE)[..., 0]
     colours = colormaps[_COLOURS](np.clip(small / np.maximum(opacity, 1e-6) / top, 0, 1))
     codes = np.rint(255 * colours[..., :3]).astype(np.uint8)
-    return data_uri(_enlarged(with_alpha(codes, opacity))), top
+    return data_uri(enlarged(with_alpha(codes, opacity))), top
 
 
-def _enlarged(codes: np.ndarray) -> np.ndarray:
+def enlarged(codes: np.ndarray) -> np.ndarray:
     """Repeat the texels of a small map."""
     times = max(1, _SMALLEST_SIDE // max(codes.shape[:2]))
     return np.repeat(np.repeat(codes, times, axis=0), times, axis=1)

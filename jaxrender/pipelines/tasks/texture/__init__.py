@@ -6,6 +6,8 @@
     the call, and all of it as a run's recovery
 ``summary`` ``arrays``
     the result as data, and as arrays
+``metallic``
+    all of it for maps of glTF's material
 """
 
 from jaxrender.pipelines.tasks.texture.recovery import TASK, TextureRecovery, recover_texture

@@ -7,6 +7,8 @@ from jaxrender.geometry import Shape
 from jaxrender.inverse.photographs import Photograph
 from jaxrender.inverse.texture import (
     COLOR,
+    METALLIC,
+    METALLIC_MAPS,
     SurfaceSites,
     TextureSettings,
     UnknownLightSettings,
@@ -47,6 +49,13 @@ def known_light_settings(config: RunConfig) -> TextureSettings:
             diagnose=config.solve.diagnose,
             free=config.solve.free,
         )
+    if config.brdf.model == METALLIC:
+        return TextureSettings(
+            settings.noise,
+            search_samples=samples.count,
+            seed=settings.seed,
+            maps=asked_maps(texture_of(config)),
+        )
     return TextureSettings(
         settings.noise,
         _METHODS[settings.method],
@@ -64,6 +73,7 @@ def asked_maps(asked: TextureConfig) -> tuple[str, ...]:
     """Name what each site is to have for itself."""
     wanted = {"sigma": asked.sigma == "map", "normal": asked.normals == "map"}
     wanted[COLOR] = asked.ks == "color"
+    wanted |= {name: getattr(asked, name) == "map" for name in METALLIC_MAPS}
     return tuple(name for name, is_wanted in wanted.items() if is_wanted)
 
 

@@ -9,9 +9,12 @@ import numpy as np
 
 from jaxrender.brdf import BRDF
 from jaxrender.errors import InputError
+from jaxrender.geometry import Shape
 from jaxrender.inverse.texture import (
+    METALLIC,
     LitTexture,
     TextureEstimate,
+    metallic_under_known_light,
     under_known_light,
     under_unknown_light,
 )
@@ -25,6 +28,7 @@ from jaxrender.pipelines.progress import Progress
 from jaxrender.pipelines.result import FinishedRun, Result
 from jaxrender.pipelines.scene import fault_of, material_of
 from jaxrender.pipelines.shadows import transfer_field
+from jaxrender.pipelines.subject import Subject
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 from jaxrender.pipelines.tasks.task import Task
 from jaxrender.pipelines.tasks.texture.arrays import texture_groups
@@ -35,6 +39,7 @@ from jaxrender.pipelines.tasks.texture.asked import (
     texture_of,
     unknown_light_settings,
 )
+from jaxrender.pipelines.tasks.texture.metallic import MetallicRecovery, MetallicSubject
 from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 from jaxrender.pipelines.tasks.texture.summary import summary_of_texture
 from jaxrender.shapes import Float
@@ -105,7 +110,7 @@ class TextureRecovery(Recovery):
 
 def recover_texture(
     config: RunConfig, evidence: Evidence, clock: Clock, progress: Progress
-) -> TextureRecovery:
+) -> Recovery:
     """Recover the material of every texel or vertex from all usable pixels.
 
     Raises ``InputError`` where nothing is identifiable.
@@ -115,6 +120,13 @@ def recover_texture(
     with fault_of(place):
         sites = asked_sites(config, shape, evidence.photographs)
     progress.note(f"texture: {sites.sentence}")
+    if config.brdf.model == METALLIC:
+        assert light is not None
+        with clock.stage("texture"), fault_of(place):
+            settings, material = known_light_settings(config), material_of(config)
+            found = metallic_under_known_light(observations, sites, light, material, settings)
+        progress.note(f"texture: {found.sentence}")
+        return MetallicRecovery(config, evidence, found)
     field = None
     if light is not None and not shape.is_convex():
         with clock.stage("shadows"):
@@ -142,6 +154,10 @@ def recover_texture(
     return TextureRecovery(config, evidence, lit)
 
 
+def _subject(run: FinishedRun, shape: Shape) -> Subject:
+    return (MetallicSubject if run.config.brdf.model == METALLIC else TexturedSubject)(run, shape)
+
+
 def _would(config: RunConfig, evidence: Evidence) -> str:
     sites = asked_sites(config, evidence.shape, evidence.photographs)
     return (
@@ -162,5 +178,5 @@ TASK = Task(
     would=_would,
     recover=recover_texture,
     brdf=_no_brdf,
-    subject=TexturedSubject,
+    subject=_subject,
 )
