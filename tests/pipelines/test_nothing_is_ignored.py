@@ -25,7 +25,12 @@ from jaxrender.geometry import Mesh, Sphere
 from jaxrender.inverse import BRDFFit, Factorization
 from jaxrender.inverse.comparison import Comparison
 from jaxrender.inverse.photographs import Reading, read_photographs, trace_photographs
-from jaxrender.inverse.texture import TextureEstimate, regions, unknown_light
+from jaxrender.inverse.texture import (
+    TextureEstimate,
+    metallic_estimate,
+    regions,
+    unknown_light,
+)
 from jaxrender.io import read_capture, write_environment, write_image, write_mesh
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import captures, run
@@ -169,6 +174,7 @@ def trace(seen, config):
             "forward_under": of("forward_under", SimpleNamespace(final=lambda index: None)),
             "fit_texture": of("fit_texture", ends=True),
         },
+        metallic_estimate: {"recover_metallic": of("recover_metallic", ends=True)},
         unknown_light: {
             "recover_glossy": of("recover_glossy", ends=True),
             "diffuse_problem": of("diffuse_problem"),

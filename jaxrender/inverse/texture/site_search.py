@@ -245,6 +245,8 @@ def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common
             continue
         mean, own = float(asked.expected.mean[place]), unknowns.names.index(name)
         mean = float(np.exp(mean)) if NUMBERS[name].logarithmic else mean
+        # What is typical of sites that are far apart may lie where none of them can.
+        mean = float(np.clip(mean, *unknowns.range_of(name)))
         point[own] = unknowns.pack(numbers | {name: mean})[own]
         slopes = jax.jacfwd(lambda p, name=name: _searched(name, unknowns.unpack(p).numbers[name]))
         slope = float(slopes(jnp.asarray(point))[own])
