@@ -1,14 +1,14 @@
 """Maps of everything: colour, specular reflectance, roughness and normal at every texel of a ball.
 
-    python experiments/maps.py [--rows 32] [--pixels 72] [--views 24] [--alike | --metals]
+    python experiments/maps.py [--rows 32] [--pixels 72] [--views 24] [--alike]
         [--picture FILE]
 
 All four vary smoothly and apart from each other.  Photographs are sums over all texels of a probe,
 and a lamp, at what each pixel itself shows, with 1 % noise.  Printed are the errors of unmarked
 texels (medians), the errors in units of those stated, how well the stated errors tell the bad
 texels (area under the curve), and the ball relit by another light.  ``--alike`` fits the same
-photographs with one sigma and the normals of the shape.  With ``--metals`` parts of the ball are
-gold and copper, the rest is plastic; K_s has a colour, and that is found as well.
+photographs with one sigma and the normals of the shape.  Metals are in
+``metal_maps.py``.
 """
 
 import argparse
@@ -29,9 +29,7 @@ from jaxrender.harmonics import real_basis
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import KnownLight, Observations, unknowns_of
 from jaxrender.inverse.texture import (
-    COLOR,
     MAPS,
-    Texture,
     TextureFit,
     TextureSettings,
     recover_texture,
@@ -43,9 +41,6 @@ NOISE, DISTANCE, LOWEST_COSINE, MU, LIGHT_ROWS = NoiseModel(0.01, 2e-4), 5.0, 0.
 KIND = Microfacet(np.ones(3), np.ones(3), 0.16, MU, "half", "smith")
 # Pixels at once.
 BATCH = 2048
-# K_s of gold and copper, and how dark their K_d is; beyond where they begin.
-METALS = np.array([[0.5, 0.38, 0.17], [0.48, 0.32, 0.27]])
-DARK, BEYOND = 0.1, 0.4
 STEP = 1e-4
 
 
@@ -66,7 +61,7 @@ def smooth(directions: np.ndarray, degree: int, seed: int) -> np.ndarray:
     return basis[:, 1:] @ rng.normal(size=count - 1) * np.sqrt(4 * np.pi / (count - 1))
 
 
-def truth_at(points: np.ndarray, metals: bool = False) -> Truth:
+def truth_at(points: np.ndarray) -> Truth:
     """Evaluate what the ball is made of."""
     colours = np.stack([smooth(points, 8, 10 + channel) for channel in range(3)], axis=1)
     height = smooth(points, 10, 30)
@@ -75,11 +70,6 @@ def truth_at(points: np.ndarray, metals: bool = False) -> Truth:
     normals = unit(points - 0.008 * (slope - np.sum(slope * points, axis=1)[:, None] * points))
     kd, ks = 0.15 * np.exp(0.4 * colours), 0.08 * np.exp(0.3 * smooth(points, 6, 20))
     ks = np.repeat(ks[:, None], 3, axis=1)
-    if metals:
-        where = smooth(points, 3, 40)
-        for metal, own in zip(METALS, (where > BEYOND, where < -BEYOND)):
-            kd[own] *= DARK
-            ks[own] *= metal / 0.08
     return Truth(
         kd,
         ks,
@@ -175,7 +165,6 @@ def main() -> None:
     parser.add_argument("--pixels", type=int, default=72)
     parser.add_argument("--views", type=int, default=24)
     parser.add_argument("--alike", action="store_true")
-    parser.add_argument("--metals", action="store_true")
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
@@ -184,13 +173,12 @@ def main() -> None:
     seen = photographed(options.views, options.pixels, image)
     outgoing, shape_normals = (np.asarray(part, float) for part in seen.samples[::-1])
     points = np.asarray(seen.places.points, float)
-    truth, light = truth_at(unit(points), options.metals), lit(1)
+    truth, light = truth_at(unit(points)), lit(1)
     values = NOISE.add(radiance(truth, outgoing, light), np.random.default_rng(0))
     observations = Observations(
         seen.samples, values, seen.frame, seen.places, pixel=seen.pixel, eyes=seen.eyes
     )
-    maps = (*MAPS, COLOR) if options.metals else tuple(MAPS)
-    settings = TextureSettings(maps=() if options.alike else maps)
+    settings = TextureSettings(maps=() if options.alike else tuple(MAPS))
     print(f"{len(values)} pixels, {count} texels")
     start = time.perf_counter()
     fit = recover_texture(
@@ -236,14 +224,9 @@ def report(fit: TextureFit, truth: Truth, seen: Seen, shape_normals: np.ndarray)
         texture.kd_marked,
         0.05,
     )
-    if texture.coloured:
-        marked = texture.ks_marked | texture.ks_colour_marked
-        for name, found, error, was in zip("rgb", texture.ks.T, texture.ks_error.T, true.ks.T):
-            line(f"specular {name}", np.abs(found / was - 1), error / was, marked, 0.2)
-    else:
-        was = true.ks.mean(axis=1)
-        ks_error = texture.ks_error / was
-        line("specular", np.abs(texture.ks / was - 1), ks_error, texture.ks_marked, 0.2)
+    was = true.ks.mean(axis=1)
+    ks_error = texture.ks_error / was
+    line("specular", np.abs(texture.ks / was - 1), ks_error, texture.ks_marked, 0.2)
     sigma, normals = fit.variation, fit.lobe.normals
     if sigma is None or normals is None:
         off = np.abs(fit.sigma / true.sigma - 1)
@@ -290,13 +273,6 @@ def again(
     print(f"relit by another room and lamp: {100 * rms:.1f} % rms, {100 * typical:.1f} % median")
 
 
-def _shown(true: np.ndarray, texture: Texture) -> tuple[np.ndarray, ...]:
-    """Choose what is shown of K_s: colours, or one number."""
-    if texture.coloured:
-        return true / 0.5, texture.ks / 0.5, texture.ks_error.mean(axis=1)
-    return true.mean(axis=1), texture.ks, texture.ks_error
-
-
 def draw(fit: TextureFit, truth: Truth, seen: Seen, image: tuple[int, int], file: Path) -> None:
     """Show the maps beside the truth, and the errors that are stated."""
     count = image[0] * image[1]
@@ -312,7 +288,7 @@ def draw(fit: TextureFit, truth: Truth, seen: Seen, image: tuple[int, int], file
 
     rows = (
         ("K_d", true.kd / 0.5, fit.texture.kd / 0.5, fit.texture.kd_error.mean(axis=1), None),
-        ("K_s", *_shown(true.ks, fit.texture), (0, 0.16)),
+        ("K_s", true.ks.mean(axis=1), fit.texture.ks, fit.texture.ks_error, (0, 0.16)),
         ("sigma", true.sigma, sigma.sigma, sigma.error, (0.05, 0.4)),
         ("normal", (1 + unit(true.normals)) / 2, (1 + normals.normal) / 2, normals.error, None),
     )

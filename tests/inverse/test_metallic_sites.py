@@ -21,7 +21,7 @@ from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.stated import Stated
-from jaxrender.inverse.texture.metallic_table import finest_roughness, tabulated
+from jaxrender.inverse.texture.metallic_table import finest_cell, tabulated
 from jaxrender.inverse.texture.site_equations import SiteEquations
 from jaxrender.inverse.texture.site_minima import joined_minima
 from jaxrender.inverse.texture.site_solver import Solved
@@ -55,7 +55,7 @@ def test_the_table_is_the_integral(world):
     light, rows = known_light(48), np.arange(0, len(world.site), 61)
     samples = world.observations.take(rows).samples
     seen = Observations(samples, np.zeros((len(rows), 3)), np.zeros(len(rows), int))
-    table = tabulated(VARIANT, light, seen, (0.25, 0.9), finest_roughness(light, len(rows)))
+    table = tabulated(VARIANT, light, seen, (0.25, 0.9), finest_cell(light, len(rows)))
     exact = ExactModel(VARIANT, samples, exact_nodes(light, None, 0.06))
     for rough, metal, index in ((0.31, 0.0, 1.5), (0.47, 0.7, 1.5), (0.8, 1.0, 1.3)):
         numbers = {"roughness": rough, "metallic": metal, "ior": index}

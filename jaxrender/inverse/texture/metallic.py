@@ -32,7 +32,7 @@ from jaxrender.inverse.stated import Unknown
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations, by_site, whole_sites
 from jaxrender.inverse.texture.metallic_search import Found, learn_kinds, search_kinds
-from jaxrender.inverse.texture.metallic_table import finest_roughness, tabulated
+from jaxrender.inverse.texture.metallic_table import finest_cell, sharpest_told, tabulated
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_numbers import METALLIC_MAPS, NumberMap, SiteNumbers
 from jaxrender.inverse.texture.site_search import (
@@ -48,12 +48,14 @@ from jaxrender.inverse.texture.site_systems import KnownSpecular
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float, Int
 
-# Lobes as rough as this are looked for first.
-_ROUGH = 0.4
+# Cells of the light (radians) by which the roughnesses are looked for first.
+_ROUGH_CELL = 0.05
 # Observations that all shared numbers and the spreads are found on, and those of a block.
 _SOME, _BLOCK = 6000, 2**16
 # The table begins so many spreads below the typical roughness, or at this part of that of all.
 _SPREADS, _SHARPER = 2.5, 1.5
+# The table is no narrower than from here to the roughest.
+_MOST_OF_SPAN = 0.9
 # The noise before there is a fit; its floor beside the typical radiance.
 _FIRST_NOISE, _FIRST_FLOOR = 0.05, 0.01
 
@@ -107,14 +109,15 @@ def recover_metallic(
     measured = by_site(observations, site, count)
     some = whole_sites(measured, min(_SOME, settings.search_samples), settings.seed)
     lit = _Lit(variant, light, observations, shape)
-    finest, span = finest_roughness(light, observations.count), _span(unknowns)
+    finest, span = finest_cell(light, observations.count), _span(unknowns)
     level = float(np.sqrt(np.mean(some.radiance**2)))
     noise = settings.noise or NoiseModel(_FIRST_NOISE, _FIRST_FLOOR * level)
     prior, given = KnownSpecular(np.ones(())), settings.noise is not None
     fit = SiteFit.begin(unknowns, unknowns.starts(1)[0], prior, noise)
-    rough = lit.model_of(some, span, max(finest, _ROUGH))
+    rough = lit.model_of(some, span, max(finest, _ROUGH_CELL))
     fit = search_sites(some, rough, settings.maps, fit, given)
-    span = max(span[0], _sharpest(fit, settings.maps), finest), span[1]
+    low = max(span[0], _sharpest(fit, settings.maps), sharpest_told(finest))
+    span = min(low, _MOST_OF_SPAN * span[1]), span[1]
     unknowns = _within(unknowns, span)
     point = unknowns.pack(_values(fit.shared, span))
     begun = SiteFit.begin(unknowns, point, prior, fit.noise)

@@ -22,7 +22,7 @@ from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.texture.examination import misfit_of
 from jaxrender.inverse.texture.maps import image_of_sites, write_maps
 from jaxrender.inverse.texture.metallic import MetallicSites, recover_metallic
-from jaxrender.inverse.texture.metallic_table import finest_roughness, tabulated
+from jaxrender.inverse.texture.metallic_table import finest_cell, tabulated
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
@@ -320,7 +320,7 @@ class LitMetallic(NamedTuple):
         known = np.flatnonzero((site >= 0) & self.estimate.seen[site])
         rough = found.number("roughness")
         span = found.sharpest, max(float(np.nanmax(rough)), 1.01 * found.sharpest)
-        values, finest = dark.copy(), finest_roughness(self.light, self.observations)
+        values, finest = dark.copy(), finest_cell(self.light, self.observations)
         variant, shape = variant_of(self.estimate.material), concave(sites.shape)
         for first in range(0, len(known), _BLOCK):
             rows = known[first : first + _BLOCK]

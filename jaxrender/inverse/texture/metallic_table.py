@@ -34,9 +34,11 @@ _STEP = 0.15
 # Cells are so narrow in widths of the lobe, and no wider than so many radians.
 _CELL_PER_WIDTH, _WIDEST_CELL = 1 / 2, 0.1
 # Observations at once; and pairs of these with cells of the light, for the sharpest lobe.
-_CHUNK, _PAIRS = 2**12, 2**31
-# Between these lies the number of cells of the finest partition.
-_CELLS = (2**11, 2**15)
+_CHUNK, _PAIRS = 2**12, 2**30
+# The finest partition has so many rows of cells, of which a sphere has this times their square.
+_ROWS, _CELLS_PER_ROW = (64, 128), np.pi / 2
+# The sharpest lobe that is looked for is about as wide as the finest cell.
+_SHARPEST_WIDTH = 0.8
 
 
 class MetallicTable(eqx.Module):
@@ -78,14 +80,21 @@ class MetallicTable(eqx.Module):
         return MetallicTable(*parts, self.first, self.step)
 
 
-def finest_roughness(light: KnownLight, observations: int) -> float:
-    """Tell how rough a lobe has to be, for the cells that so many observations can afford."""
+def finest_cell(light: KnownLight, observations: int) -> float:
+    """Tell how narrow (radians) the cells are that so many observations can afford.
+
+    0 where all light comes from single directions, which are no cells.
+    """
     if not light.images:
         return 0.0
-    cells = np.clip(_PAIRS // max(observations, 1), *_CELLS)
-    rows = max(image.grid.shape[0] for image in light.images)
-    cell = max(np.sqrt(4 * np.pi / cells), np.pi / rows)
-    return float(np.sqrt(cell))
+    affordable = np.sqrt(_PAIRS / max(observations, 1) / _CELLS_PER_ROW)
+    rows = np.clip(2 ** np.floor(np.log2(affordable)), *_ROWS)
+    return float(np.pi / min(rows, max(image.grid.shape[0] for image in light.images)))
+
+
+def sharpest_told(cell: float) -> float:
+    """Tell the roughness of the sharpest lobe that cells of light can tell."""
+    return float(np.sqrt(_SHARPEST_WIDTH * cell))
 
 
 def tabulated(
@@ -98,7 +107,8 @@ def tabulated(
 ) -> MetallicTable:
     """Integrate for all observations, at roughnesses over a ``span``.
 
-    Lobes sharper than the ``finest`` have its cells.  A concave ``shape`` casts shadows.
+    The light is summed up by cells of half the width of a lobe, and of ``finest`` radians at least.
+    A concave ``shape`` casts shadows.
     """
     low, high = np.log(span)
     nodes = max(int(np.ceil((high - low) / _STEP)), 3) + 1
@@ -111,7 +121,7 @@ def tabulated(
         base, _ = _reflected(model, *map(np.asarray, (1.0, 0.0, index)))
         diffuse[rows] = np.asarray(base)[:kept] / (1 - head_on_reflectance(index))
     for node, rough in enumerate(np.exp(logs)):
-        cell = min(_CELL_PER_WIDTH * max(rough, finest) ** 2, _WIDEST_CELL)
+        cell = min(max(_CELL_PER_WIDTH * rough**2, finest), _WIDEST_CELL)
         for rows, kept, model in _chunks(variant, light, observations, cell, shape):
             parts = _reflected(model, *map(np.asarray, (float(rough), 1.0, index)))
             for place, part in enumerate(parts):
