@@ -111,7 +111,8 @@ def main() -> None:
     print(f"fitted in {time.perf_counter() - start:.0f} s: noise {fit.noise}")
     true = Truth(*(of_texels(part, seen.site, count) for part in truth))
     report(fit, true)
-    again(fit, truth, seen.site, normals, outgoing, np.flatnonzero(seen.frame % 4 == 0))
+    rows = np.flatnonzero(seen.frame % 4 == 0)
+    again(fit, truth, true, seen.site, normals, outgoing, rows)
     if options.picture:
         draw(fit, true, image, options.picture)
 
@@ -161,19 +162,27 @@ def marked(fit: MetallicSites) -> np.ndarray:
     return bad | np.any(fit.color_error > COLOR * fit.base_color, axis=1)
 
 
-def again(fit, truth: Truth, site, normals, outgoing, rows) -> None:
-    """Relight the ball in one photograph of every four, by a room and a lamp of another seed."""
+def again(fit, truth: Truth, true: Truth, site, normals, outgoing, rows) -> None:
+    """Relight the ball in one photograph of every four, by a room and a lamp of another seed.
+
+    The same by the true numbers of texels is what texels of this size can do.
+    """
     light, own = lit(2), site[rows]
-    found = Truth(fit.base_color[own], fit.number("roughness")[own], fit.number("metallic")[own])
-    some = Truth(*(part[rows] for part in truth))
-    true, relit = (radiance(one, normals[rows], outgoing[rows], light) for one in (some, found))
-    for name, kept in (("all pixels", own >= 0), ("unmarked texels", ~marked(fit)[own])):
-        rms = np.sqrt(np.mean((relit - true)[kept] ** 2) / np.mean(true[kept] ** 2))
-        typical = np.median(np.abs(relit / true - 1)[kept])
-        print(
-            f"relit by another room and lamp, {name}: {100 * rms:.1f} % rms, "
-            f"{100 * typical:.1f} % median"
-        )
+    found = Truth(fit.base_color, fit.number("roughness"), fit.number("metallic"))
+
+    def relit(what: Truth, at: np.ndarray) -> np.ndarray:
+        return radiance(Truth(*(part[at] for part in what)), normals[rows], outgoing[rows], light)
+
+    exact, sure = relit(truth, rows), ~marked(fit)[own]
+    for name, what in (("found", found), ("true texels", true)):
+        off = relit(what, own) - exact
+        for pixels, kept in (("all pixels", own >= 0), ("unmarked texels", sure)):
+            rms = np.sqrt(np.mean(off[kept] ** 2) / np.mean(exact[kept] ** 2))
+            typical = np.median(np.abs(off / exact)[kept])
+            print(
+                f"relit by another room and lamp, {name}, {pixels}: {100 * rms:.1f} % rms, "
+                f"{100 * typical:.1f} % median"
+            )
 
 
 def draw(fit: MetallicSites, true: Truth, image: tuple[int, int], file: Path) -> None:
