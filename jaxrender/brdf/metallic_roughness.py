@@ -91,4 +91,5 @@ def mixed(
     """
     head_on = head_on_reflectance(ior)
     base = (1 - metallic) * (1 - head_on) * diffuse + metallic * lobe
-    return base, (1 - metallic) * head_on * lobe + edge
+    clear = (1 - metallic) * head_on * lobe + edge
+    return jnp.asarray(base), jnp.asarray(clear)

@@ -82,6 +82,7 @@ def excess_of(
     """Compare what the photographs leave of each site together with what noise would."""
     if isinstance(prior, ColouredPrior):
         return _coloured_excess(data, columns, left, groups, sums, prior)
+    assert isinstance(prior, SpecularPrior)
     squares, channels = jnp.asarray(data.weights) ** 2, left.shape[1]
     diffuse, specular = columns.diffuse, columns.specular
     site, count = jnp.asarray(groups.site), len(groups.site)

@@ -76,8 +76,10 @@ class MetallicTable(eqx.Module):
 
     def take(self, index: Rows) -> "MetallicTable":
         """Keep the samples of the given indices."""
-        parts = (np.asarray(part)[index] for part in (self.diffuse, self.values, self.slopes))
-        return MetallicTable(*parts, self.first, self.step)
+        diffuse, values, slopes = (
+            np.asarray(part)[index] for part in (self.diffuse, self.values, self.slopes)
+        )
+        return MetallicTable(diffuse, values, slopes, self.first, self.step)
 
 
 def finest_cell(light: KnownLight, observations: int) -> float:

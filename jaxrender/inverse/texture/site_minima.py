@@ -33,7 +33,8 @@ def joined_minima(
     """
     amplitudes = prior.amplitudes(ends[0].predicted.shape[1])
     minima = [
-        (one.local.cost.copy(), _point(one, amplitudes), one.local.matrix.copy()) for one in ends
+        (np.array(one.local.cost), _point(one, amplitudes), np.array(one.local.matrix))
+        for one in ends
     ]
     which = np.argmin([cost for cost, _, _ in minima], axis=0)
     best = Solved(*jax.tree.map(np.copy, ends[0]))
@@ -83,6 +84,6 @@ def _alike(
 ) -> Bool[np.ndarray, "site"]:
     """Say where two ends are one minimum; what is infinite is none."""
     off = np.where(np.isfinite(other), one - other, np.inf)
-    known = np.isfinite(off).all(axis=1)
+    known = np.asarray(np.all(np.isfinite(off), axis=1))
     off = np.where(known[:, None], off, 0)
     return known & (np.einsum("si,sij,sj->s", off, precision, off) < _SAME**2)

@@ -211,9 +211,8 @@ def _first(
     start: Float[np.ndarray, "site number"] | None,
 ) -> _First:
     """Take the start that is given, or the best of some, with the normals of the shape."""
-    trials = [start]
-    if start is None:
-        trials = [np.tile(begun, (measured.count, 1)) for begun in asked.begun()]
+    begun = asked.begun() if start is None else []
+    trials = [np.tile(one, (measured.count, 1)) for one in begun] if start is None else [start]
     value, foreseen = trials[0].copy(), np.zeros_like(measured.radiance)
     least = np.full(measured.count, np.inf)
     for trial in trials:
@@ -288,8 +287,10 @@ def _step(
     numbers = stays.shape[1]
     held = np.zeros(gradient.shape, bool)
     held[:, gradient.shape[1] - numbers :] = stays
-    damped = np.where(held[:, :, None] | held[:, None, :], np.eye(held.shape[1]), matrix)
+    damped = np.asarray(matrix, float)
+    damped = np.where(held[:, :, None] | held[:, None, :], np.eye(gradient.shape[1]), damped)
     gradient = np.where(held, 0, gradient)
     for at in range(1, numbers + 1):
         damped[:, -at, -at] *= 1 + damping
-    return np.linalg.solve(damped, gradient[..., None])[:, matrix.shape[1] - numbers :, 0]
+    first = gradient.shape[1] - numbers
+    return np.linalg.solve(damped, gradient[..., None])[:, first:, 0]

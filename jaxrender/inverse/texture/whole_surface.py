@@ -262,6 +262,7 @@ def _marked(
         shared = np.mean(np.asarray(found.exactly_carried.ks), axis=1) ** 2
         level, colour = (np.asarray(part) * more for part in found.spread)
         return ColouredSpread(level + shared, colour).marked(prior, channels)
+    assert isinstance(prior, SpecularPrior)
     with np.errstate(divide="ignore"):
         told = np.where(exact > 0, 1 / exact**2 - float(prior.precision), 0)
     return ~(told > float(prior.precision)), None

@@ -1,7 +1,5 @@
 """A run's recovery of maps of glTF's material: what is written and shown, and rendered again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +15,7 @@ from jaxrender.io import write_environment
 from jaxrender.io.netcdf import Group, Variable, opened
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun, Result
+from jaxrender.pipelines.scene import lobe_of
 from jaxrender.pipelines.subject import Subject
 from jaxrender.pipelines.tasks.recovery import Evidence, Recovery
 from jaxrender.pipelines.tasks.texture.asked import texture_of
@@ -107,7 +106,9 @@ class MetallicRecovery(Recovery):
         if light is not None and light.environment is not None:
             write_environment(folder / "lighting.exr", light.environment)
 
-    def page(self, title: str, result: dict[str, Any], frames: tuple[FramePictures, ...]) -> Page:
+    def page(
+        self, title: str, result: dict[str, Any], frames: "tuple[FramePictures, ...]"
+    ) -> "Page":
         """Lay out the report."""
         from jaxrender.pipelines.report.metallic import metallic_page
         from jaxrender.pipelines.report.texture import TextureContents
@@ -146,7 +147,7 @@ class MetallicRecovery(Recovery):
         return found | {"files": estimate.files}
 
 
-def _mean(values: Float[np.ndarray, site * channel], marked: np.ndarray) -> Any:
+def _mean(values: Float[np.ndarray, "site *channel"], marked: np.ndarray) -> Any:
     """Average over the sites that can be trusted, or over all that were seen where none can."""
     known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     good = known & ~marked
@@ -176,7 +177,10 @@ class MetallicSubject(Subject):
         rough = float(np.nanquantile(self.numbers_of["roughness"], _FINEST_PART))
         ior = float(self.numbers_of["ior"][0])
         self.lobe = None
-        self.variant = MetallicRoughness(np.ones(3), np.ones(3), 0.0, rough, ior)
+        variant = lobe_of(run.config.brdf)
+        assert isinstance(variant, MetallicRoughness)
+        numbers = {"roughness": jnp.asarray(rough), "ior": jnp.asarray(ior)}
+        self.variant = variant.with_numbers(numbers)
         self.width = float(self.variant.width)
 
     def image(
