@@ -6,6 +6,7 @@
   their errors: under lamps, and under continuous light that no fit uses.
 - Where little is seen of a site its error knows of all kinds of material that it may be.
 - A number that all sites share is found with them.
+- A concave shape casts shadows.
 - Kinds of sites are told by their numbers, and the joined errors are those of a mixture.
 - What cannot be found is refused in words.
 """
@@ -15,12 +16,16 @@ import numpy as np
 import pytest
 from inverse_problems import known_light
 from metallic_worlds import BOTH, VARIANT, MetallicWorld, lamps, under_a_sky
-from site_worlds import NOISY
+from site_worlds import LAMPS, NOISY
+from texture_problems import SOURCES, cameras
 
+from jaxrender.geometry import Mesh, SurfacePlaces, SurfaceSamples, observe, visible
+from jaxrender.geometry.texels import surface_sites
 from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel, LinearisedModel
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.stated import Stated
+from jaxrender.inverse.texture import recover_metallic
 from jaxrender.inverse.texture.metallic_table import finest_cell, tabulated
 from jaxrender.inverse.texture.site_equations import SiteEquations
 from jaxrender.inverse.texture.site_minima import joined_minima
@@ -28,6 +33,8 @@ from jaxrender.inverse.texture.site_solver import Solved
 from jaxrender.inverse.texture.site_sums import SiteMaterial
 from jaxrender.inverse.texture.site_systems import KnownSpecular
 from jaxrender.inverse.texture.specular_prior import kinds_of
+from jaxrender.inverse.unknowns import unknowns_of
+from jaxrender.reflection import integral_columns
 
 
 @pytest.fixture(scope="module")
@@ -185,3 +192,41 @@ def test_what_cannot_be_found_is_refused(world):
     refused("roughness is fixed", roughness=Stated(fixed=0.4))
     refused("leave free out", BOTH._replace(free=("camera",)))
     refused("choose joint", BOTH._replace(method="thesis"))
+
+
+@pytest.mark.slow
+def test_a_concave_shape_casts_shadows():
+    shape = bowl()
+    seen = [observe(camera, shape) for camera in cameras(6, 20)]
+    used = [view.hit & (view.exit_cosines > 0.2) for view in seen]
+    site = np.concatenate([surface_sites(shape, v, (1, 1)).of_pixel[u] for v, u in zip(seen, used)])
+    parts = zip(*[(v.normals[u], v.outgoing[u], v.points[u]) for v, u in zip(seen, used)])
+    normals, outgoing, points = map(np.concatenate, parts)
+    faces = np.concatenate([v.geometric_normals[u] for v, u in zip(seen, used)])
+    samples, places = SurfaceSamples(normals, outgoing), SurfacePlaces(points, faces)
+    color = np.random.default_rng(0).uniform(0.2, 0.8, (len(shape.vertices), 3))
+    lit = visible(shape, places, np.asarray(SOURCES.nodes().directions))
+    columns = np.asarray(integral_columns(VARIANT, samples, SOURCES.nodes(), lit))
+    exact = color[site] * columns[:, 0] + columns[:, 1]
+    radiance = NOISY.add(exact, np.random.default_rng(1))
+    frame = np.repeat(np.arange(len(seen)), [int(u.sum()) for u in used])
+    observed = Observations(samples, radiance, frame, places)
+
+    def left(shape):
+        unknowns = unknowns_of(VARIANT, {"roughness": Stated(fixed=0.4)})
+        settings = BOTH._replace(maps=("metalness",))
+        count = len(color)
+        return recover_metallic(
+            observed, site, count, LAMPS, VARIANT, unknowns, settings, shape
+        ).relative_rms
+
+    assert left(shape) < 1.3 * np.sqrt(np.mean((radiance - exact) ** 2) / np.mean(radiance**2))
+    assert left(None) > 2 * left(shape)
+
+
+def bowl():
+    """Make a ball with a deep dent."""
+    ball = Mesh.icosphere(2)
+    vertices = np.array(ball.vertices)
+    vertices[vertices[:, 2] > 0.7] *= 0.35
+    return Mesh(vertices, np.array(ball.faces))
