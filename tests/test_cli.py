@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-import jaxrender
 from jaxrender import cli
 from jaxrender.brdf import Goal
 from jaxrender.cli import process
@@ -258,11 +257,6 @@ def test_schema(calls, capsys):
     assert cli.main(["schema", "--recipe"]) == 0
     assert "views" in json.loads(capsys.readouterr().out)["properties"]
     assert "set_up" not in calls
-
-
-def test_version(capsys):
-    assert cli.main(["--version"]) == 0
-    assert capsys.readouterr().out == f"{jaxrender.__version__}\n"
 
 
 # ---------------------------------------------------------------- trouble

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import jaxrender
 from jaxrender import cli
 from jaxrender.cli import process
 from jaxrender.cli.app import app
@@ -74,3 +75,8 @@ def test_pages_open_where_a_person_can_see_them(monkeypatch, platform, display, 
     monkeypatch.setenv("DISPLAY", display)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert process.can_open_pages() is opens
+
+
+def test_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"{jaxrender.__version__}\n"

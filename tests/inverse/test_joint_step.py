@@ -248,7 +248,7 @@ def test_only_good_steps_count(photographs):
 
 
 def test_descents_that_go_on_end_where_one_does(photographs):
-    """The damping goes on, too: two numbers that are hardly told apart move by halves under more."""
+    """The damping goes on, too: numbers that are hardly told apart move by halves under more."""
     task = task_of(photographs)
     state = with_sources(task, [SOURCE])
     response, data = response_of(task, state), measured(task, state)

@@ -30,13 +30,13 @@ from jaxrender.inverse.factorization.state import (
     Task,
     begin,
     descend,
-    material_moved,
+    free_unknowns,
     measured,
     response_of,
     round_of,
     weigh_by_noise,
 )
-from jaxrender.shapes import Int
+from jaxrender.shapes import Float, Int
 
 # The search for sources, and the fits along with it, use about this many samples; the last steps
 # use all.
@@ -137,10 +137,29 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
                 state = without_idle_sources(task, descend(task, more, STEPS_PER_ROUND))
         # With a known material nothing moves but the light, which is solved for.
         shift = change(before, state)
-        moved = material_moved(task, before, state)
+        moved = _material_moved(task, before, state)
         state = state._replace(settled=moved < _NEARLY_STILL and shift < _NEARLY_SAME)
         if turn and moved < _STILL and shift < _SAME:
             break
     state = state._replace(rounds=(*state.rounds, round_of(task, state)))
     watch(state.rounds[-1])
     return state
+
+
+def _material_moved(task: Task, before: State, after: State) -> float:
+    """Say how far the material moved, in standard errors of all its numbers together."""
+    assert after.joint is not None
+    free = free_unknowns(task, after)
+    curvature = np.asarray(after.joint.curvature, float)[np.ix_(free, free)]
+    step = _material_of(after) - _material_of(before)
+    own = free[: len(step)]
+    covariance = np.linalg.pinv(curvature, hermitian=True)[: own.sum(), : own.sum()]
+    return float(np.sqrt(step[own] @ np.linalg.pinv(covariance, hermitian=True) @ step[own]))
+
+
+def _material_of(state: State) -> Float[np.ndarray, "unknown"]:
+    """List the search variables of the material, as numbers that can be subtracted."""
+    guess = state.guess
+    # A share of 0 or 1 has an infinite logarithm.
+    logit = np.nan_to_num(np.asarray(guess.specular_logit))
+    return np.concatenate([logit, [float(guess.sigma), float(guess.mu)]])

@@ -333,22 +333,3 @@ def _rms(task: Task, values: Float[np.ndarray, "sample channel"]) -> float:
     """The root of the mean square over the pixels that the samples stand for."""
     squares = np.mean(values**2, axis=1)
     return float(np.sqrt(np.average(squares, weights=task.observations.pixels)))
-
-
-def material_moved(task: Task, before: State, after: State) -> float:
-    """Say how far the material moved, in standard errors of all its numbers together."""
-    assert after.joint is not None
-    free = free_unknowns(task, after)
-    curvature = np.asarray(after.joint.curvature, float)[np.ix_(free, free)]
-    step = material_of(after) - material_of(before)
-    own = free[: len(step)]
-    covariance = np.linalg.pinv(curvature, hermitian=True)[: own.sum(), : own.sum()]
-    return float(np.sqrt(step[own] @ np.linalg.pinv(covariance, hermitian=True) @ step[own]))
-
-
-def material_of(state: State) -> Float[np.ndarray, "unknown"]:
-    """List the search variables of the material, as numbers that can be subtracted."""
-    guess = state.guess
-    # A share of 0 or 1 has an infinite logarithm.
-    logit = np.nan_to_num(np.asarray(guess.specular_logit))
-    return np.concatenate([logit, [float(guess.sigma), float(guess.mu)]])

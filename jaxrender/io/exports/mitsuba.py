@@ -22,7 +22,7 @@ from jaxrender.brdf import AnisotropicGGX
 from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole, Sphere
 from jaxrender.io.atomic import replacing
 from jaxrender.io.exports.anisotropy import brushed_mesh, brushed_plugin
-from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
+from jaxrender.io.exports.contents import Contents, MaterialMaps, Part, mesh_of, plain_name
 from jaxrender.io.exports.mitsuba_materials import mitsuba_material, rgb
 from jaxrender.io.exports.mitsuba_textures import textured_plugin, write_textured_mesh
 from jaxrender.io.images import write_image
@@ -167,6 +167,7 @@ def _object(contents: Contents, folder: Path) -> tuple[dict[str, Any], list[Part
         if not isinstance(shape, Sphere):
             write_mesh(folder / OBJECT, mesh_of(shape))
     else:
+        assert isinstance(maps, MaterialMaps)
         made = textured_plugin(maps, shape, folder)
         if not isinstance(shape, Sphere):
             write_textured_mesh(folder / OBJECT, shape, maps, made.columns)

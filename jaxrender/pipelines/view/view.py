@@ -12,6 +12,7 @@ from jaxrender.errors import InputError
 from jaxrender.geometry import Orthographic, Shape, SurfaceView, look_at, observe
 from jaxrender.imaging.display import exposed, exposure_for
 from jaxrender.io.atomic import replacing
+from jaxrender.io.exports import MaterialMaps
 from jaxrender.lighting import LightNodes
 from jaxrender.pipelines.exporting.contents import contents_of
 from jaxrender.pipelines.output import fingerprint
@@ -145,7 +146,7 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
     texture = None
     if isinstance(subject, TexturedSubject):
         maps = contents_of(run).contents.maps
-        assert maps is not None
+        assert isinstance(maps, MaterialMaps)
         texture, brdf = page_texture(run, maps), maps.mean
     elif not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
         raise InputError(
