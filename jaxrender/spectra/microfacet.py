@@ -168,6 +168,7 @@ def _knots(count: int, dtype: np.dtype) -> Float[Array, "knot"]:
     return jnp.linspace(_LOWEST_COSINE**0.5, 1, count, dtype=dtype) ** 2
 
 
+@checked
 def transfer_at(
     table: Float[Array, "knot *rest"], exit_cosines: Float[AnyArray, "sample"]
 ) -> Float[Array, "sample *rest"]:

@@ -81,6 +81,18 @@ ROWS = [
     ),
     transfer("transfer_of_samples", edges={**WIDTHS, **INDICES}),
     Row(
+        "transfer_table",
+        lambda sigma, mu: spectra.transfer_table(glossy(sigma, mu), LIMIT, sigma.dtype),
+        {**SIGMA, **MU},
+        INDICES,
+    ),
+    Row(
+        "transfer_at",
+        lambda table, exit_cosines: spectra.transfer_at(table, exit_cosines),
+        {"table": np.random.default_rng(3).normal(size=(64, 3)), **COSINES},
+        kinks=NO_COSINE,
+    ),
+    Row(
         "azimuthal_transfer_of_samples",
         lambda exit_cosines, sigma: spectra.azimuthal_transfer_of_samples(
             glossy(sigma, sigma * 0 + 1.5), exit_cosines, 2
