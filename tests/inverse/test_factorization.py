@@ -41,12 +41,19 @@ from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.pursuit import pursue
 from jaxrender.inverse.factorization.response import Guess
 from jaxrender.inverse.factorization.rounds import (
+    _material_moved,
     settle,
     with_neighbours_merged,
     without_idle_sources,
 )
 from jaxrender.inverse.factorization.sources import add_sources
-from jaxrender.inverse.factorization.state import begin, descend, measured, response_of
+from jaxrender.inverse.factorization.state import (
+    begin,
+    descend,
+    free_unknowns,
+    measured,
+    response_of,
+)
 from jaxrender.reflection import reflect_slow_light
 
 
@@ -206,6 +213,27 @@ def test_with_a_known_material_it_ends_when_the_light_has_settled(photographs):
     at_once = settle(task, with_sources(task, [SOURCE]), lambda _: None)
     light = np.asarray(at_once.joint.solved.light)
     np.testing.assert_allclose(end.joint.solved.light, light, atol=2e-3 * np.abs(light).max())
+
+
+def test_moves_of_the_material_are_told_in_standard_errors(photographs):
+    """A standard error of one number, and what goes with it in the others, is a move of one."""
+    task = task_of(photographs)
+    state = descend(task, with_sources(task, [SOURCE]), 8)
+    free = free_unknowns(task, state)
+    channels = len(state.guess.specular_logit)
+    own = free[: channels + 2]
+    curvature = np.asarray(state.joint.curvature)[np.ix_(free, free)]
+    covariance = np.linalg.inv(curvature)[: own.sum(), : own.sum()]
+    for number in range(own.sum()):
+        step = np.zeros(len(own))
+        step[own] = covariance[number] / np.sqrt(covariance[number, number])
+        guess = state.guess._replace(
+            specular_logit=state.guess.specular_logit + step[:channels],
+            sigma=state.guess.sigma + step[channels],
+            mu=state.guess.mu + step[channels + 1],
+        )
+        moved = state._replace(guess=guess)
+        assert _material_moved(task, state, moved) == pytest.approx(1, rel=1e-6)
 
 
 def test_what_the_dual_model_lacks_makes_it_the_integral(photographs):

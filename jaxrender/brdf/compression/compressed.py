@@ -21,16 +21,18 @@ EMBEDDINGS = ("nusselt", "half-difference")
 
 
 class Compressed(NamedTuple):
-    """A tree, the BRDF that it is, what it misses of the first one, and its energy."""
+    """A tree, the BRDF that it is, what it misses of the first one, and its energy.
+
+    ``masked`` cells had no value that is finite and not negative; the nearest filled them.
+    ``lost`` is the share of uniform light that the BRDF reflects and, by ``conserve``, no longer.
+    """
 
     tree: CoefficientTree
     brdf: WaveletBRDF | HalfDifferenceTree
     errors: dict[str, Estimate]
     energy: Energy
     masked: int
-    """Cells without a value that is finite and not negative, filled from the nearest."""
     lost: float
-    """By ``conserve``: of uniform light that the BRDF reflects, what it no longer does."""
     details: Compression | Isotropic
 
 
