@@ -21,6 +21,7 @@ from texture_runs import ROWS, arrays, off_photograph, run
 from jaxrender.errors import InputError
 from jaxrender.pipelines import load_run_config
 from jaxrender.pipelines.exporting import export
+from jaxrender.pipelines.view import view_result
 
 TASK = (
     "task: texture\ntexture: {size: 16, roughness: map, metalness: map}\n"
@@ -111,6 +112,14 @@ def test_they_leave_as_textures_of_gltf(metal, tmp_path):
     seen = maps["seen"] > 0
     np.testing.assert_allclose(picture[..., 1][seen], maps["roughness"][seen], atol=3e-3)
     np.testing.assert_allclose(picture[..., 2][seen], maps["metallic"][seen], atol=3e-3)
+
+
+def test_what_cannot_show_them_says_what_can(metal, tmp_path):
+    _, folder, _ = metal
+    with pytest.raises(InputError, match="not of metalness; use jaxrender export --to glb"):
+        view_result(folder, tmp_path / "page.html")
+    with pytest.raises(InputError, match="no material or texture of K_d and K_s, which the format"):
+        export(folder, "mitsuba", tmp_path / "out")
 
 
 @pytest.mark.parametrize(

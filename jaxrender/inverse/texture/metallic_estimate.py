@@ -287,7 +287,7 @@ def _judged(
     ended = np.count_nonzero(found.number("roughness")[seen] <= _AT_END * found.sharpest)
     if ended:
         finer = found.sharpest > _AT_END * lowest
-        why = "what the cells of the light can tell" if finer else "its bound"
+        why = "the least that the cells of the light can tell" if finer else "its bound"
         reasons.append(
             f"roughness ended at {found.sharpest:.3g}, {why}, at {ended} of {seen.sum()} sites: "
             "they may be sharper"

@@ -23,6 +23,7 @@ from jaxrender.pipelines.result import RESULT, FinishedRun, read_run
 from jaxrender.pipelines.scene import input_files, shape_of
 from jaxrender.pipelines.subject import CorrectedSubject, UniformSubject
 from jaxrender.pipelines.tasks import task_named
+from jaxrender.pipelines.tasks.texture.metallic import MetallicSubject
 from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 from jaxrender.pipelines.view.light import DEGREE, PageLight, page_light
 from jaxrender.pipelines.view.material_table import (
@@ -148,6 +149,11 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
         maps = contents_of(run).contents.maps
         assert isinstance(maps, MaterialMaps)
         texture, brdf = page_texture(run, maps), maps.mean
+    elif isinstance(subject, MetallicSubject):
+        raise InputError(
+            f"{run.folder}: a page shows textures of K_d and K_s, not of metalness; use jaxrender "
+            "export --to glb, or jaxrender render"
+        )
     elif not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
         raise InputError(
             f"{run.folder}: a result of task {config.task} has no single material, which a page "
