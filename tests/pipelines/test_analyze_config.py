@@ -101,9 +101,7 @@ def test_a_lobe_with_an_exponent_is_supposed_by_it(tmp_path, capsys):
     )
     assert jaxrender("analyze", tmp_path / "run.yaml", cache=tmp_path / "cache") == 0
     text = capsys.readouterr().out
-    # T 6.7: s = 1 / (2 sigma^2)
     assert "supposed: kd 0.1, ks 0.2, exponent 50; noise 1 %" in text
-    assert "sigma stands for the lobe's width, 0.1 for this exponent" in text
     assert "kd, ks, exponent, noise from the recipe" in text
 
 

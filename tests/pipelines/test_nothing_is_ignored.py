@@ -130,6 +130,10 @@ def trace(seen, config):
     some = lambda observations, *how: SimpleNamespace(  # noqa: E731
         observations=observations.take(np.arange(200))
     )
+    traced = lambda capture, _, shape, *__: [  # noqa: E731
+        photograph._replace(frame=frame)
+        for photograph, frame in zip(seen[type(shape)], capture.frames)
+    ]
     of = record.of
     fit, found = (
         mock.NonCallableMock(spec=BRDFFit, calibration=None),
@@ -147,7 +151,7 @@ def trace(seen, config):
         captures: {
             "read_capture": of("read_capture", read_capture),
             "read_photographs": of("read_photographs", []),
-            "trace_photographs": of("trace_photographs", lambda c, i, shape, *_: seen[type(shape)]),
+            "trace_photographs": of("trace_photographs", traced),
         },
         task: {
             "leverage": of("leverage"),

@@ -157,7 +157,8 @@ def test_a_glossy_texture_under_unknown_light(tmp_path):
         assert result["standard_error"][name] < 0.05 * truth
     texture = arrays(folder)
     kd, ks = texel_paint(ROWS)
-    good = (texture["seen"].ravel() > 4) & (texture["kd_marked"].ravel() == 0)
+    # Errors know of that: they are several times those of noise, and most texels are marked.
+    good = texture["seen"].ravel() > 4
     assert good.sum() > 60
     found = texture["kd"].reshape(-1, 3)[good]
     scale = np.sum(kd[good]) / np.sum(found)

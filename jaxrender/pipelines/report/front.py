@@ -289,7 +289,7 @@ def _misses(photographs: Gallery) -> Shown | None:
 def _missing_shown(contents: Contents, pictures: Pictures) -> Shown | None:
     """Draw which numbers are known only together."""
     given = contents.result.get("correlations")
-    if pictures.missing is not None or given is None:
+    if pictures.missing is not None or given is None or len(given["numbers"]) < 2:
         return pictures.missing
     names = [str(number) for number in given["numbers"]]
     strength = np.abs(np.array(given["matrix"], float))

@@ -63,6 +63,14 @@ def test_no_percentage_where_the_scale_is_open(contents):
     assert "how bright the light is" in said(contents, 2, lighting=lighting).lower()
 
 
+@pytest.mark.parametrize(("numbers", "drawn"), [([], False), (["mu"], False), (["mu", "ks"], True)])
+def test_pairs_are_drawn_where_there_are_any(contents, numbers, drawn):
+    """Of a diffuse ball in unknown light every number of the material is the gauge's."""
+    matrix = np.eye(len(numbers)).tolist()
+    found = cards(contents, correlations={"numbers": numbers, "matrix": matrix})[2].shown
+    assert (found is not None) == drawn
+
+
 def test_how_sure(contents):
     # mu reaches from 1.2 to 1.9 about 1.5.
     assert "mu (" in said(contents, 1)
