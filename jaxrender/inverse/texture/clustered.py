@@ -14,6 +14,7 @@ Of one site that is a few numbers' chance; so each is drawn to what all sites sh
 does with variances: as far as the sites agree better than chance.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -62,13 +63,15 @@ class Groups(NamedTuple):
 class Excess(NamedTuple):
     """What K_d (the mean of its channels) and K_s of each site show, beside what noise would.
 
+    Where a site has numbers of its own, these take the place of K_s (``by_matrices``).
+
     ``shown`` is the sum of q_g^2 over the photographs, ``expected`` that of noise, both beside the
     site's own variance; ``squares`` is the sum of the squares of what is expected.
     """
 
-    shown: Float[AnyArray, "site 2"]
-    expected: Float[AnyArray, "site 2"]
-    squares: Float[AnyArray, "site 2"]
+    shown: Float[AnyArray, "site kind"]
+    expected: Float[AnyArray, "site kind"]
+    squares: Float[AnyArray, "site kind"]
 
 
 def excess_of(
@@ -164,19 +167,32 @@ def _coloured_excess(
     # Scaled to ones along the diagonal, as what was not measured is.
     even = matrix / scale + jnp.where(told, _ROUNDING, 1)[:, :, None] * jnp.eye(2 * channels)[None]
     inverse = jnp.where(told[:, :, None] & told[:, None, :], jnp.linalg.inv(even) / scale, 0)
-    of_group, v = blocks(every[:, 0], every[:, 1], every[:, 2]), inverse[site]
-    moved = jnp.einsum("gij,gj->gi", v, jnp.concatenate([every[:, 3], every[:, 4]], axis=1))
+    of_group = blocks(every[:, 0], every[:, 1], every[:, 2])
+    scores = jnp.concatenate([every[:, 3], every[:, 4]], axis=1)
+
+    def both(values: Float[Array, "group unknown"]) -> Float[Array, "group 2"]:
+        parts = jnp.split(values, 2, axis=1)
+        return jnp.stack([jnp.mean(part, axis=1) for part in parts], axis=1)
+
+    return by_matrices(of_group, scores, inverse, site, both)
+
+
+def by_matrices(
+    of_group: Float[Array, "group unknown unknown"],
+    scores: Float[Array, "group unknown"],
+    inverse: Float[Array, "site unknown unknown"],
+    site: Int[Array, "group"],
+    gathered: Callable[[Float[Array, "group unknown"]], Float[Array, "group kind"]],
+) -> Excess:
+    """Do the same by the matrix and the score of each group; ``gathered`` averages unknowns."""
+    v = inverse[site]
+    moved = jnp.einsum("gij,gj->gi", v, scores)
     along = of_group @ v
     noise = jnp.einsum("gij,gji->gi", v, along) - jnp.einsum("gji,gjk,gki->gi", along, v, along)
     own = jnp.diagonal(inverse, axis1=1, axis2=2)
     unit = jnp.where(own > 0, 1 / jnp.where(own > 0, own, 1), 0)[site]
-
-    def both(values: Float[Array, "group unknown"]) -> Float[Array, "group 2"]:
-        parts = jnp.split(values * unit, 2, axis=1)
-        return jnp.stack([jnp.mean(part, axis=1) for part in parts], axis=1)
-
-    expected = jnp.maximum(both(noise), 0)
-    summed = (both(moved**2), expected, expected**2)
+    expected = jnp.maximum(gathered(noise * unit), 0)
+    summed = (gathered(moved**2 * unit), expected, expected**2)
     return Excess(*(jax.ops.segment_sum(part, site, num_segments=len(own)) for part in summed))
 
 
@@ -214,13 +230,14 @@ def _excess(
         return excess_of(data, columns, left, groups, site_sums(data, columns), none)
 
 
-def widening(excess: Excess) -> Float[np.ndarray, "site 2"]:
+def widening(excess: Excess) -> Float[np.ndarray, "site kind"]:
     """Say by what factor the errors of each site's K_d and K_s are larger than noise makes them.
 
     Never below 1.  It includes that of Student's distribution where little is known.
     """
     parts = [np.asarray(part, float) for part in excess]
-    return np.stack([_widening(*(part[:, k] for part in parts)) for k in (0, 1)], axis=1)
+    kinds = range(parts[0].shape[1])
+    return np.stack([_widening(*(part[:, k] for part in parts)) for k in kinds], axis=1)
 
 
 def _widening(

@@ -29,6 +29,7 @@ from jaxrender.inverse.known_light import KnownLight
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.shadowing import concave
 from jaxrender.inverse.stated import Unknown
+from jaxrender.inverse.texture.clustered import Excess, widening
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations, by_site, whole_sites
 from jaxrender.inverse.texture.metallic_search import Found, learn_kinds, search_kinds
@@ -160,6 +161,7 @@ class _Sites(NamedTuple):
     value: Float[np.ndarray, "site number"]
     covariance: Float[np.ndarray, "site number number"]
     squares: Float[np.ndarray, "site"]
+    excess: Excess
     predicted: Float[np.ndarray, "sample channel"]
 
     @classmethod
@@ -172,6 +174,7 @@ class _Sites(NamedTuple):
             np.full((count, own), np.nan),
             np.tile(np.diag(np.full(own, np.inf)), (count, 1, 1)),
             np.full(count, np.nan),
+            Excess(*np.zeros((3, count, 1 + own))),
             np.zeros_like(measured.radiance),
         )
 
@@ -182,17 +185,22 @@ class _Sites(NamedTuple):
         self.value[sites] = found.solved.value
         self.covariance[sites] = found.covariance
         self.squares[sites] = found.squares
+        for whole, some in zip(self.excess, found.excess, strict=True):
+            whole[sites] = some
         self.predicted[rows] = found.solved.predicted
 
     def found(
         self, measured: SiteObservations, asked: Asked, shared: Shared, sharpest: float
     ) -> MetallicSites:
-        """State values and errors, which are wider where a site is not explained to its noise."""
+        """State values and errors, which are wider where a site is not explained to its noise.
+
+        They are wider, too, by what single photographs leave of the sites together.
+        """
         seen, channels = measured.seen, measured.radiance.shape[1]
         freedom = np.maximum(seen * channels - asked.own(measured), 1)
         misfit = np.sqrt(self.squares / freedom)
-        wider = np.maximum(np.nan_to_num(misfit, nan=1.0), 1.0)
-        covariance = self.covariance * wider[:, None, None] ** 2
+        wider = np.maximum(np.nan_to_num(misfit, nan=1.0)[:, None], widening(self.excess))
+        covariance = self.covariance * wider[:, 1:, None] * wider[:, None, 1:]
         own = SiteNumbers(
             asked.names,
             self.value,
@@ -206,7 +214,7 @@ class _Sites(NamedTuple):
         unexplained = float(np.sum(measured.share[:, None] * left**2))
         return MetallicSites(
             self.color,
-            self.color_error * wider[:, None],
+            self.color_error * wider[:, :1],
             {name: one for name, one in maps.items() if one is not None},
             _shared(shared, asked.names),
             misfit,

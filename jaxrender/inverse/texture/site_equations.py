@@ -12,6 +12,7 @@ import numpy as np
 from jax.scipy.linalg import block_diag
 
 from jaxrender.inverse.models import LinearisedModel
+from jaxrender.inverse.texture.clustered import Excess, Groups, by_matrices
 from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.measurements import SiteData
 from jaxrender.inverse.texture.search import predicted
@@ -85,6 +86,45 @@ def equations_of(
         gradient, matrix, _ = _held(gradient, matrix, material, prior, expected, value)
         cost = _squares(data, foreseen, material, prior, expected, value)
     return SiteEquations(cost, gradient, matrix, material), foreseen
+
+
+@stored(effort="less")
+def excess_of_numbers(
+    near: LinearisedModel,
+    data: SiteData,
+    prior: KsPrior,
+    names: tuple[str, ...],
+    groups: Groups,
+    inverse: Float[AnyArray, "site unknown unknown"],
+) -> Excess:
+    """Compare what photographs leave of a site together with noise: K_d (its mean), then numbers.
+
+    For sites whose K_s is known.  ``inverse`` is of ``SiteEquations.matrix``; an unknown of which
+    it knows nothing (0) shows nothing.
+    """
+    site = jnp.asarray(groups.site)
+    with jax.default_matmul_precision("highest"):
+        material = prior.solve(site_sums(data, near.at))
+        left = jnp.asarray(data.weights) * (data.radiance - predicted(material, near.at, data))
+        jacobian = _jacobian(near, data, material, prior, names)
+        weighted = jnp.asarray(data.weights)[..., None] * jacobian
+        parts = (
+            jnp.einsum("sci,scj->sij", weighted, weighted),
+            jnp.einsum("sci,sc->si", weighted, left),
+        )
+        of_group, scores = (
+            jax.ops.segment_sum(
+                part, jnp.asarray(groups.of_sample), len(site), indices_are_sorted=True
+            )
+            for part in parts
+        )
+        channels = left.shape[1]
+
+        def gathered(values: Float[Array, "group unknown"]) -> Float[Array, "group kind"]:
+            kd = jnp.mean(values[:, :channels], axis=1, keepdims=True)
+            return jnp.concatenate([kd, values[:, channels:]], axis=1)
+
+        return by_matrices(of_group, scores, jnp.asarray(inverse), site, gathered)
 
 
 @stored(effort="less")
