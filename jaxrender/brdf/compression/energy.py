@@ -44,16 +44,18 @@ Near = Bool[np.ndarray, "*direction"]
 
 
 class Energy(NamedTuple):
-    """The share of light that a tree sends out again, beside that of its table."""
+    """The share of light that a tree sends out again, beside that of its table.
+
+    ``ratio`` is the largest of tree over table from the same direction, down to ``LAST_DEGREE``,
+    and ``undimmed`` what it would be if the table had not been dimmed.  ``lost`` is the share of
+    uniform light that the table reflects and the tree does not.
+    """
 
     largest: float
     of_table: float
     ratio: float
-    """The largest of tree over table from the same direction, down to ``LAST_DEGREE``."""
     undimmed: float
-    """What the ratio would be had the table not been dimmed."""
     lost: float
-    """Of uniform light that the table reflects, the share that the tree does not."""
 
     @classmethod
     def of(

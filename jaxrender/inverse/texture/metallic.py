@@ -36,15 +36,8 @@ from jaxrender.inverse.texture.metallic_search import Found, learn_kinds, search
 from jaxrender.inverse.texture.metallic_table import finest_cell, sharpest_told, tabulated
 from jaxrender.inverse.texture.rounds import TextureSettings
 from jaxrender.inverse.texture.site_numbers import METALLIC_MAPS, NumberMap, SiteNumbers
-from jaxrender.inverse.texture.site_search import (
-    Shared,
-    SiteFit,
-    numbers_of,
-    search_sites,
-)
-from jaxrender.inverse.texture.site_solver import (
-    Asked,
-)
+from jaxrender.inverse.texture.site_search import Shared, SiteFit, numbers_of, search_sites
+from jaxrender.inverse.texture.site_solver import Asked
 from jaxrender.inverse.texture.site_systems import KnownSpecular
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.shapes import Float, Int
