@@ -281,8 +281,8 @@ def _judged(
     if np.mean(texture.kd_marked[seen]) > 0.5:
         outcome = Outcome.NOT_IDENTIFIABLE
         reasons.append(
-            "base_color is not to be trusted at most sites: each is seen too seldom to tell base "
-            "colour, roughness and metal apart; give more photographs, or larger texels"
+            "the base colour is not to be trusted at most sites: each is seen too seldom to tell "
+            "it, roughness and metalness apart; give more photographs, or larger texels"
         )
     ended = np.count_nonzero(found.number("roughness")[seen] <= _AT_END * found.sharpest)
     if ended:
