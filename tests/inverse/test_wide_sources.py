@@ -23,14 +23,7 @@ from jaxrender.inverse import Observations
 from jaxrender.inverse.factorization import FactorSettings, Known, as_points
 from jaxrender.inverse.factorization.account import account_of
 from jaxrender.inverse.factorization.blocks import in_blocks
-from jaxrender.inverse.factorization.crowds import (
-    Grain,
-    crowded,
-    may_be_wide,
-    pays,
-    with_grain,
-    with_widths,
-)
+from jaxrender.inverse.factorization.crowds import Grain, crowded, with_grain
 from jaxrender.inverse.factorization.joint import _moved, movable, unknown_count
 from jaxrender.inverse.factorization.projection import reduced_system
 from jaxrender.inverse.factorization.response import MirrorResponse
@@ -46,6 +39,7 @@ from jaxrender.inverse.factorization.state import (
     measured,
     response_of,
 )
+from jaxrender.inverse.factorization.widths import _by_variance, may_be_wide, pays, with_widths
 from jaxrender.lighting import DirectionalSources, LightNodes
 from jaxrender.reflection import integral_columns, polar_columns, radiance
 
@@ -193,6 +187,43 @@ def test_a_narrow_window_is_found_with_its_width():
     np.testing.assert_allclose(
         scene.total[0], scene.slow[0] + scene.sources.irradiance[0] / np.sqrt(4 * np.pi)
     )
+
+
+def test_derivatives_by_a_width_of_none_are_those_of_a_wide_source():
+    """More sources than the programs have at once, of which one is off and one is hidden."""
+    task, energies = task_of(3), np.array([1.0, 2.0, 0.0])
+    state = descend(task, lit(task, beside([0.0, 0.6, 1.2])), 1)
+    assert state.joint is not None
+    light = np.concatenate([np.zeros((9, 3)), energies[:, None] * np.ones(3)])
+    solved = state.joint.solved._replace(light=light)
+    state = state._replace(
+        joint=state.joint._replace(solved=solved), active=np.array([True, True, False])
+    )
+    found = _by_variance(task, state)
+    assert found.shape == (task.observations.count, 3, 2)
+    share, little = PAINT.ks / (PAINT.kd + PAINT.ks), 2e-3 * PAINT.sigma**2
+    response = response_of(task, state)
+
+    def sent(variance: float) -> np.ndarray:
+        there = state.guess._replace(variance=jnp.full(3, variance))
+        diffuse, specular = response.source_diffuse(there), response.source_specular(there)
+        own = (np.asarray(part)[:, None, :2] * energies[:2] for part in (diffuse, specular))
+        return sum(w[:, None] * part for w, part in zip((1 - share, share), own))
+
+    slopes = (sent(2 * little) - sent(little)) / little
+    np.testing.assert_allclose(found, slopes, atol=0.05 * np.abs(slopes).max())
+    np.testing.assert_allclose(
+        np.linalg.norm(found, axis=0), np.linalg.norm(slopes, axis=0), rtol=0.05
+    )
+
+
+def test_a_source_of_no_width_is_a_point():
+    seen = photographed()
+    exact = integral_columns(PAINT, seen.samples, LightNodes(MIDDLE[None], np.ones((1, 3))))
+    exact = exact + polar_columns(PAINT, seen.samples, lambda towards: 0.1 + 0 * towards)
+    noisy = NOISE.add(np.asarray(radiance(PAINT, exact)), np.random.default_rng(1))
+    task = task_of(1)._replace(observations=seen._replace(radiance=noisy))
+    assert not may_be_wide(task, descend(task, lit(task, MIDDLE[None]), 12, 1e-6))
 
 
 def test_three_in_a_row_are_a_crowd():

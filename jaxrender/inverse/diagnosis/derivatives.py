@@ -20,6 +20,9 @@ from jaxrender.inverse.passes import Stop
 from jaxrender.inverse.uncertainty import held_at_bounds
 from jaxrender.shapes import Bool, Float, Int
 
+# Squares of this part of the largest are rounding.
+_NOTHING = 1e-13
+
 
 @dataclasses.dataclass(frozen=True)
 class Derivatives:
@@ -133,6 +136,7 @@ class _Shared(NamedTuple):
     """Noise that samples share: along which directions, and what whitening keeps of each.
 
     With P = U S V' the symmetric root of the inverse of 1 + P P' is 1 - U (1 - (1 + S^2)^-1/2) U'.
+    U comes from P'P, which is small.  Where S is nothing beside the largest, U is not needed.
     """
 
     along: Float[np.ndarray, "sample part"]
@@ -140,8 +144,11 @@ class _Shared(NamedTuple):
 
     @classmethod
     def of(cls, prior: Float[np.ndarray, "sample part"]) -> "_Shared":
-        along, size, _ = np.linalg.svd(prior, full_matrices=False)
-        return cls(along, 1 / np.sqrt(1 + size**2))
+        squares, turned = np.linalg.eigh(prior.T @ prior)
+        real = squares > _NOTHING * squares.max(initial=0)
+        return cls(
+            prior @ (turned[:, real] / np.sqrt(squares[real])), 1 / np.sqrt(1 + squares[real])
+        )
 
     def white(self, values: Float[np.ndarray, "sample *any"]) -> Float[np.ndarray, "sample *any"]:
         """Whiten values, or columns of them."""

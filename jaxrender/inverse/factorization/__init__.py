@@ -11,7 +11,7 @@
 ``state`` ``sources`` ``correction`` ``starts`` ``rounds``
     where a fit stands; sources added and dropped; what the dual model lacks of the exact integral;
     the best of several widths to begin with; the order of all that
-``crowds`` ``source_nodes``
+``crowds`` ``widths`` ``source_nodes``
     sources that make up a window get a width, and errors that know of what lies between them
 ``band_limits``
     to which degree slow light is followed

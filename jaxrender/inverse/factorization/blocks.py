@@ -4,7 +4,7 @@ Every number of samples needs the same programs, memory does not grow with it, a
 one block stay near the processor.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -44,7 +44,7 @@ class Blocks(NamedTuple):
     count: int
     penalty: Float[AnyArray, "part channel"]
 
-    def joined(self, parts: list[Array]) -> Float[np.ndarray, "sample ..."]:
+    def joined(self, parts: Sequence[AnyArray]) -> Float[np.ndarray, "sample ..."]:
         """Join the rows that every block gives."""
         return np.concatenate([np.asarray(part) for part in parts])[: self.count]
 

@@ -2,7 +2,7 @@
 
 A window that is wider than the lobe is found as a crowd of points, one lobe's width apart.  Points
 are sharper than any window, so that the lobe comes out too wide, by many standard errors.  So the
-sources of a crowd get a width (``source_nodes``), where that pays.
+sources of a crowd get a width (``widths``), where that pays.
 
 A few sources, wide or not, are not the window.  What a crowd has between its sources the
 photographs tell in part.  This *grain* is sources of unknown energy between those found, each
@@ -17,25 +17,16 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from jaxrender.inverse.factorization.blocks import in_blocks
 from jaxrender.inverse.factorization.joint import unknown_count
-from jaxrender.inverse.factorization.projection import System, reduced_system
-from jaxrender.inverse.factorization.source_nodes import nodes_of, range_of, widths_of
-from jaxrender.inverse.factorization.state import (
-    State,
-    Task,
-    free_unknowns,
-    measured,
-    response_of,
-)
+from jaxrender.inverse.factorization.projection import System
+from jaxrender.inverse.factorization.source_nodes import filled_up, nodes_of, range_of
+from jaxrender.inverse.factorization.state import State, Task, measured
 from jaxrender.shapes import Bool, Float, Int
 
 # Sources of which each has a neighbour within so many widths of the lobe; so many are a crowd.
 _NEIGHBOURS, _FEWEST = 2.0, 3
 # In widths of the lobe: how far grain lies about each source, and how far apart it is.
 _GRAIN, _APART = 1.2, 0.8
-# Sources are filled up to a multiple of this.
-_BATCH = 8
 
 
 class Grain(NamedTuple):
@@ -95,51 +86,6 @@ def crowded(state: State) -> Bool[np.ndarray, "source"]:
     return state.active & (np.bincount(group)[group] >= _FEWEST)
 
 
-def with_widths(state: State) -> State:
-    """Keep the sources in use, and let each have a width: hardly any, to begin with."""
-    kept = np.argsort(~state.active, kind="stable")[: _filled(np.count_nonzero(state.active))]
-    least, _ = range_of(state.guess.sigma)
-    guess = state.guess._replace(
-        directions=jnp.asarray(np.asarray(state.guess.directions)[kept]),
-        variance=jnp.full(len(kept), least),
-    )
-    return state._replace(guess=guess, active=state.active[kept])
-
-
-def may_be_wide(task: Task, state: State) -> bool:
-    """Say whether sources may have a width: some are a crowd, or one would explain more with it."""
-    if not state.active.any():
-        return False
-    if crowded(state).any():
-        return True
-    wide = with_widths(state)
-    data = measured(task, wide)
-    system = reduced_system(in_blocks(response_of(task, wide), data), wide.guess)
-    free = free_unknowns(task, wide)
-    curvature = np.asarray(system.curvature)[np.ix_(free, free)]
-    # Where the photographs tell nothing of an unknown, it stays.
-    inverse = np.linalg.pinv(curvature, hermitian=True)
-    step, variance = inverse @ np.asarray(system.slope)[free], np.diag(inverse)
-    own = slice(-int(np.count_nonzero(wide.active)), None)
-    gained = step[own] ** 2 / np.maximum(variance[own], np.finfo(float).tiny)
-    return bool(np.any((step[own] > 0) & (gained > np.log(np.asarray(data.radiance).size))))
-
-
-def pays(task: Task, before: State, after: State) -> bool:
-    """Say whether widths explain more than as many numbers would of noise (Schwarz)."""
-    data = measured(task, after)
-    assert before.joint is not None
-    assert after.joint is not None
-    gained = [
-        float(np.sum((data.weights * (task.radiance - np.asarray(joint.solved.predicted))) ** 2))
-        for joint in (before.joint, after.joint)
-    ]
-    guess = after.guess
-    wide = widths_of(guess.variance, guess.sigma, len(after.active)) > 0
-    each = np.log(np.asarray(data.radiance).size)
-    return bool(gained[0] - gained[1] > each * np.count_nonzero(wide & after.active))
-
-
 def with_grain(task: Task, state: State) -> Grain:
     """Put grain between the sources of crowds; other light has none."""
     guess, penalty = state.guess, np.asarray(measured(task, state).penalty)
@@ -157,7 +103,7 @@ def with_grain(task: Task, state: State) -> Grain:
     grain = np.stack(taken[first:]) if len(taken) > first else np.zeros((0, 3))
     energies = np.asarray(state.joint.solved.light)[-count:][within]
     expected = np.maximum(np.mean(energies, axis=0), np.finfo(float).tiny)
-    unused = _filled(len(grain)) - len(grain)
+    unused = filled_up(len(grain)) - len(grain)
     active = np.concatenate([state.active, np.arange(len(grain) + unused) < len(grain)])
     grain = np.concatenate([grain, np.tile([0.0, 0.0, 1.0], (unused, 1))])
     more = guess._replace(directions=jnp.asarray(np.concatenate([directions, grain])))
@@ -167,8 +113,3 @@ def with_grain(task: Task, state: State) -> Grain:
         more = more._replace(variance=jnp.concatenate([jnp.asarray(guess.variance), points]))
     penalty = np.concatenate([penalty, np.tile(1 / expected**2, (len(grain), 1))])
     return Grain(state._replace(guess=more, active=active), penalty, count)
-
-
-def _filled(count: int | np.integer) -> int:
-    """Fill up to a full batch, so that few programs are compiled."""
-    return -(-int(count) // _BATCH) * _BATCH

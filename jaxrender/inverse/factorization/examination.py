@@ -20,12 +20,12 @@ from jaxrender.inverse.diagnosis.light_parts import LightParts
 from jaxrender.inverse.factorization.account import Account, account_of
 from jaxrender.inverse.factorization.band_limits import followed_farther
 from jaxrender.inverse.factorization.calibrate import OF_LIGHT, Calibrated, absorbed, calibrate
-from jaxrender.inverse.factorization.crowds import may_be_wide, pays, with_widths
 from jaxrender.inverse.factorization.free_capture import Lit
 from jaxrender.inverse.factorization.prediction import predict
 from jaxrender.inverse.factorization.rounds import settle
 from jaxrender.inverse.factorization.state import Round, State, Task, in_deviations
 from jaxrender.inverse.factorization.suspicion import Found, Photographs, suspect_of
+from jaxrender.inverse.factorization.widths import may_be_wide, pays, with_widths
 from jaxrender.inverse.misfit import Left, Misfit, measure_misfit, rows_of_three
 from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.observations import Observations

@@ -12,10 +12,12 @@ import numpy as np
 
 from jaxrender.geometry import world_from_local
 from jaxrender.lighting import DirectionalSources
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Float
 
 # The share of a source's energy at each of its points, the middle first.
-_SHARES = np.array([1 / 2] + [1 / 12] * 6)
+SHARES = np.array([1 / 2] + [1 / 12] * 6)
+POINTS = len(SHARES)
 _TURNS = np.arange(6) * np.pi / 3
 _HEXAGON = np.concatenate([np.zeros((1, 2)), np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)])
 # Variances in parts of the lobe's: of a source that counts as a point, and at most.  A wider one
@@ -23,8 +25,11 @@ _HEXAGON = np.concatenate([np.zeros((1, 2)), np.stack([np.cos(_TURNS), np.sin(_T
 LEAST, _MOST = 1e-4, 0.5
 # Above this one a source has a width.
 _WIDE = 2 * LEAST
+# Sources are filled up to a multiple of this, so that few programs are compiled.
+_BATCH = 8
 
 
+@stored(jax.jit, effort="least")
 def nodes_of(
     directions: Float[AnyArray, "source 3"], variance: Float[AnyArray, "source"]
 ) -> Float[Array, "node 3"]:
@@ -40,8 +45,13 @@ def nodes_of(
 
 def summed(columns: Float[Array, "sample node"]) -> Float[Array, "sample source"]:
     """Add up what the points of each source send."""
-    each = columns.reshape(columns.shape[0], -1, len(_SHARES))
-    return each @ jnp.asarray(_SHARES, columns.dtype)
+    each = columns.reshape(columns.shape[0], -1, POINTS)
+    return each @ jnp.asarray(SHARES, columns.dtype)
+
+
+def filled_up(count: int | np.integer) -> int:
+    """Say how many sources a program has for so many."""
+    return -(-int(count) // _BATCH) * _BATCH
 
 
 def range_of(sigma: Float[AnyArray, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -69,7 +79,7 @@ def as_points(
         return sources
     directions, energies = (np.asarray(part, float) for part in sources.nodes())
     points = np.asarray(nodes_of(directions[wide], widths[wide] ** 2 / 2))
-    shared = (_SHARES[None, :, None] * energies[wide][:, None]).reshape(len(points), -1)
+    shared = (SHARES[None, :, None] * energies[wide][:, None]).reshape(len(points), -1)
     return DirectionalSources(
         np.concatenate([directions[~wide], points]), np.concatenate([energies[~wide], shared])
     )

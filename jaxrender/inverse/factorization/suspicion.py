@@ -91,17 +91,15 @@ def derivatives_of(
     assert state.joint is not None
     data, guess = measured(task, state), state.guess
     solved, free = state.joint.solved, free_unknowns(task, state)
-    # As many as a block has: its programs are compiled already.
-    length = max(len(index), min(SAMPLES_AT_ONCE, task.observations.count))
-    rows = np.pad(index, (0, length - len(index)), mode="edge")
-    response = response_of(task, state).take(rows)
-    (lobe,) = lobe_slopes([response], guess)
-    both = columns_at(response, guess, lobe.passed)
-    moved = prediction_slopes(response, lobe, guess, both, solved.light)
-    columns, slopes = (
-        np.moveaxis(np.asarray(part, float), 0, 1)[: len(index)]
-        for part in (mixed(both, specular_share(guess)), moved)
-    )
+    share, rows = specular_share(guess), []
+    # As many at once as a block has: its programs are compiled already.
+    for part in _in_full(index, min(SAMPLES_AT_ONCE, task.observations.count)):
+        response = response_of(task, state).take(part)
+        (lobe,) = lobe_slopes([response], guess)
+        both = columns_at(response, guess, lobe.passed)
+        moved = prediction_slopes(response, lobe, guess, both, solved.light)
+        rows.append([np.moveaxis(np.asarray(a, float), 0, 1) for a in (mixed(both, share), moved)])
+    columns, slopes = (np.concatenate(part)[: len(index)] for part in zip(*rows))
     weights = np.asarray(data.weights, float)[index]
     # Of the slow light all but the mean has a prior.
     slow = np.arange(1, response.slow_count)
@@ -123,3 +121,8 @@ def derivatives_of(
         tuple(np.moveaxis(weighted[:, :, slow] * deviation.T, 1, 0)),
         np.concatenate([by_material[:, free], parts, in_prior], axis=1),
     )
+
+
+def _in_full(index: Int[np.ndarray, "sample"], length: int) -> Int[np.ndarray, "part length"]:
+    """Cut samples into parts of one length, the last of them repeated to the end."""
+    return np.pad(index, (0, -len(index) % length), mode="edge").reshape(-1, length)
