@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import equinox as eqx
 import numpy as np
 
 from jaxrender.errors import InputError
@@ -175,12 +176,15 @@ def trace_photographs(
     A photograph that sees nothing of the object, or has no usable pixel, is skipped with a warning;
     raises ``InputError`` when that leaves none.
     """
-    found = []
+    found, before = [], None
     levels = saturation_of(images, reading.saturation)
     if reading.saturation == "auto":
         listener.note(f"{capture.source}: {clipped_sentence(images, levels)}")
     for number, (frame, image) in enumerate(zip(capture.frames, images)):
-        view = observe(frame.camera, shape)
+        # A camera on a tripod sees the same again.
+        if before is None or not eqx.tree_equal(frame.camera, before[0]):
+            before = frame.camera, observe(frame.camera, shape)
+        view = before[1]
         if not view.hit.any():
             listener.note(
                 f"{frame.image_path}: warning: its camera does not see the object; skipped"

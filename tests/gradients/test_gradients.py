@@ -21,21 +21,32 @@ ROWS = [(name, row) for name, chapter in CHAPTERS.items() for row in chapter.row
 FIRST = {f"{name}: {row.function}": row for name, row in reversed(ROWS)}
 # Rows of so many numbers that they take many seconds: these are among the slow tests alone.
 LONG = {
+    "brdf: FreeFacets",
     "brdf: HeTorrance",
     "brdf: HeTorranceLobe",
     "brdf: OpenPBR",
-    "brdf: PoulinFournier",
     "brdf: PolarNodesTable",
+    "brdf: PoulinFournier",
     "reflection: AzimuthalTexture.at",
     "reflection: DualForward.columns",
     "reflection: IcosahedralMaps.at",
     "reflection: LocalShrm.at",
     "reflection: facet_coefficients",
+    "reflection: polar_columns",
     "reflection: reflect_mirror_light",
     "reflection: reflect_slow_light",
+    "reflection: render_views",
+    "reflection: render_widths",
     "reflection: sensitivities",
     "reflection: slow_light_columns",
+    "spectra: azimuthal_transfer",
+    "spectra: azimuthal_transfer_of_samples",
+    "spectra: central_spectrum_of",
+    "spectra: clear_coefficients",
+    "spectra: facet_azimuthal_transfer",
+    "spectra: facet_transfer",
     "spectra: transfer_of_samples",
+    "spectra: transfer_table",
 }
 
 

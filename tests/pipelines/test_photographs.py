@@ -4,10 +4,13 @@
 - Silhouettes, alpha, masks, saturation, black level, broken pixels and grazing views are left out;
   the account adds up.
 - Cameras that see nothing, and photographs without usable pixels, are skipped with a warning.
+- A camera that stays where it was sees the same surface: it is traced once.
 - Where photographs are clipped is found by itself (`auto`) and said; what rounding to integers adds
   is known.
 - Integer pictures need a stated response; a measured curve must cover what is used, and no more.
 """
+
+import json
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from small_captures import Ball, edit_json, write_ball
 from jaxrender.errors import InputError
 from jaxrender.geometry import Sphere
 from jaxrender.imaging import SRGB, erode, response_named
+from jaxrender.inverse import photographs as photographs_module
 from jaxrender.inverse.photographs import (
     Listener,
     observations_of,
@@ -240,6 +244,22 @@ def test_a_camera_that_sees_nothing_is_skipped(capture):
     assert "1.exr: warning: its camera does not see the object; skipped" in said[0]
     observations = observations_of(photographs)
     assert set(observations.frame.tolist()) == {0, 1}
+
+
+def test_a_camera_that_stays_is_traced_once(capture, monkeypatch):
+    asked, own = [], photographs_module.observe
+    monkeypatch.setattr(
+        photographs_module, "observe", lambda *told: asked.append(told) or own(*told)
+    )
+    load(capture)
+    assert len(asked) == 3
+    pose = json.loads((capture / "transforms.json").read_text())["frames"][0]["transform_matrix"]
+    change_frame(capture, 1, transform_matrix=pose)
+    asked.clear()
+    first, second, third = (photograph.view.normals for photograph in load(capture)[0])
+    assert len(asked) == 2
+    np.testing.assert_array_equal(first, second)
+    assert not np.array_equal(second, third)
 
 
 def test_a_photograph_without_usable_pixels_is_skipped(capture):
