@@ -27,7 +27,7 @@ from ball_problems import (
 )
 from scipy.spatial.transform import Rotation
 
-from jaxrender.brdf import material_named
+from jaxrender.brdf import WIDTH_BOUNDS, lobe_named, material_named
 from jaxrender.geometry import Pinhole, Sphere, SurfaceSamples, world_from_local
 from jaxrender.harmonics import evaluate
 from jaxrender.inverse import FitSettings, KnownLight, Outcome, fit_brdf, unknowns_of
@@ -151,6 +151,21 @@ def test_a_lamp_moved_aside_or_brighter_is_in_its_columns(grounds):
     ):
         change = ((planted - PHOTOGRAPHS) / STEP).ravel()
         left = change - lamp @ np.linalg.lstsq(lamp, change, rcond=None)[0]
+        assert np.linalg.norm(left) < 0.02 * np.linalg.norm(change)
+
+
+def test_lobes_of_other_models_and_wide_ones_are_in_the_columns_of_the_lobe(grounds):
+    made = CAUSES["lobe"].columns(grounds).reshape(PHOTOGRAPHS.size, -1)
+    others = (
+        lobe_named("phong").with_roughness(BRDF.width, None),
+        lobe_named("ggx").with_roughness(BRDF.width, BRDF.mu),
+        BRDF.with_roughness(min(8 * BRDF.width, WIDTH_BOUNDS[1]), BRDF.mu),
+    )
+    for other in others:
+        lobe = other.with_amplitudes(np.zeros(3), np.full(3, 0.1))
+        change = photographed(CLEAN, brdf=lobe).ravel()
+        left = change - made @ np.linalg.lstsq(made, change, rcond=None)[0]
+        # The environment of the columns is coarser than that of the photographs.
         assert np.linalg.norm(left) < 0.02 * np.linalg.norm(change)
 
 

@@ -24,12 +24,15 @@ from jaxrender.shapes import Float
 _PAINTS = 3
 # Gains and paints change by about this part, and a lobe that is hardly there by this much.
 _TYPICAL = 0.1
-# Other widths that a lobe is tried with, relative to its own: tails and cores of other models.
-_WIDTHS = (0.6, 1.6)
+# Other widths that a lobe is tried with, relative to its own: tails and cores of other models, and
+# wide lobes beside it, which real materials have.
+_WIDTHS = (0.6, 1.6, 3.0, 8.0)
 # Indices of the lobes that a bank has none of.
 _MUS = (1.3, 2.0)
 # Models of other tails, of the same numbers.
 _OTHERS = ("ggx", "microfacet")
+# One without facets, which has no masking and no Fresnel reflectance.
+_PLAIN = "phong"
 
 Columns = Float[np.ndarray, "sample channel column"]
 
@@ -153,20 +156,23 @@ def _lobe(grounds: Grounds) -> Columns | None:
         return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
     width, mu = float(material.width), material.mu
     # Some models know no width beyond the bounds that they are searched in.
-    widths = np.clip(width * np.array(_WIDTHS), *WIDTH_BOUNDS)
+    widths = np.unique(np.clip(width * np.array(_WIDTHS), *WIDTH_BOUNDS))
     if not (isinstance(material, Glossy) and material.has_frequency_view):
         kinds = [lobe_named(name, metal=metal) for name in _OTHERS for metal in (False, True)]
         lobes = [kind.with_roughness(float(w), kind.mu) for kind in kinds for w in widths]
         return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(one) for one in lobes], 2)
     others: list[Parametric] = [material.with_roughness(float(w), mu) for w in widths]
-    for name in _OTHERS:
+    for name in (*_OTHERS, _PLAIN):
         kind = lobe_named(name, metal=mu is None)
-        assert isinstance(kind, Glossy)
-        if kind.distribution != getattr(material, "distribution", None):
+        if _kind_of(kind) != _kind_of(material):
             others.append(kind.with_roughness(width, mu))
     if isinstance(material, Microfacet):
         others.append(material.with_variant("half", "smith"))
     return grounds.gain[:, :, None] * np.stack([grounds.lobe_of(other) for other in others], 2)
+
+
+def _kind_of(material: Parametric) -> tuple[type, str | None]:
+    return type(material), getattr(material, "distribution", None)
 
 
 def _blur(grounds: Grounds) -> Columns | None:
