@@ -67,7 +67,7 @@ class Shown(NamedTuple):
 class Pictures(NamedTuple):
     """What a page brings to the first one: what was recovered, is uncertain, is missing."""
 
-    recovered: Shown
+    recovered: Shown | None = None
     sure: Shown | None = None
     missing: Shown | None = None
 
@@ -92,7 +92,7 @@ class Page(NamedTuple):
     template: str
     contents: Contents
     sections: dict[str, Any]
-    first: Pictures
+    first: Pictures = Pictures()
 
 
 def is_lambertian(contents: Contents) -> bool:
