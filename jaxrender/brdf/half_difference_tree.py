@@ -139,7 +139,9 @@ class HalfDifferenceTree(MeasuredAlbedo):
 
     def _at(self, angles: HalfDifference) -> Float[Array, "*batch channel"]:
         samples = synthesise_nonstandard(self.wavelet, self._coefficients())
-        found = interpolated(samples, coordinates_of(angles), is_stepwise(self.wavelet))
+        # Each is evaluated once, and not once for each corner of a cell.
+        parts = jax.lax.optimization_barrier((samples, coordinates_of(angles)))
+        found = interpolated(*parts, is_stepwise(self.wavelet))
         return TRANSFORMS[self.transform].undo(jnp.maximum(found, 0))
 
     def _coefficients(self) -> Float[Array, "root_theta_h theta_d phi_d channel"]:
