@@ -13,7 +13,7 @@ from ball_worlds import SIZE, TRUE, VIEWS, World, bumpy, clean, photographs
 from scenes import unit
 from scipy.spatial.transform import Rotation
 
-from jaxrender.brdf import Microfacet, Parametric, Phong, material_named
+from jaxrender.brdf import Glossy, Microfacet, Parametric, Phong, material_named
 from jaxrender.geometry import Camera, Mesh, Pinhole, Shape, Sphere
 from jaxrender.inverse import KnownLight, Observations
 from jaxrender.lighting import DirectionalSources
@@ -102,11 +102,12 @@ def normals(world: World, size: float, rng: np.random.Generator) -> World:
 
 def lobe(world: World, size: float, rng: np.random.Generator) -> World:
     """Be of another model: GGX, Phong's lobe, or Fresnel at the half angle."""
-    kind = int(size)
-    numbers = (TRUE.kd, TRUE.ks, TRUE.sigma, TRUE.mu)
+    kind, true = int(size), world.material
+    assert isinstance(true, Microfacet)
+    numbers = (true.kd, true.ks, true.sigma, true.mu)
     other = [
-        material_named("ggx", {"kd": TRUE.kd, "ks": TRUE.ks, **TRUE.numbers}),
-        Phong(TRUE.kd, TRUE.ks, 60.0),
+        material_named("ggx", {"kd": true.kd, "ks": true.ks, **true.numbers}),
+        Phong(true.kd, true.ks, 60.0),
         Microfacet(*numbers, fresnel="half", masking="smith"),
     ][kind]
     return world._replace(material=other)
@@ -210,14 +211,18 @@ def painted(
     size: float = 0.0,
     seed: int = 0,
     where: Callable[[np.ndarray], np.ndarray] = checkered,
+    told: World | None = None,
 ) -> Case:
-    """Make photographs of a ball of two paints of one lobe, with a fault; truth is the first."""
-    told = clean(seed)
+    """Make photographs of a ball of two paints of one lobe, with a fault; truth is the first.
+
+    ``told`` is what the fit is told; the ball of ``ball_worlds`` where it is None.
+    """
+    told = told or clean(seed)
     rng = np.random.default_rng(3000 + seed)
     true = told if name is None else FAULTS[name].plant(told, size, rng)
     first = true.material
-    assert isinstance(first, Microfacet)
-    second = first.with_amplitudes(OTHER_KD * first.kd, OTHER_KS * first.ks)
+    assert isinstance(first, Glossy)
+    second = first.with_amplitudes(OTHER_KD * np.asarray(first.kd), OTHER_KS * np.asarray(first.ks))
     pool = photographs(true._replace(patch=second, where=where), told, seed)
     known = KnownLight(told.environment, DirectionalSources(told.lamp[None], told.irradiance[None]))
     return Case(pool, known, told.shape, told.cameras, first)

@@ -11,11 +11,14 @@
     any forward model, a part at a time; sigma and mu with all of the texture eliminated
 ``rounds``, ``whole_surface``, ``texture``, ``account``
     the search, which estimates the noise; every site; what is known of it; the outcome
-``clustered``, ``examination``, ``mixed``, ``judgement``
+``clustered``, ``examination``, ``mixed``, ``reach``
     errors of sites that know of misfit; what is left above the noise and what would explain it;
-    sites of more than one paint; what can be trusted under unknown light
-``free_capture``, ``calibrate``
-    nuisances of a capture found with its paint, on some pixels and then with all of the texture
+    sites of more than one paint; how far causes move a texture
+``judgement``, ``suspicion``
+    what can be trusted under unknown light, and what would explain the rest there
+``free_capture``, ``calibrate``, ``free_paint_and_light``
+    nuisances of a capture found with its paint, on some pixels and then with all of the texture;
+    found with paint and light
 ``fit``, ``known_light``
     the whole recovery (T 6.13), also by region, and with the light split on the way
 ``varying``
@@ -65,6 +68,7 @@ from jaxrender.inverse.texture.forward import (
     exact_forward,
 )
 from jaxrender.inverse.texture.free_capture import NEVER
+from jaxrender.inverse.texture.free_paint_and_light import FREED_WITH_LIGHT
 from jaxrender.inverse.texture.from_photographs import estimate_texture
 from jaxrender.inverse.texture.glossy_light import (
     GlossyLight,
@@ -109,6 +113,7 @@ from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
 
 __all__ = [
     "COLOR",
+    "FREED_WITH_LIGHT",
     "MAPS",
     "METALLIC",
     "METALLIC_MAPS",

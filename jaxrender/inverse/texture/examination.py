@@ -26,6 +26,7 @@ from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.paint_slopes import PaintSlopes
+from jaxrender.inverse.texture.reach import Reach
 from jaxrender.inverse.texture.site_numbers import OwnSigma
 from jaxrender.inverse.texture.site_sums import by_channel
 from jaxrender.inverse.texture.sites import middles
@@ -39,10 +40,6 @@ from jaxrender.shapes import AnyArray, Array, Float, Int
 _NEIGHBOURS, _FITTED = 6000, 12_000
 # Pixels and sites that causes are tested on, and photographs that must show such a site.
 _TESTED, _MOST_SITES, _FEWEST_VIEWS = 700, 80, 3
-# What is darker than this part of the typical site says nothing of relative errors.
-_DARK = 0.1
-# The part of the sites that is within one standard deviation.
-_MOST = 0.68
 # A site's K_d and K_s are found, and its edges of paint look like a blur.
 _NOT_TESTED = ("sites", "blur", "convention")
 
@@ -157,9 +154,22 @@ def chosen_pixels(painted: Painted, fit: TextureFit, times: int = 1) -> Int[np.n
 
     So many ``times`` as many are chosen as causes are tested on.
     """
-    texture, rng = fit.texture, np.random.default_rng(painted.seed)
-    order = rng.permutation(fit.surface.index)
-    site, frame = painted.site[order], np.asarray(painted.observations.frame)[order]
+    frame, index = np.asarray(painted.observations.frame), fit.surface.index
+    return pixels_of_sites(index, painted.site, frame, fit.texture, painted.seed, times)
+
+
+def pixels_of_sites(
+    index: Int[np.ndarray, "known"],
+    site: Int[np.ndarray, "sample"],
+    frame: Int[np.ndarray, "sample"],
+    texture: Texture,
+    seed: int,
+    times: int = 1,
+) -> Int[np.ndarray, "tested"]:
+    """Choose among some pixels: one of each photograph that shows a site, of trusted sites."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(index)
+    site, frame = site[order], frame[order]
     _, first = np.unique(np.stack([site, frame], axis=1), axis=0, return_index=True)
     order, site = order[first], site[first]
     views = np.bincount(site, minlength=len(texture.seen))
@@ -295,52 +305,16 @@ def reaching(
 ) -> TextureFit:
     """Widen errors by how far causes move what they are of, a column each.
 
-    Every site's K_d and K_s are taken to move by the part that those of the tested ones do.
     ``both`` widens the errors of a model that is exact as well.
     """
-    texture, sites = fit.texture, some.sites
-    channels = texture.kd.shape[1]
-    of_ks = np.asarray(by_channel(texture.ks))
-    kd, ks, sigma, mu = np.zeros(channels), np.zeros(of_ks.shape[1]), 0.0, 0.0
-    glossy = len(shifts) > len(sites) * channels
-    # Where the photographs do not tell K_s, its prior holds both, and the columns know of none.
-    told = ~texture.ks_marked[sites] | (not glossy)
-    for shift in shifts.T:
-        of_kd, rest = np.split(shift, [len(sites) * channels])
-        kd += _part(of_kd.reshape(-1, channels)[told], texture.kd[sites[told]]) ** 2
-        if glossy:
-            shifted, numbers = np.split(rest, [of_ks[sites].size])
-            shifted = shifted.reshape(len(sites), -1)
-            ks += _part(shifted[told], of_ks[sites[told]]) ** 2
-            moved = dict(zip(some.names, numbers))
-            sigma += float(moved.get("sigma", 0)) ** 2
-            mu += float(moved.get("mu", 0)) ** 2
-    by_kd, by_ks = np.sqrt(kd) * texture.kd, (np.sqrt(ks) * of_ks).reshape(texture.ks.shape)
-    wider = texture._replace(
-        kd_error=np.hypot(texture.kd_error, by_kd), ks_error=np.hypot(texture.ks_error, by_ks)
-    )
+    reach = Reach.of(fit.texture, some.sites, some.names, shifts)
+    sigma, mu = reach.of_number("sigma"), reach.of_number("mu")
     if both:
-        wider = wider._replace(
-            kd_exact_error=np.hypot(texture.kd_exact_error, by_kd),
-            ks_exact_error=np.hypot(texture.ks_exact_error, by_ks),
-        )
-        sigma_exact, mu_exact = fit.if_exact
-        exact = float(np.hypot(sigma_exact, np.sqrt(sigma))), float(np.hypot(mu_exact, np.sqrt(mu)))
+        of_sigma, of_mu = fit.if_exact
+        exact = float(np.hypot(of_sigma, sigma)), float(np.hypot(of_mu, mu))
         fit = fit._replace(if_exact=exact)
     return fit._replace(
-        surface=fit.surface._replace(texture=wider.marked()),
-        sigma_error=float(np.hypot(fit.sigma_error, np.sqrt(sigma))),
-        mu_error=float(np.hypot(fit.mu_error, np.sqrt(mu))),
+        surface=fit.surface._replace(texture=reach.texture(fit.texture, both=both)),
+        sigma_error=float(np.hypot(fit.sigma_error, sigma)),
+        mu_error=float(np.hypot(fit.mu_error, mu)),
     )
-
-
-def _part(
-    shift: Float[np.ndarray, "site channel"], value: Float[np.ndarray, "site channel"]
-) -> Float[np.ndarray, "channel"]:
-    """Compare shifts with values: more than most sites move, of those that are not dark.
-
-    A few sites may move beyond all measure, where one pixel a photograph does not tell K_s.
-    """
-    lit = value > _DARK * np.median(value, axis=0) if len(value) else value > 0
-    parts = [np.abs(by[at] / of[at]) for by, of, at in zip(shift.T, value.T, lit.T)]
-    return np.array([np.quantile(part, _MOST) if len(part) else 0.0 for part in parts])

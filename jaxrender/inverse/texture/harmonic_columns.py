@@ -5,11 +5,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import BRDF, Microfacet
 from jaxrender.geometry import SurfaceSamples
-from jaxrender.harmonics import coefficient_count, degrees, real_basis
+from jaxrender.harmonics import band_limit_of, coefficient_count, degrees, real_basis
 from jaxrender.inverse.unknowns import Unknowns
-from jaxrender.reflection import polar_coefficients
+from jaxrender.reflection import ForwardModel, polar_coefficients
 from jaxrender.shapes import Array, Float
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 
@@ -75,3 +75,19 @@ class HarmonicColumns(eqx.Module):
 
     def _lobe_at(self, point: Float[Array, "unknown"]) -> Microfacet:
         return self.variant.with_numbers(self.unknowns.unpack(point).numbers)
+
+
+class HarmonicForward(ForwardModel):
+    """Light given by coefficients, reflected as where the sites under it are solved."""
+
+    light: Float[Array, "coefficient channel"]
+    exact: bool = eqx.field(static=True)
+
+    def columns(self, brdf: BRDF, samples: SurfaceSamples) -> Float[Array, "sample lobe channel"]:
+        """Evaluate both lobes; ``exact`` is as in ``harmonic_columns``."""
+        assert isinstance(brdf, Microfacet)
+        limit = band_limit_of(len(self.light))
+        specular = harmonic_columns(samples, brdf, limit, self.exact)
+        diffuse = diffuse_under(diffuse_basis(samples, limit), self.light)
+        lit = jnp.matmul(specular, self.light, precision="highest")
+        return jnp.stack([diffuse, lit], axis=1)

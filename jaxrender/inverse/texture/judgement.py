@@ -1,24 +1,45 @@
-"""What an answer under unknown light leaves, and what of it can be trusted."""
+"""What an answer under unknown light leaves, what would explain that, and what can be trusted."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxrender.imaging import NoiseModel, estimate_noise
+from jaxrender.inverse.diagnosis import CLIPPED, diagnose, likeliest
 from jaxrender.inverse.intervals import IDENTIFIABLE_WITHIN, NORMAL_90
 from jaxrender.inverse.models import Columns
 from jaxrender.inverse.observations import Observations
 from jaxrender.inverse.outcomes import Outcome
-from jaxrender.inverse.prepared_light import DUAL_ERROR
 from jaxrender.inverse.texture.clustered import excess_of_surface, widening
 from jaxrender.inverse.texture.estimate import TextureEstimate
-from jaxrender.inverse.texture.examination import misfit_of
+from jaxrender.inverse.texture.examination import misfit_of, pixels_of_sites
 from jaxrender.inverse.texture.measurements import by_site
+from jaxrender.inverse.texture.mixed import mixed
+from jaxrender.inverse.texture.suspicion import LitPixels
+from jaxrender.inverse.weights import standard_deviations
+from jaxrender.shapes import Float
 
 # An answer that leaves more than this part unexplained has not converged.
 _MUCH_LEFT = 0.2
-# Observations looked at together.
-_CHUNK = 2**14
+# The light ends at some degree: less of the radiance than this it may leave without being wrong.
+_LEAST_MISFIT = 0.01
+# Observations looked at together; the seed of the pixels that causes are tested on.
+_CHUNK, _SEED = 2**14, 0
+
+
+class Judging(NamedTuple):
+    """How an answer is judged: the noise if it was given, and what is known beside it.
+
+    ``exact`` says whether columns are of the integral, ``diagnosing`` whether causes are named.
+    ``freed`` are nuisances by which photographs were corrected, ``told`` these as they were told.
+    """
+
+    noise: NoiseModel | None
+    exact: bool
+    diagnosing: bool
+    freed: tuple[str, ...] = ()
+    told: Observations | None = None
 
 
 def noise_left(
@@ -40,12 +61,9 @@ def judged(
     estimate: TextureEstimate,
     columns: Columns,
     observations: Observations,
-    noise: NoiseModel | None,
+    asked: Judging,
 ) -> TextureEstimate:
-    """Add each site's misfit and marks, and what is left unexplained of all.
-
-    ``noise`` is that which was given, if any.
-    """
+    """Add each site's misfit and marks, what is left unexplained of all, and what explains it."""
     radiance, texture = np.asarray(observations.radiance), estimate.texture
     site = estimate.sites.of_observation
     unexplained = radiance - texture.radiance(columns, site)
@@ -77,13 +95,9 @@ def judged(
         kd_error=texture.kd_error * wider[:, :1],
         ks_error=texture.ks_error * wider[:, 1],
     )
-    above = misfit_of(observations, site, radiance - unexplained, texture, noise, DUAL_ERROR)
-    if above is not None and above.found:
-        reasons = (above.sentence(), *estimate.reasons)
-        outcome = estimate.outcome
-        outcome = Outcome.MISFIT if outcome is Outcome.CONVERGED else outcome
-        estimate = replace(estimate, outcome=outcome, reasons=reasons)
-    return replace(
+    predicted = radiance - unexplained
+    above = misfit_of(observations, site, predicted, texture, asked.noise, _LEAST_MISFIT)
+    estimate = replace(
         estimate,
         misfit=above,
         texture=texture._replace(
@@ -91,3 +105,38 @@ def judged(
             relative_rms=left,
         ).marked(),
     )
+    if asked.diagnosing:
+        estimate = _explained(estimate, observations, unexplained, asked)
+    reasons = [above.sentence()] if above is not None and above.found else []
+    reasons += [best.reason for best in estimate.diagnosis[:1]]
+    outcome = estimate.outcome
+    outcome = Outcome.MISFIT if reasons and outcome is Outcome.CONVERGED else outcome
+    return replace(estimate, outcome=outcome, reasons=(*reasons, *estimate.reasons))
+
+
+def _explained(
+    estimate: TextureEstimate,
+    observations: Observations,
+    unexplained: Float[np.ndarray, "sample channel"],
+    asked: Judging,
+) -> TextureEstimate:
+    """Name what would explain the rest; errors reach as far as that moves what they are of."""
+    site, texture, misfit = estimate.sites.of_observation, estimate.texture, estimate.misfit
+    known, frame = np.flatnonzero(site >= 0), np.asarray(observations.frame)
+    tested = pixels_of_sites(known, site, frame, texture, _SEED)
+    if misfit is None or not len(tested):
+        return estimate
+    some = LitPixels.of(estimate, observations, tested, asked.exact)
+    told = (asked.told or observations).take(tested)
+    shape, noise = estimate.sites.shape, estimate.noise
+    suspect = some.suspect(shape, told, observations, noise, asked.freed)
+    diagnosis = diagnose(suspect, misfit)
+    shifts = likeliest(diagnosis)
+    if shifts:
+        estimate = some.reaching(estimate, np.stack(shifts, axis=1))
+    predicted = np.asarray(observations.radiance) - unexplained
+    deviation = standard_deviations(misfit.noise, predicted)
+    values = len(tested) * predicted.shape[1]
+    every = (*diagnosis, *mixed(observations, site, unexplained, deviation, values))
+    ranked = sorted(every, key=lambda one: (one.cause != CLIPPED, -one.bic))
+    return replace(estimate, diagnosis=tuple(ranked))

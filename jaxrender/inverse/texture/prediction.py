@@ -96,7 +96,7 @@ class LitTexture(NamedTuple):
         light, field = self.light, self.transfer
         if light is None:
             assert self.estimate.light is not None
-            found = model_under(self.estimate.light)
+            found = model_under(self.estimate.light, self.exact)
             return lambda number: found
         brdf, transfer = self.estimate.brdf_of(lobe).as_metal(), "exit-cosine"
         maps = self.estimate.maps

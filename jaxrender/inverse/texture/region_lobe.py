@@ -44,6 +44,12 @@ class RegionLobe(NamedTuple):
         sigma, mu = self.exact_errors
         return self._replace(sigma_error=sigma, mu_error=mu)
 
+    @property
+    def errors(self) -> tuple[float, float]:
+        """The errors of sigma and mu; NaN where they are not known."""
+        sigma, mu = (np.nan if one is None else one for one in (self.sigma_error, self.mu_error))
+        return sigma, mu
+
     def tells(self, name: str) -> bool:
         """Whether the interval of ``sigma`` or ``mu`` is narrow enough to speak of a value."""
         size = getattr(self, name) - ORIGIN[name]

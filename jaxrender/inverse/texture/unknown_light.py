@@ -29,21 +29,24 @@ from jaxrender.inverse.texture.estimate import (
     TextureEstimate,
     facets_of,
 )
+from jaxrender.inverse.texture.free_paint_and_light import (
+    check_freed_with_light,
+    freed_with_light,
+)
 from jaxrender.inverse.texture.glossy_light import (
     GlossyLight,
     GlossyProblem,
     GlossyTexture,
     recover_glossy,
 )
-from jaxrender.inverse.texture.judgement import judged, noise_left
+from jaxrender.inverse.texture.harmonic_columns import HarmonicForward
+from jaxrender.inverse.texture.judgement import Judging, judged, noise_left
 from jaxrender.inverse.texture.measurements import by_site
 from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.sites import SurfaceSites
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.view_dependent import LightCoefficients
 from jaxrender.inverse.unknown_material import UnknownMaterial
-from jaxrender.lighting import DirectionalSources
-from jaxrender.reflection import DualForward, DualLight
 from jaxrender.shapes import Float, Int
 
 # Degrees of an unknown light: those of irradiance, and those that glossy lobes pass.  A lobe of
@@ -70,13 +73,17 @@ class UnknownLightSettings(NamedTuple):
     ``noise`` is estimated where it is None.  ``band_limit`` is the highest degree of the light;
     None: 2 for diffuse paint, and as far as the lobe passes it for others.  ``exact`` finds these
     on the integral.  ``prior`` picks the texture of diffuse paint: ``total-variation`` (where it is
-    None) expects paint of few colours, ``variance`` an even one.
+    None) expects paint of few colours, ``variance`` an even one.  ``diagnose`` names what would
+    explain what a glossy texture leaves, and ``free`` nuisances of the capture that are found with
+    it, by name or (``auto``) as the diagnosis names them.
     """
 
     noise: NoiseModel | None = None
     band_limit: int | None = None
     exact: bool = True
     prior: str | None = None
+    diagnose: bool = True
+    free: tuple[str, ...] | str = ()
 
 
 def under_unknown_light(
@@ -89,7 +96,8 @@ def under_unknown_light(
 
     ``observations`` are all usable pixels of the photographs that ``sites`` are of.  Raises
     ``ValueError`` for concave shapes, models that are not of facets, and several regions.  Raises
-    it, too, for settings that the material does not use, and where nothing is identifiable.
+    it, too, for settings that the material does not use, for nuisances that are not freed here, and
+    where nothing is identifiable.
     """
     settings = settings or UnknownLightSettings()
     facets_of(material)
@@ -111,19 +119,34 @@ def under_unknown_light(
             f"prior={settings.prior!r}: the specular lobe shows in what moves with the view, not "
             "by a prior; leave it out, or choose lambertian"
         )
+    if diffuse and settings.free:
+        raise ValueError(
+            "nothing is freed with diffuse paint under unknown light: leave free out, give the "
+            "light, or choose a model of facets"
+        )
+    check_freed_with_light(settings.free)
     once = _diffuse if diffuse else _glossy
-    estimate = once(observations, sites, material, settings, settings.noise or _FIRST_NOISE)
-    columns = _columns(estimate, observations.samples)
-    if settings.noise is None:
-        noise = noise_left(observations, estimate, columns)
-        estimate = once(observations, sites, material, settings, noise)
-        columns = _columns(estimate, observations.samples)
-    return judged(estimate, columns, observations, settings.noise)
+
+    def found(seen: Observations, freed: tuple[str, ...]) -> TextureEstimate:
+        estimate = once(seen, sites, material, settings, settings.noise or _FIRST_NOISE)
+        columns = _columns(estimate, seen.samples, settings.exact)
+        if settings.noise is None:
+            noise = noise_left(seen, estimate, columns)
+            estimate = once(seen, sites, material, settings, noise)
+            columns = _columns(estimate, seen.samples, settings.exact)
+        diagnosing = settings.diagnose and not diffuse
+        asked = Judging(settings.noise, settings.exact, diagnosing, freed, observations)
+        return judged(estimate, columns, seen, asked)
+
+    estimate = found(observations, ())
+    if not settings.free:
+        return estimate
+    return freed_with_light(estimate, observations, settings.free, found, exact=settings.exact)
 
 
-def model_under(light: LightCoefficients) -> DualForward:
-    """Make the model of a light that was recovered as coefficients."""
-    return DualForward(DualLight(jnp.asarray(light.coefficients), DirectionalSources.none()))
+def model_under(light: LightCoefficients, exact: bool) -> HarmonicForward:
+    """Make the model of a light that was recovered as coefficients; ``exact``: on the integral."""
+    return HarmonicForward(jnp.asarray(light.coefficients), exact)
 
 
 def _glossy(
@@ -282,7 +305,7 @@ def _unmarked(
     return Texture(kd, ks, kd_error, ks_error, nothing, seen, marks, marks, kd_error, ks_error, 0.0)
 
 
-def _columns(estimate: TextureEstimate, samples: SurfaceSamples) -> Columns:
+def _columns(estimate: TextureEstimate, samples: SurfaceSamples, exact: bool) -> Columns:
     assert estimate.light is not None
     lobe = estimate.brdf_of(estimate.lobes[0])
-    return texture_columns(lobe, samples, model_under(estimate.light))
+    return texture_columns(lobe, samples, model_under(estimate.light, exact))

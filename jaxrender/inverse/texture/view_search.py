@@ -201,13 +201,23 @@ def _expectations(
     prior = spread_of(free, precision)
     mean = float(prior.mean) if prior.mean > 0 else 1.0
     light = state.light * mean
+    expected = _Expected(light_precision(light, variance), float(prior.precision) * mean**2)
+    return State(state.point, light, state.ks / mean), expected
+
+
+def light_precision(
+    light: Float[np.ndarray, "coefficient channel"],
+    variance: Float[np.ndarray, "coefficient channel"],
+) -> Float[np.ndarray, "coefficient channel"]:
+    """Expect coefficients of each degree above 0 to have the size that is found: 1 / variance.
+
+    ``variance`` is that of the light found; of degree 0 nothing is expected.
+    """
     degree = degrees(band_limit_of(len(light)))
     square = np.stack([np.bincount(degree, part) for part in (light**2 + variance).T], axis=1)
     size = square / np.bincount(degree)[:, None]
     wide = _GENEROSITY**2 * np.maximum(size, 1e-300)[degree]
-    precision = np.where(degree[:, None] > 0, 1 / wide, 0.0)
-    expected = _Expected(precision, float(prior.precision) * mean**2)
-    return State(state.point, light, state.ks / mean), expected
+    return np.where(degree[:, None] > 0, 1 / wide, 0.0)
 
 
 def _cost(state: State, sums: _Sums, expected: _Expected) -> float:

@@ -62,6 +62,8 @@ _RECOVERS_LIGHT = "recovers the light itself"
 _OF_LIGHT = ("environment", "lamps", "nearness")
 # Nuisances that a texture does not free: its light is distant, and each pixel shows one site.
 _NOT_OF_TEXTURES = ("nearness", "blur")
+# What is freed with a texture and its light, both unknown.
+_WITH_TEXTURE_AND_LIGHT = ("exposure", "black", "response", "normals")
 _OF_KNOWN_LIGHT = {
     "solve.model": "has one frequency model",
     "solve.view_degree": "has one frequency model",
@@ -136,6 +138,14 @@ def _frees_what_textures_can(config: RunConfig) -> None:
         raise ValueError(
             f"solve.free: {', '.join(refused)} cannot be freed with a texture, whose light is "
             "distant and whose pixels show one texel each; leave it out"
+        )
+    if config.knows_light:
+        return
+    refused = [name for name in _names(config) if name not in _WITH_TEXTURE_AND_LIGHT]
+    if refused:
+        raise ValueError(
+            f"solve.free: {', '.join(refused)} cannot be freed with a texture under unknown light; "
+            f"choose of {', '.join(_WITH_TEXTURE_AND_LIGHT)}, or give the light"
         )
 
 
@@ -215,9 +225,7 @@ TASKS: Mapping[str, TaskEntry] = {
         dark=_TEXTURE
         | {
             "lighting": _RECOVERS_LIGHT,
-            "solve.free": "takes the capture as it is told",
             "brdf.gauge": "has a gauge of its own",
-            "solve.diagnose": "names no causes of a misfit",
             "samples.count": "uses all pixels",
             "samples.seed": "uses all pixels",
             "solve.method": "has one search",

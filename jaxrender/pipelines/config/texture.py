@@ -224,6 +224,15 @@ CASES_OF_TEXTURES = (
         instead="give the light",
     ),
     Case(
+        "a diffuse texture under unknown light",
+        lambda config: _is_diffuse_texture(config) and not config.knows_light,
+        {
+            "solve.diagnose": "names no causes of a misfit",
+            "solve.free": "takes the capture as it is told",
+        },
+        instead="give the light, or choose a model of facets",
+    ),
+    Case(
         "texture.regions",
         lambda config: config.texture is not None and config.texture.regions is not None,
         {"solve.free": "has several materials, and takes the capture as it is told"},

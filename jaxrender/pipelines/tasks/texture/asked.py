@@ -86,6 +86,8 @@ def unknown_light_settings(config: RunConfig) -> UnknownLightSettings:
         settings.band_limit,
         True if diffuse else settings.refine,
         texture_of(config).prior if diffuse else None,
+        config.solve.diagnose,
+        config.solve.free,
     )
 
 

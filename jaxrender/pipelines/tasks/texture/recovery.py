@@ -147,7 +147,8 @@ def recover_texture(
     exact, calibration = config.solve.refine == "exact", estimate.calibration
     if calibration is not None:
         photographs = mended(evidence.photographs, calibration, shape)
-        light, observations = calibration.light.upright, calibration.observations
+        light = None if light is None else calibration.light.upright
+        observations = calibration.observations
         evidence = evidence._replace(photographs=photographs, light=light)
         progress.note(f"freed: {', '.join(calibration.free)}")
     lit = LitTexture(estimate, observations, light, exact, field)

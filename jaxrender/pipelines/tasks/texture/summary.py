@@ -7,13 +7,19 @@ import numpy as np
 from jaxrender.harmonics import band_limit_of
 from jaxrender.inverse.nuisances import NUISANCES
 from jaxrender.inverse.photographs import Photograph
-from jaxrender.inverse.texture import NEVER, RegionLobe, Texture, TextureEstimate
+from jaxrender.inverse.texture import (
+    FREED_WITH_LIGHT,
+    NEVER,
+    RegionLobe,
+    Texture,
+    TextureEstimate,
+)
 from jaxrender.pipelines.calibration import calibration_document
 from jaxrender.pipelines.config import RunConfig
 from jaxrender.pipelines.result import Result, causes_of
 
 # Keys of a config that make up for a cause.
-_KEYS = {name: f"solve.free: [{name}]" for name in NUISANCES if name not in NEVER} | {
+_KEYS = {
     "saturation": "capture.saturation",
     "lobe": "brdf.model",
     "sites": "texture.size",
@@ -31,7 +37,7 @@ def summary_of_texture(
     own: dict[str, Any] = {"texture": _texture(estimate) | _variation(estimate) | files}
     if any(lobe.name for lobe in estimate.lobes):
         own["regions"] = [_region(lobe) for lobe in estimate.lobes]
-    own["diagnosis"] = causes_of(estimate.diagnosis, _KEYS)
+    own["diagnosis"] = causes_of(estimate.diagnosis, _KEYS | _keys_of_freeing(estimate))
     if estimate.calibration is not None:
         own["calibration"] = calibration_document(estimate.calibration, photographs)
     exact = _errors(estimate.if_exact)
@@ -53,6 +59,14 @@ def summary_of_texture(
         own=own,
         misfit=estimate.misfit,
     )
+
+
+def _keys_of_freeing(estimate: TextureEstimate) -> dict[str, str]:
+    """Say how to free what can be freed under known light, or with a light that is found."""
+    names = [name for name in NUISANCES if name not in NEVER]
+    if estimate.light is not None:
+        names = FREED_WITH_LIGHT
+    return {name: f"solve.free: [{name}]" for name in names}
 
 
 def _lighting(estimate: TextureEstimate) -> dict[str, Any]:
