@@ -23,7 +23,7 @@ from jaxrender.shapes import Float
 # An answer that leaves more than this part unexplained has not converged.
 _MUCH_LEFT = 0.2
 # The light ends at some degree: less of the radiance than this it may leave without being wrong.
-_LEAST_MISFIT = 0.01
+_LEAST_MISFIT = 0.005
 # Observations looked at together; the seed of the pixels that causes are tested on.
 _CHUNK, _SEED = 2**14, 0
 
