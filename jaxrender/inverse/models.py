@@ -284,17 +284,17 @@ def _lobe_and_widths(variant: Lobe, numbers: Numbers) -> tuple[Lobe, Float[Array
 def _linearise(
     model: Model, numbers: dict[str, Float[Array, "*sample"]], names: tuple[str, ...]
 ) -> LinearisedModel:
-    several = len(names) > 1 and not any(jnp.ndim(numbers[name]) for name in names)
-    if several:
+    if len(names) > 1:
         # All derivatives in one pass over the nodes, which each alone would make again.
         def shaped_at(
-            at: Float[Array, "number"],
+            off: Float[Array, "number"],
         ) -> tuple[list[Float[AnyArray, "sample channel"]], Columns]:
-            columns = model.columns({**numbers, **dict(zip(names, at))})
+            moved = {name: numbers[name] + step for name, step in zip(names, off)}
+            columns = model.columns({**numbers, **moved})
             return [columns.parts[place] for place in columns.shaped], columns
 
-        at = jnp.stack([numbers[name] for name in names])
-        slopes, columns = jax.jacfwd(shaped_at, has_aux=True)(at)
+        dtype = jnp.result_type(*(numbers[name] for name in names))
+        slopes, columns = jax.jacfwd(shaped_at, has_aux=True)(jnp.zeros(len(names), dtype))
         by_name = {
             name: tuple(slope[..., place] for slope in slopes) for place, name in enumerate(names)
         }

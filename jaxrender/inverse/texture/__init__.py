@@ -26,13 +26,17 @@
 ``site_numbers``, ``site_equations``, ``site_solver``, ``site_search``
     a sigma, a normal and a coloured K_s of each site itself: what they are; chi-squared with its
     derivatives; the search at every site; what all sites share, and what is expected of each
+``site_surface``, ``site_errors``, ``site_minima``, ``site_fields``, ``site_detail``
+    the same of a whole surface, with errors that know of misfit and of other minima; what sites
+    near each other have in common, and how the material varies within each
 ``diffuse_light``, ``glossy_light``
     texture under unknown light (T 6.1.1, classes 6 and 7): the family of equally good answers of a
     diffuse object; light from what moves with the view (``view_dependent`` with all else given,
     ``view_search`` with the specular lobe unknown too, from ``view_start``; their operator is in
     ``harmonic_columns``)
-``metallic`` ``metallic_table`` ``metallic_estimate``
-    maps of glTF's material: the fit, what its parts send over the roughness, what was found
+``metallic`` ``metallic_search`` ``metallic_table`` ``metallic_estimate``
+    maps of glTF's material: the fit, its search, what its parts send over the roughness, what was
+    found
 ``maps``
     site values as images
 ``from_photographs`` ``estimate`` ``region_lobe``

@@ -27,6 +27,7 @@ from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.mixed import mixed
 from jaxrender.inverse.texture.paint_slopes import PaintSlopes
 from jaxrender.inverse.texture.reach import Reach
+from jaxrender.inverse.texture.site_detail import without_detail
 from jaxrender.inverse.texture.site_numbers import OwnSigma
 from jaxrender.inverse.texture.site_sums import by_channel
 from jaxrender.inverse.texture.sites import middles
@@ -73,13 +74,14 @@ class Painted(NamedTuple):
 def examined(painted: Painted, fit: TextureFit, noise_given: bool, diagnosing: bool) -> TextureFit:
     """Say what a fit leaves, and let its errors reach as far as the best explanation moves it."""
     radiance, predicted = np.asarray(painted.observations.radiance, float), painted.predicted(fit)
+    model = painted.model_of(fit.surface.index[:1])
     misfit = misfit_of(
         painted.observations,
         painted.site,
         predicted,
         fit.texture,
         fit.noise if noise_given else None,
-        LEAST if isinstance(painted.model_of(fit.surface.index[:1]), ExactModel) else DUAL_ERROR,
+        LEAST if isinstance(without_detail(model), ExactModel) else DUAL_ERROR,
         painted.seed,
     )
     if misfit is None:

@@ -30,8 +30,10 @@ from jaxrender.inverse.texture.rounds import (
     weighted,
 )
 from jaxrender.inverse.texture.search import refine
+from jaxrender.inverse.texture.site_equations import Expected
 from jaxrender.inverse.texture.site_numbers import COLOR, MAPS, with_normals
-from jaxrender.inverse.texture.site_search import SiteFit, search_sites, solve_numbers
+from jaxrender.inverse.texture.site_search import SiteFit, search_again, search_sites
+from jaxrender.inverse.texture.site_surface import better_detail, nearby_of, solve_numbers
 from jaxrender.inverse.texture.texture import Texture
 from jaxrender.inverse.texture.varying import SigmaField
 from jaxrender.inverse.texture.whole_surface import Lobe, solve_surface
@@ -41,6 +43,8 @@ from jaxrender.shapes import Float, Int
 METHODS = ("joint", "thesis")
 # What all sites share is found on so many observations, where each has numbers of its own.
 _MAP_SAMPLES = 6000
+# Rounds in which every site learns from its neighbours.
+_NEARBY = 2
 
 
 def fit_texture(
@@ -63,7 +67,7 @@ def fit_texture(
         check_variation(unknowns, settings)
     some, model, searched = _search_lobe(measured, forward, unknowns, settings, start)
     if settings.maps:
-        return _with_maps(measured, forward, searched, settings)
+        return fit_maps(measured, forward, searched, settings)
     if field is not None:
         model = forward.final(some.index)
         searched = let_vary(searched, measured, some, model, field, settings)
@@ -92,14 +96,13 @@ def fit_texture(
 
 def find_lobe(
     measured: SiteObservations, forward: Forward, unknowns: Unknowns, settings: TextureSettings
-) -> dict[str, float]:
+) -> Searched:
     """Find sigma and mu alone, as step 1 does: a start for a fit under a model that knows more.
 
     Raises ``ValueError`` as ``fit_texture`` does.
     """
     *_, searched = _search_lobe(measured, forward, unknowns, settings, None)
-    numbers = unknowns.unpack(searched.fit.point).numbers
-    return {name: float(value) for name, value in numbers.items()}
+    return searched
 
 
 def _search_lobe(
@@ -117,30 +120,62 @@ def _search_lobe(
     return some, model, search_in_rounds(some, model, unknowns, starts, settings)
 
 
-def _with_maps(
-    measured: SiteObservations, forward: Forward, searched: Searched, settings: TextureSettings
+def fit_maps(
+    measured: SiteObservations,
+    forward: Forward,
+    searched: Searched,
+    settings: TextureSettings,
+    points: Float[np.ndarray, "observation 3"] | None = None,
 ) -> TextureFit:
-    """Go on from one lobe for all sites to numbers that each of them has for itself."""
+    """Go on from one lobe for all sites to numbers that each of them has for itself.
+
+    ``points`` are the places of all observations; without them no site learns from its neighbours.
+    """
     one, fit, maps = searched.problem.unknowns, searched.fit, settings.maps
     assert isinstance(one, Unknowns)
+    given, model_of = settings.noise is not None, forward.final
     some = whole_sites(measured, min(settings.search_samples, _MAP_SAMPLES), settings.seed)
-    prior, coloured = searched.problem.prior, COLOR in maps
-    begin = SiteFit.begin(one, fit.point, prior, searched.noise, coloured)
-    found = search_sites(some, forward.final, maps, begin, settings.noise is not None)
-    own = solve_numbers(measured, forward.final, maps, found)
-    lobe = Lobe(one, *found.shared[1:], own=own)
-    final = forward.final
-    if own.normals is not None:
+    begin = SiteFit.begin(one, fit.point, searched.problem.prior, searched.noise, COLOR in maps)
+    begun = search_sites(some, model_of, maps, begin, given)
+    asked, shared = begun.asked(maps), begun.shared
+    # Where neighbours will tell where to search from, a first guess will do.
+    own = solve_numbers(measured, model_of, asked, again=points is None)
+    detail, nearby = None, None
+    if points is not None:
+        at, drawn = points[measured.index], _drawn(measured, some)
+        nearby = nearby_of(at, measured, asked, own, settings.seed)
+        for _ in range(_NEARBY):
+            if nearby is None:
+                break
+            expected = nearby.expected(asked, own.solved.axes)
+            detail, unsure = nearby.detail(at, measured, asked, len(points))
+            detail = better_detail(measured, forward.final, asked, own.solved, detail)
+            model_of = detail.applied(forward.final)
+            few = asked._replace(nearby=Expected(*(part[drawn] for part in expected)))
+            few, shared = search_again(some, model_of, few, own.solved.value[drawn], given)
+            asked = few._replace(nearby=expected)
+            own = solve_numbers(measured, model_of, asked, own.solved.value, unsure=unsure)
+            nearby = nearby_of(at, measured, asked, own, settings.seed)
+    numbers = own.numbers if nearby is None else nearby.widened(own.numbers)
+    lobe = Lobe(one, *shared[1:], own=numbers, detail=detail)
+    final = model_of
+    if numbers.normals is not None:
         site = np.full(int(measured.index.max()) + 1, -1)
         site[measured.index] = measured.site
-        final = with_normals(final, own.normals, site)
-    surface = solve_surface(measured, final, lobe, found.prior, found.noise, settings.method)
-    lobe = lobe._replace(own=own.widened(surface.wider.max(axis=1)))
+        final = with_normals(final, numbers.normals, site)
+    surface = solve_surface(measured, final, lobe, asked.prior, asked.noise, settings.method)
     searched = searched._replace(
         fit=fit._replace(point=jnp.asarray(lobe.point)),
-        noise=found.noise,
+        noise=asked.noise,
     )
-    return account_of(surface, lobe, searched, found.noise)._replace(prior=found.prior)
+    return account_of(surface, lobe, searched, asked.noise)._replace(prior=asked.prior)
+
+
+def _drawn(measured: SiteObservations, some: SiteObservations) -> Int[np.ndarray, "some"]:
+    """List the sites that were drawn, by their numbers among all."""
+    of_index = np.zeros(int(measured.index.max()) + 1, int)
+    of_index[measured.index] = measured.site
+    return np.unique(of_index[some.index])
 
 
 def fit_texture_by_region(

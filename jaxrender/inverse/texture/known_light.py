@@ -10,6 +10,7 @@ The sites of a convex shape are then solved on the integral itself, unless the l
 that the light has too many cells; those of a concave one on the dual model.
 """
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.brdf import Microfacet
@@ -23,7 +24,7 @@ from jaxrender.inverse.shadowing import concave, nodes_seen, shadows_of
 from jaxrender.inverse.texture.account import TextureFit
 from jaxrender.inverse.texture.calibrate import End, recovered
 from jaxrender.inverse.texture.examination import Painted
-from jaxrender.inverse.texture.fit import check_variation, find_lobe, fit_texture
+from jaxrender.inverse.texture.fit import check_variation, find_lobe, fit_maps, fit_texture
 from jaxrender.inverse.texture.forward import Forward, ModelOf, dual_forward, exact_forward
 from jaxrender.inverse.texture.measurements import by_site, whole_sites
 from jaxrender.inverse.texture.rounds import TextureSettings
@@ -113,7 +114,9 @@ def _fitted(
     rough = forward_under(
         light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
     )
-    lobe = find_lobe(some, rough, unknowns, settings._replace(search_samples=_ROUGH_SAMPLES))
+    begun = find_lobe(some, rough, unknowns, settings._replace(search_samples=_ROUGH_SAMPLES))
+    numbers = unknowns.unpack(begun.fit.point).numbers
+    lobe = {name: float(value) for name, value in numbers.items()}
     finest = lobe["sigma"]
     if "sigma" in settings.maps:
         finest = max(low, finest / _FINER)
@@ -124,7 +127,12 @@ def _fitted(
             light, observations, variant, found, reach, exact=exact, shape=shape, most=most
         )
         start = unknowns.pack(lobe)
-        fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
+        if settings.maps:
+            # One lobe for all is but a start.
+            begun = begun._replace(fit=begun.fit._replace(point=jnp.asarray(start)))
+            fit = fit_maps(measured, forward, begun, settings, _points(observations))
+        else:
+            fit = fit_texture(measured, forward, unknowns, settings, start, field=field)
         lobe = {"sigma": fit.sigma, "mu": fit.mu}
         varying = fit.variation
         finest = fit.sigma if varying is None else finest_of(varying.sigma, settings.maps)
@@ -132,7 +140,10 @@ def _fitted(
         # For a map, light that is split finer than need be will do.
         if (-off if settings.maps else abs(off)) < _SPLIT_AGAIN or before == found:
             break
-    final, normals = forward.final, fit.lobe.normals
+    final, normals, detail = forward.final, fit.lobe.normals, fit.lobe.detail
+    if detail is not None:
+        final = detail.applied(final)
+        observations = detail.tilted(observations)
     if normals is not None:
         final = with_normals(final, normals, site)
         tilted = normals.tilted(observations.samples.normals, site)
@@ -140,6 +151,11 @@ def _fitted(
         observations = observations._replace(samples=samples)
     painted = Painted(observations, site, light, variant, whole, final, settings.seed)
     return End(painted, fit)
+
+
+def _points(observations: Observations) -> Float[np.ndarray, "sample 3"] | None:
+    places = observations.places
+    return None if places is None else np.asarray(places.points, float)
 
 
 def finest_of(sigma: Float[np.ndarray, "site"], maps: tuple[str, ...]) -> float:

@@ -200,6 +200,7 @@ class _Sites(NamedTuple):
             covariance,
             np.ones((measured.count, channels)),
             np.zeros((measured.count, 2, 3)),
+            np.ones((measured.count, 2)),
         )
         maps = {name: own.number(name) for name in asked.names}
         left = measured.radiance - self.predicted

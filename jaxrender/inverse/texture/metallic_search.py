@@ -11,21 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.inverse.texture.clustered import Excess, Groups
+from jaxrender.inverse.texture.clustered import Excess
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations
-from jaxrender.inverse.texture.site_equations import Expected, excess_of_numbers
+from jaxrender.inverse.texture.site_equations import Expected
+from jaxrender.inverse.texture.site_errors import left_of_sites
 from jaxrender.inverse.texture.site_minima import inverses, joined_minima
 from jaxrender.inverse.texture.site_numbers import NUMBERS
 from jaxrender.inverse.texture.site_search import own_estimates
 from jaxrender.inverse.texture.site_solver import (
     Asked,
     Solved,
-    parts_of,
     solve_at,
     solve_numbers_of,
 )
-from jaxrender.inverse.texture.site_sums import site_sums
 from jaxrender.inverse.texture.specular_prior import kinds_of
 from jaxrender.shapes import Float
 
@@ -35,8 +34,6 @@ _KINDS, _LEAST_SPREAD = ((0.0, 0.1), (0.5, 0.3), (1.0, 0.1)), 0.05
 # Where the standard error of log roughness is larger, or the values are fewer, other minima are
 # looked for.
 _SURE, _MANY = 0.03, 40
-# This near to a bound a number is held by it.
-_AT_BOUND = 1e-6
 
 
 class Kind(NamedTuple):
@@ -85,44 +82,13 @@ def search_kinds(
     best, covariance = joined_minima(ends, asked.prior, block.site)
     ends += _from_other_roughness(block, model_of, asked, kinds, covariance)
     best, covariance = joined_minima(ends, asked.prior, block.site)
-    channels = block.radiance.shape[1]
-    variance = np.array(np.diagonal(covariance, axis1=1, axis2=2))[:, :channels]
-    squares = np.zeros(block.count)
-    excess = Excess(*np.zeros((3, block.count, 1 + len(asked.names))))
-    inverse, photograph = _of_free(best, asked), block.clusters.photograph
-    for part in parts_of(block, model_of, asked, best.value, best.predicted, asked.names):
-        count = len(part.sites)
-        with np.errstate(divide="ignore"):
-            alone = 1 / np.asarray(site_sums(part.data, part.near.at).dd)[:count]
-        dark = np.asarray(best.local.material.kd)[part.sites] == 0
-        own = variance[part.sites]
-        variance[part.sites] = np.where(dark, np.maximum(alone, own - 1), own)
-        left = np.asarray(part.data.weights)[: part.kept] * (
-            part.data.radiance[: part.kept] - best.predicted[part.rows]
-        )
-        site = block.site[part.rows]
-        squares += np.bincount(site, np.sum(left**2, axis=1), minlength=block.count)
-        filled = len(part.data.site) - part.kept
-        groups = Groups.of(
-            np.asarray(part.data.site), np.pad(photograph[part.rows], (0, filled), mode="edge")
-        )
-        more = ((0, len(part.value) - count), (0, 0), (0, 0))
-        own = np.pad(inverse[part.sites], more)
-        shown = excess_of_numbers(part.near, part.data, asked.prior, asked.names, groups, own)
-        for whole, some in zip(excess, shown, strict=True):
-            whole[part.sites] = np.asarray(some)[:count]
+    left, channels = left_of_sites(block, model_of, asked, best), block.radiance.shape[1]
+    variance = np.diagonal(covariance, axis1=1, axis2=2)[:, :channels]
+    dark = (np.asarray(best.local.material.kd) == 0) & (block.seen > 0)[:, None]
+    # What is held at zero has 1 on the diagonal.
+    variance = np.where(dark, np.maximum(left.diffuse, variance - 1), variance)
     own = covariance[:, channels:, channels:]
-    return Found(best, own, np.sqrt(variance), squares, excess)
-
-
-def _of_free(best: Solved, asked: Asked) -> Float[np.ndarray, "site unknown unknown"]:
-    """Invert the matrix of every site's unknowns; 0 of those that are black or at a bound."""
-    low, high = asked.bounds
-    ended = (best.value <= low + _AT_BOUND) | (best.value >= high - _AT_BOUND)
-    held = np.concatenate([np.asarray(best.local.material.kd) <= 0, ended], axis=1)
-    pairs = held[:, :, None] | held[:, None, :]
-    matrix = np.where(pairs, np.eye(held.shape[1]), np.asarray(best.local.matrix))
-    return np.where(pairs, 0, inverses(matrix))
+    return Found(best, own, np.sqrt(variance), left.squares, left.excess)
 
 
 def _as_kind(

@@ -23,10 +23,13 @@ from jaxrender.shapes import AnyArray, Array, Bool, Float
 
 
 class Expected(NamedTuple):
-    """What is expected of each number of a site beforehand: its mean, and 1 / variance."""
+    """What is expected of each number of a site beforehand: its mean, and 1 / variance.
 
-    mean: Float[np.ndarray, "number"]
-    precision: Float[np.ndarray, "number"]
+    The same of every site, or of each its own.
+    """
+
+    mean: Float[np.ndarray, "*site number"]
+    precision: Float[np.ndarray, "*site number"]
 
 
 class SiteEquations(NamedTuple):
@@ -97,10 +100,10 @@ def excess_of_numbers(
     groups: Groups,
     inverse: Float[AnyArray, "site unknown unknown"],
 ) -> Excess:
-    """Compare what photographs leave of a site together with noise: K_d (its mean), then numbers.
+    """Compare what photographs leave of a site together with noise.
 
-    For sites whose K_s is known.  ``inverse`` is of ``SiteEquations.matrix``; an unknown of which
-    it knows nothing (0) shows nothing.
+    Kinds are the mean of K_d, that of a K_s that is not known, and each number.  ``inverse`` is of
+    ``SiteEquations.matrix``; an unknown of which it knows nothing (0) shows nothing.
     """
     site = jnp.asarray(groups.site)
     with jax.default_matmul_precision("highest"):
@@ -119,10 +122,12 @@ def excess_of_numbers(
             for part in parts
         )
         channels = left.shape[1]
+        of_ks = prior.amplitudes(channels)
 
         def gathered(values: Float[Array, "group unknown"]) -> Float[Array, "group kind"]:
-            kd = jnp.mean(values[:, :channels], axis=1, keepdims=True)
-            return jnp.concatenate([kd, values[:, channels:]], axis=1)
+            kd, ks, own = jnp.split(values, [channels, channels + of_ks], axis=1)
+            means = [jnp.mean(part, axis=1, keepdims=True) for part in (kd, ks) if part.shape[1]]
+            return jnp.concatenate([*means, own], axis=1)
 
         return by_matrices(of_group, scores, jnp.asarray(inverse), site, gathered)
 
@@ -169,8 +174,8 @@ def _squares(
     value: Float[AnyArray, "site number"],
 ) -> Float[Array, "site"]:
     left = jnp.asarray(data.weights) * (data.radiance - foreseen)
-    off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
-    held = jnp.sum(jnp.asarray(expected.precision)[None] * off**2, axis=1)
+    off = jnp.asarray(value) - jnp.atleast_2d(jnp.asarray(expected.mean))
+    held = jnp.sum(jnp.atleast_2d(jnp.asarray(expected.precision)) * off**2, axis=1)
     held = held + prior.held(jnp.asarray(material.ks))
     return jnp.sum(over_sites(left**2, data), axis=1) + held
 
@@ -191,14 +196,15 @@ def _held(
     kd = jnp.asarray(material.kd)
     sites, channels = kd.shape
     ks = by_channel(jnp.asarray(material.ks))[:, : prior.amplitudes(channels)]
-    off = jnp.asarray(value) - jnp.asarray(expected.mean)[None]
-    below = jnp.concatenate(
-        [jnp.zeros((sites, channels)), ks - jnp.asarray(prior.mean), off], axis=1
-    )
-    of_numbers = jnp.diag(jnp.asarray(expected.precision))
+    off = jnp.asarray(value) - jnp.atleast_2d(jnp.asarray(expected.mean))
+    precision = jnp.broadcast_to(jnp.atleast_2d(jnp.asarray(expected.precision)), off.shape)
     of_ks = [prior.matrix(channels)] if ks.shape[1] else []
-    together = block_diag(jnp.zeros((channels, channels)), *of_ks, of_numbers)
-    gradient, matrix = gradient - below @ together, matrix + together[None]
+    together = block_diag(jnp.zeros((channels, channels)), *of_ks)
+    below = jnp.concatenate([jnp.zeros((sites, channels)), ks - jnp.asarray(prior.mean)], axis=1)
+    gradient = gradient - jnp.concatenate([below @ together, precision * off], axis=1)
+    own = jnp.concatenate([jnp.zeros((sites, len(together))), precision], axis=1)
+    numbers = jnp.zeros(off.shape[1:] * 2)
+    matrix = matrix + block_diag(together, numbers)[None] + jax.vmap(jnp.diag)(own)
     free = jnp.concatenate([kd > 0, ks > 0, jnp.ones(off.shape, bool)], axis=1)
     free = free & (jnp.diagonal(matrix, axis1=1, axis2=2) > 0)
     pairs = free[:, :, None] & free[:, None, :]

@@ -16,9 +16,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.geometry import SurfaceSamples, world_from_local
-from jaxrender.inverse.models import Columns, DualModel, ExactModel, Numbers, Rows
+from jaxrender.geometry import world_from_local
+from jaxrender.inverse.models import Columns, Numbers, Rows
 from jaxrender.inverse.texture.forward import ModelOf
+from jaxrender.inverse.texture.site_detail import Tiltable, with_normals_of
 from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.unknowns import Physical, Unknowns
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
@@ -86,7 +87,7 @@ class TiltedModel(eqx.Module):
     The numbers ``tilt_x`` and ``tilt_y`` join those of the lobe.  All columns change with them.
     """
 
-    model: DualModel | ExactModel
+    model: Tiltable
     axes: Float[AnyArray, "sample 2 3"]
 
     def columns(self, numbers: Numbers) -> Columns:
@@ -95,10 +96,7 @@ class TiltedModel(eqx.Module):
         tilt = jnp.stack([rest.pop("tilt_x"), rest.pop("tilt_y")], axis=-1)
         samples = self.model.samples
         offset = jnp.einsum("sk,ski->si", tilt, jnp.asarray(self.axes))
-        normals = _tilted(jnp.asarray(samples.normals), offset)
-        tilted = eqx.tree_at(
-            lambda model: model.samples, self.model, SurfaceSamples(normals, samples.outgoing)
-        )
+        tilted = with_normals_of(self.model, _tilted(jnp.asarray(samples.normals), offset))
         columns = tilted.columns(rest)
         return Columns(*columns, shaped=tuple(range(len(columns))))
 
@@ -161,7 +159,8 @@ class SiteNumbers(NamedTuple):
     """What was found at every site, with its covariance; NaN and infinite where nothing was.
 
     ``names`` are those of ``NUMBERS``; in place of a width ``value`` has its logarithm.
-    ``inflation`` is by how much larger the errors of K_d and K_s are for all this being unknown.
+    ``inflation`` is by how much larger the errors of K_d and K_s are for all this being unknown,
+    ``wider`` by how much their means over the channels err more than noise makes them.
     """
 
     names: tuple[str, ...]
@@ -169,6 +168,7 @@ class SiteNumbers(NamedTuple):
     covariance: Float[np.ndarray, "site number number"]
     inflation: Float[np.ndarray, "site amplitude"]
     axes: Float[np.ndarray, "site 2 3"]
+    wider: Float[np.ndarray, "site 2"]
 
     def number(self, name: str) -> NumberMap | None:
         """Pick one number in its own units, where sites have it."""
@@ -202,10 +202,6 @@ class SiteNumbers(NamedTuple):
         normal = np.where(seen[:, None], normal, np.nan)
         return NormalMap(offset, normal, np.sqrt(variance))
 
-    def widened(self, by: Float[np.ndarray, "site"]) -> "SiteNumbers":
-        """Make standard errors larger by a factor."""
-        return self._replace(covariance=self.covariance * by[:, None, None] ** 2)
-
 
 def tangents_of(
     normals: Float[np.ndarray, "sample 3"], site: Int[np.ndarray, "sample"], count: int
@@ -225,14 +221,10 @@ def with_normals(
 ) -> ModelOf:
     """Tilt the normals of models of observations that show the given sites."""
 
-    def tilted(index: Int[np.ndarray, "kept"]) -> DualModel | ExactModel:
+    def tilted(index: Int[np.ndarray, "kept"]) -> Tiltable:
         model = model_of(index)
-        assert isinstance(model, DualModel | ExactModel)
-        samples = model.samples
-        moved = normals.tilted(samples.normals, site[index])
-        return eqx.tree_at(
-            lambda one: one.samples, model, SurfaceSamples(moved, np.asarray(samples.outgoing))
-        )
+        assert isinstance(model, Tiltable)
+        return with_normals_of(model, normals.tilted(model.samples.normals, site[index]))
 
     return tilted
 

@@ -3,7 +3,7 @@
 What all sites share (mu, and sigma where only normals are their own) is solved for on some sites,
 with all numbers of these eliminated.  Their noise and the spread of their numbers are learned
 there, too.  The spread is then what is expected of each site: who saw no highlight of a site knows
-nothing of its sigma.  The whole surface comes last (:mod:`.site_solver`).
+nothing of its sigma.  The whole surface comes last (:mod:`.site_surface`).
 """
 
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteObservations
 from jaxrender.inverse.texture.site_equations import Common, Expected, common_equations
 from jaxrender.inverse.texture.site_minima import inverses
-from jaxrender.inverse.texture.site_numbers import MAPS, METALLIC_MAPS, NUMBERS, SiteNumbers
+from jaxrender.inverse.texture.site_numbers import MAPS, METALLIC_MAPS, NUMBERS
 from jaxrender.inverse.texture.site_solver import (
     LEAST_NOISE,
     Asked,
@@ -55,6 +55,14 @@ class SiteFit(NamedTuple):
     expected: Expected | None
     prior: KsPrior
     noise: NoiseModel
+
+    def asked(self, maps: tuple[str, ...]) -> Asked:
+        """Ask for the numbers of every site."""
+        assert self.expected is not None
+        shared = self.shared
+        return Asked(
+            numbers_of(maps), shared.unknowns, shared.point, self.prior, self.expected, self.noise
+        )
 
     @classmethod
     def begin(
@@ -107,15 +115,22 @@ def search_sites(
     return SiteFit(_shared(some, asked, solved, common), asked.expected, asked.prior, asked.noise)
 
 
-def solve_numbers(
-    measured: SiteObservations, model_of: ModelOf, maps: tuple[str, ...], fit: SiteFit
-) -> SiteNumbers:
-    """Find the numbers of every site of a surface."""
-    shared = fit.shared
-    names = numbers_of(maps)
-    assert fit.expected is not None
-    asked = Asked(names, shared.unknowns, shared.point, fit.prior, fit.expected, fit.noise)
-    return _numbers(measured, asked, solve_numbers_of(measured, model_of, asked, None))
+def search_again(
+    some: SiteObservations,
+    model_of: ModelOf,
+    asked: Asked,
+    start: Float[np.ndarray, "site number"],
+    noise_given: bool,
+) -> tuple[Asked, Shared]:
+    """Find what all sites share and the noise anew, where more is known of each site."""
+    for _ in range(_ROUNDS):
+        asked, solved, common = _share(some, model_of, asked, start)
+        start, before = solved.value, asked.noise
+        if not noise_given:
+            asked = asked._replace(noise=_noise_left(some, solved, asked.own(some)))
+        if noise_settled(before, asked.noise, solved.predicted):
+            break
+    return asked, _shared(some, asked, solved, common)
 
 
 def _share(
@@ -158,7 +173,7 @@ def _in_common(some: SiteObservations, model_of: ModelOf, asked: Asked, solved: 
     every, weigh = (*asked.names, *shared), solved.predicted
     for part in parts_of(some, model_of, asked, solved.value, weigh, every):
         found = common_equations(
-            part.near, part.data, asked.prior, asked.expected, part.value, every, chain
+            part.near, part.data, asked.prior, part.expected, part.value, every, chain
         )
         matrix, gradient = matrix + np.asarray(found.matrix), gradient + np.asarray(found.gradient)
         scores[part.rows] = np.asarray(found.scores)[: part.kept]
@@ -211,8 +226,8 @@ def _learned(asked: Asked, solved: Solved) -> Asked:
 def own_estimates(
     value: Float[np.ndarray, "site"],
     variance: Float[np.ndarray, "site"],
-    mean: float,
-    precision: float,
+    mean: Float[np.ndarray, "site"] | float,
+    precision: Float[np.ndarray, "site"] | float,
 ) -> tuple[Float[np.ndarray, "site"], Float[np.ndarray, "site"]]:
     """Take what was expected out of what was found: the photographs' own estimate and precision."""
     whole = 1 / np.maximum(variance, 1e-300)
@@ -258,22 +273,3 @@ def _shared(some: SiteObservations, asked: Asked, solved: Solved, common: Common
 def _searched(name: str, value: Any) -> Any:
     """Turn a number into what is searched for."""
     return jnp.log(value) if NUMBERS[name].logarithmic else value
-
-
-def _numbers(measured: SiteObservations, asked: Asked, solved: Solved) -> SiteNumbers:
-    """State values and errors; nothing is known of what was not seen."""
-    count, seen = len(asked.names), measured.seen > 0
-    inverse = inverses(np.asarray(solved.local.matrix))
-    size = inverse.shape[1] - count
-    alone = inverses(np.asarray(solved.local.matrix)[:, :size, :size])
-    whole, own = (np.diagonal(part, axis1=1, axis2=2) for part in (inverse, alone))
-    inflation = np.sqrt(np.maximum(whole[:, :size] / own, 1))
-    covariance = inverse[:, size:, size:]
-    covariance[~seen] = np.diag(np.full(count, np.inf))
-    return SiteNumbers(
-        asked.names,
-        np.where(seen[:, None], solved.value, np.nan),
-        covariance,
-        np.where(seen[:, None], inflation, 1.0),
-        solved.axes,
-    )

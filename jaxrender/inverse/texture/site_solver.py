@@ -15,10 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxrender.imaging import NoiseModel
-from jaxrender.inverse.models import DualModel, ExactModel, LinearisedModel
+from jaxrender.inverse.models import LinearisedModel
 from jaxrender.inverse.texture.coloured_sites import KsPrior
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
+from jaxrender.inverse.texture.site_detail import Tiltable
 from jaxrender.inverse.texture.site_equations import (
     Expected,
     SiteEquations,
@@ -44,7 +45,10 @@ _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
 
 
 class Asked(NamedTuple):
-    """What is searched for at each site, and what is given."""
+    """What is searched for at each site, and what is given.
+
+    ``expected`` is typical of all sites; ``nearby`` is what neighbours of each make one expect.
+    """
 
     names: tuple[str, ...]
     unknowns: Unknowns
@@ -52,6 +56,14 @@ class Asked(NamedTuple):
     prior: KsPrior
     expected: Expected
     noise: NoiseModel
+    nearby: Expected | None = None
+
+    def expected_at(self, sites: Int[np.ndarray, "some"], count: int) -> Expected:
+        """What is expected of some sites, filled up to a count."""
+        if self.nearby is None:
+            return Expected(*(np.tile(part, (count, 1)) for part in self.expected))
+        rows = np.concatenate([sites, np.repeat(sites[-1:], count - len(sites))])
+        return Expected(*(part[rows] for part in self.nearby))
 
     @property
     def shared(self) -> Int[np.ndarray, "shared"]:
@@ -171,7 +183,7 @@ def solve_at(
         weigh = first.predicted[rows]
         for part in parts_of(measured.take(rows), model_of, asked, trial, weigh, asked.names):
             found, foreseen = equations_of(
-                part.near, part.data, asked.prior, asked.expected, part.value, asked.names
+                part.near, part.data, asked.prior, part.expected, part.value, asked.names
             )
             better = np.asarray(found.cost)[: len(part.sites)] <= solved.local.cost[part.sites]
             sites = part.sites[better]
@@ -217,7 +229,7 @@ def _first(
     least = np.full(measured.count, np.inf)
     for trial in trials:
         for part in parts_of(measured, model_of, asked, trial, measured.radiance, ()):
-            found = chi_squared(part.near, part.data, asked.prior, asked.expected, part.value)
+            found = chi_squared(part.near, part.data, asked.prior, part.expected, part.value)
             cost, image = (np.asarray(one) for one in found)
             better = cost[: len(part.sites)] < least[part.sites]
             sites, own = part.sites[better], better[part.data.site[: part.kept]]
@@ -239,6 +251,7 @@ class Part(NamedTuple):
     data: SiteData
     value: Float[np.ndarray, "padded number"]
     axes: Float[np.ndarray, "site 2 3"]
+    expected: Expected
 
 
 def parts_of(
@@ -265,7 +278,7 @@ def parts_of(
         weights = np.sqrt(share)[:, None] / deviation
         model, axes = model_of(part.index), np.zeros((len(chunk.sites), 2, 3))
         if "tilt_x" in asked.names:
-            assert isinstance(model, DualModel | ExactModel)
+            assert isinstance(model, Tiltable)
             normals = np.asarray(model.samples.normals, float)[:kept]
             axes = tangents_of(normals, part.site[:kept], len(chunk.sites))
             model = TiltedModel(model, axes[part.site])
@@ -274,7 +287,8 @@ def parts_of(
         with jax.default_matmul_precision("highest"):
             near = LinearisedModel.about(model, asked.numbers(own[part.site]), by)
         data = SiteData(part.radiance, weights, part.site, part.count)
-        yield Part(chunk.sites, rows, kept, near, data, own, axes)
+        expected = asked.expected_at(chunk.sites, part.count)
+        yield Part(chunk.sites, rows, kept, near, data, own, axes, expected)
 
 
 def _step(

@@ -18,6 +18,7 @@ from jaxrender.inverse.texture.coloured_sites import ColouredPrior, ColouredSpre
 from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.measurements import SiteData, SiteObservations, in_chunks
 from jaxrender.inverse.texture.search import predicted
+from jaxrender.inverse.texture.site_detail import Detail
 from jaxrender.inverse.texture.site_numbers import NormalMap, OwnSigma, SiteNumbers
 from jaxrender.inverse.texture.site_sums import SiteMaterial, over_sites, site_sums
 from jaxrender.inverse.texture.site_systems import SpecularPrior
@@ -36,7 +37,8 @@ class Lobe(NamedTuple):
     """sigma and mu as search variables, with their covariance; ``field`` where sigma varies.
 
     ``exact_covariance`` is what it would be if the model were exact.  ``own`` are the numbers that
-    each site has for itself; sigma is then what is typical of the sites.
+    each site has for itself; sigma is then what is typical of the sites.  ``detail`` is how all
+    that varies within each site.
     """
 
     unknowns: Unknowns
@@ -45,6 +47,7 @@ class Lobe(NamedTuple):
     exact_covariance: Float[np.ndarray, "unknown unknown"]
     field: SigmaField | None = None
     own: SiteNumbers | None = None
+    detail: Detail | None = None
 
     def if_exact(self) -> "Lobe":
         """Take the model to be exact."""
@@ -182,7 +185,7 @@ def solve_surface(
         filled = int(np.count_nonzero(~chunk.filled))
         left[done : done + filled] = np.asarray(own)[:filled]
         done += filled
-    wider = widening(every.excess)
+    wider = widening(every.excess) if lobe.own is None else lobe.own.wider
     texture = _texture(measured, every, left, prior, wider, lobe.own)
     return Surface(texture, left, measured.index, wider)
 
