@@ -41,8 +41,8 @@ from jaxrender.shapes import Float, Int
 _ROUGH_SIGMA, _TABLE_REACH = 0.06, 1.8
 # The light is split anew when the search ends this far (in log sigma) from where it was split.
 _SPLIT_AGAIN, _SPLITS = 0.25, 3
-# Observations that the rough pass looks at.
-_ROUGH_SAMPLES = 4000
+# Observations that the rough pass looks at; fewer will do for a start of maps.
+_ROUGH_SAMPLES, _ROUGHEST_SAMPLES = 4000, 1000
 # Sites are solved on a sum over cells of the light, so narrow in widths of the lobe; where there
 # are more cells than this, which takes minutes for all pixels, on the dual model.
 _CELL_PER_SIGMA, _MOST_CELLS = 1 / 2, 2**15
@@ -104,7 +104,8 @@ def _fitted(
     """Fit a texture, and examine nothing."""
     exact = settings.exact_samples > 0
     measured = by_site(observations, site, count)
-    some = whole_sites(measured, _ROUGH_SAMPLES, settings.seed)
+    few = _ROUGHEST_SAMPLES if settings.maps else _ROUGH_SAMPLES
+    some = whole_sites(measured, few, settings.seed)
     low, high = _sigma_range(unknowns)
     found = float(np.clip(_ROUGH_SIGMA, low, high))
     most = most_cells(observations.count, settings.maps)
@@ -114,7 +115,7 @@ def _fitted(
     rough = forward_under(
         light, observations, variant, found, (low, high), "rough", exact=False, shape=shape
     )
-    begun = find_lobe(some, rough, unknowns, settings._replace(search_samples=_ROUGH_SAMPLES))
+    begun = find_lobe(some, rough, unknowns, settings._replace(search_samples=few))
     numbers = unknowns.unpack(begun.fit.point).numbers
     lobe = {name: float(value) for name, value in numbers.items()}
     finest = lobe["sigma"]

@@ -32,8 +32,8 @@ _SWEEPS = 3
 _FAR = 3.0
 # Fewer sites tell nothing of a field.
 _FEWEST = 30
-# Sites and points at once.
-_AT_ONCE = 2**12
+# Sites at once, and points.
+_AT_ONCE, _POINTS = 2**12, 2**17
 
 
 class Within(NamedTuple):
@@ -118,7 +118,8 @@ class Field(NamedTuple):
         more, unsure = np.zeros((len(points), components)), np.zeros(len(points))
         present, first = np.unique(site, return_index=True)
         ends = np.append(first, len(site))
-        for part in _parts(np.arange(len(present))):
+        most = max(int(_POINTS * len(present) / max(len(points), 1)), 1)
+        for part in _parts(np.arange(len(present)), min(most, _AT_ONCE)):
             rows, sites = slice(ends[part[0]], ends[part[-1] + 1]), present[part]
             near = np.concatenate([sites[:, None], self._nearest(sites)[0]], axis=1)
             inverse = np.linalg.inv(self._matrix(near))
@@ -222,5 +223,5 @@ def places_of_sites(
         return sums / seen[:, None]
 
 
-def _parts(every: Int[np.ndarray, "any"]) -> "list[Int[np.ndarray, 'some']]":
-    return [every[first : first + _AT_ONCE] for first in range(0, len(every), _AT_ONCE)]
+def _parts(every: Int[np.ndarray, "any"], most: int = _AT_ONCE) -> "list[Int[np.ndarray, 'some']]":
+    return [every[first : first + most] for first in range(0, len(every), most)]

@@ -140,7 +140,9 @@ def _share(
     start: Float[np.ndarray, "site number"] | None,
 ) -> tuple[Asked, Solved, Common]:
     """Step what all sites share, and search the sites anew, until neither moves."""
-    solved = solve_numbers_of(some, model_of, asked, start)
+    # What has been searched once goes on from where that ended.
+    search = solve_numbers_of if start is None else solve_at
+    solved = search(some, model_of, asked, start)
     common = _in_common(some, model_of, asked, solved)
     for _ in range(_TURNS):
         if not len(asked.shared):
