@@ -36,8 +36,8 @@ def export(
     result
         The folder of a finished fit.
     to
-        gltf, glb, mitsuba, materialx, usd, rgl, merl, environment, harmonics, or all. The README
-        says what each keeps.
+        gltf, glb, mitsuba, materialx, usd, blend, rgl, merl, environment, harmonics, or all. The
+        README says what each keeps.
     out
         Folder to write; by default RESULT_FORMAT beside the result.
     lossy

@@ -16,11 +16,16 @@
     OpenPBR's material, and glTF's, as MaterialX has them
 ``usd``
     a stage of USD with UsdPreviewSurface
+``blend`` ``blender`` ``blender_scene`` ``blender_material``
+    a scene of Blender; Blender as another process, its script, and the BRDF that it makes
 
 Each writer says by ``..._losses`` what its format cannot hold, before anything is written.
 """
 
 from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
+from jaxrender.io.exports.blend import blend_losses, write_blend
+from jaxrender.io.exports.blender import blender_command, run_in_blender
+from jaxrender.io.exports.blender_material import BlenderMaterial
 from jaxrender.io.exports.contents import (
     Contents,
     MaterialMaps,
@@ -43,6 +48,7 @@ from jaxrender.io.exports.mitsuba_textures import spread_over_faces, table_width
 from jaxrender.io.exports.usd import usd_library, usd_losses, write_usd
 
 __all__ = [
+    "BlenderMaterial",
     "Brushed",
     "SeparatelyMasked",
     "Contents",
@@ -51,6 +57,8 @@ __all__ = [
     "MaterialMaps",
     "MetallicMaps",
     "Part",
+    "blend_losses",
+    "blender_command",
     "cube_faces",
     "environment_losses",
     "gltf_losses",
@@ -60,11 +68,13 @@ __all__ = [
     "mitsuba_panorama",
     "openpbr_losses",
     "plain_name",
+    "run_in_blender",
     "spread_over_faces",
     "srgb",
     "table_widths",
     "usd_library",
     "usd_losses",
+    "write_blend",
     "write_environment_pictures",
     "write_gltf",
     "write_harmonics",

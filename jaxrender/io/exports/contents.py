@@ -111,6 +111,15 @@ def plain_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_") or "unnamed"
 
 
+def lamp_pose(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
+    """Turn a lamp that shines along its own -z to stand in a unit direction: world from lamp."""
+    aside = np.cross([0.0, 0, 1] if abs(direction[2]) < np.sqrt(0.5) else [1.0, 0, 0], direction)
+    aside /= np.linalg.norm(aside)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([aside, np.cross(direction, aside), direction], axis=-1)
+    return pose
+
+
 def mesh_of(shape: Shape, textured: bool = False) -> Mesh:
     """Make the triangles of a shape; a sphere gets its own normals at every vertex.
 

@@ -30,7 +30,7 @@ from jaxrender.shapes import AnyArray, Array, Float
 
 _COAT_HEAD_ON = 0.04
 # A mirror has no values: viewers hold alpha above about this.
-_LEAST_ALPHA = 1e-3
+LEAST_ALPHA = 1e-3
 
 
 class GltfMaterial(BRDF):
@@ -100,7 +100,7 @@ class GltfMaterial(BRDF):
         outgoing: Components,
         anisotropy: Scalar = 0.0,
     ) -> FacetTransfer:
-        alpha = jnp.maximum(matching(roughness, incoming.z) ** 2, _LEAST_ALPHA)
+        alpha = jnp.maximum(matching(roughness, incoming.z) ** 2, LEAST_ALPHA)
         along = alpha + (1 - alpha) * matching(anisotropy, incoming.z) ** 2
         facets = TrowbridgeReitz(along, alpha)
         sides = (in_tangent_frame(one, self.anisotropy_rotation) for one in (incoming, outgoing))

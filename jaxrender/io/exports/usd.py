@@ -8,7 +8,6 @@ x and y.  Distant sources are normalised, so that their intensity is the irradia
 Dielectrics take the specular workflow, whose colour is the reflectance head-on; metals the other.
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from jaxrender.brdf import head_on_reflectance
 from jaxrender.errors import InputError
 from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole
 from jaxrender.io.atomic import replacing
-from jaxrender.io.exports.contents import Contents, Part, mesh_of, plain_name
+from jaxrender.io.exports.contents import Contents, Part, lamp_pose, mesh_of, plain_name
 from jaxrender.io.exports.gltf import ENVIRONMENT, GltfTextures, facing_panorama, srgb
 from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.images import write_image
@@ -222,7 +221,7 @@ class _Writer:
                 source = UsdLux.DistantLight.Define(self.stage, f"/scene/source_{number}")
                 source.CreateAngleAttr(_WIDTH)
                 self._emits(source, irradiance)
-                self._placed(source, _facing(direction))
+                self._placed(source, lamp_pose(direction).T)
         if contents.points is None:
             return
         points = contents.points
@@ -272,12 +271,3 @@ class _Writer:
             found.CreateVerticalApertureAttr(camera.height * down)
             found.CreateHorizontalApertureOffsetAttr((camera.width / 2 - camera.cx) * across)
             found.CreateVerticalApertureOffsetAttr((camera.cy - camera.height / 2) * down)
-
-
-def _facing(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
-    """Turn -z to where the light of a direction goes: rows are the axes in the world."""
-    aside = np.cross([0.0, 0, 1] if abs(direction[2]) < math.sqrt(0.5) else [1.0, 0, 0], direction)
-    aside /= np.linalg.norm(aside)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([aside, np.cross(direction, aside), direction])
-    return pose

@@ -10,12 +10,15 @@ import numpy as np
 from jaxrender.brdf import BRDF, AnisotropicGGX, Exchanged, IsotropicMean, OpenPBR, tabulate_rgl
 from jaxrender.errors import InputError
 from jaxrender.io.exports import (
+    BlenderMaterial,
     Brushed,
     Contents,
     GltfMaterial,
     MaterialMaps,
     Part,
     SeparatelyMasked,
+    blend_losses,
+    blender_command,
     environment_losses,
     gltf_losses,
     materialx_library,
@@ -23,6 +26,7 @@ from jaxrender.io.exports import (
     openpbr_losses,
     usd_library,
     usd_losses,
+    write_blend,
     write_environment_pictures,
     write_gltf,
     write_harmonics,
@@ -37,6 +41,8 @@ from jaxrender.io.rgl import read_rgl, write_rgl
 from jaxrender.lighting import Light, LightSum
 from jaxrender.pipelines.exporting.differences import difference
 from jaxrender.pipelines.exporting.nearest_gltf import (
+    Reading,
+    as_gltf,
     described,
     nearest_brushed,
     nearest_gltf,
@@ -44,7 +50,9 @@ from jaxrender.pipelines.exporting.nearest_gltf import (
 )
 from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 from jaxrender.pipelines.exporting.textures import (
+    BLENDER_DETAILS,
     USD_DETAILS,
+    textured_blend,
     textured_gltf,
     textured_mitsuba,
     textured_usd,
@@ -144,20 +152,27 @@ class _Chosen(NamedTuple):
     remark: str
 
 
-def _chosen(contents: Contents) -> _Chosen:
-    """Choose glTF's own material, or the nearest one with what it misses."""
+def _chosen(contents: Contents, reading: Reading = as_gltf) -> _Chosen:
+    """Choose glTF's own material, or the nearest one with what it misses.
+
+    ``reading`` is what a program makes of glTF's numbers.
+    """
     assert contents.material is not None
     own = own_gltf(contents.material)
     if own is not None:
-        return _Chosen(own, (), "the material is glTF's own, by its definition")
+        remark = "the material is glTF's own, by its definition"
+        if reading is as_gltf:
+            return _Chosen(own, (), remark)
+        apart = difference(contents.material, reading(own), contents).sentence
+        return _Chosen(own, (f"{LACKED}; of the same numbers it makes one {apart} away",), remark)
     target, brushed = contents.material, Brushed.of(contents.material)
     if brushed is None:
         target = _isotropic(target)
-        near = nearest_gltf(target)
+        near = nearest_gltf(target, reading=reading)
     else:
         assert isinstance(target, AnisotropicGGX | OpenPBR)
-        near = nearest_brushed(target, brushed)
-    apart = difference(target, near, contents).sentence
+        near = nearest_brushed(target, brushed, reading)
+    apart = difference(target, reading(near), contents).sentence
     losses = (f"{LACKED}; the nearest that it has is {apart} away",)
     if brushed is None and not contents.material.isotropic:
         losses += (_TURNING,)
@@ -203,6 +218,19 @@ def _usd(contents: Contents) -> Prepared:
         return Written(parts, (found.remark, USD_DETAILS))
 
     return Prepared((*usd_losses(contents, found.material), *found.losses), write)
+
+
+def _blend(contents: Contents) -> Prepared:
+    blender_command()
+    if contents.maps is not None:
+        return textured_blend(contents, contents.maps)
+    found = _chosen(contents, BlenderMaterial)
+
+    def write(folder: Path) -> Written:
+        parts = write_blend(contents, folder, found.material)
+        return Written(parts, (found.remark, BLENDER_DETAILS))
+
+    return Prepared((*blend_losses(contents, found.material), *found.losses), write)
 
 
 def _merl(contents: Contents) -> Prepared:
@@ -275,6 +303,9 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "usd": ExportFormat(
         "a stage of USD with UsdPreviewSurface, lights and cameras", (_MAPPED, _SHAPE), _usd
+    ),
+    "blend": ExportFormat(
+        "a scene of Blender with Principled BSDF, lights and cameras", (_MAPPED, _SHAPE), _blend
     ),
     "merl": ExportFormat(
         "the material as a file of the MERL database (.binary)", (MATERIAL,), _merl

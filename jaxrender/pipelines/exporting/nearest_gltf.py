@@ -1,4 +1,4 @@
-"""The material of glTF that is nearest to any isotropic BRDF.
+"""The material of glTF, as it is or as another program takes its numbers, nearest to any BRDF.
 
 Compared are square roots of rho cos t_i cos t_o, with weights (cos t_i cos t_o)^2 dw_i dw_o, over
 pairs that are dense about the highlight.  Without the root, a model without masking would be
@@ -7,6 +7,7 @@ roughness; a metal a base colour and a roughness.  The better of the two is take
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,18 @@ from scipy.optimize import least_squares
 
 from jaxrender.brdf import BRDF, AnisotropicGGX, MetallicRoughness, Microfacet, OpenPBR
 from jaxrender.io.exports import Brushed, GltfMaterial, GltfTextures, MaterialMaps, MetallicMaps
-from jaxrender.pipelines.exporting.differences import Pairs, dense_pairs
-from jaxrender.shapes import Float
+from jaxrender.pipelines.exporting.differences import dense_pairs
 
 _FIRST_ROUGHNESS = 0.4
 _LEAST_ROUGHNESS, _LEAST_HEAD_ON, _MOST_HEAD_ON = 0.05, 1e-4, 0.95
 _EVALUATIONS, _TINY = 40, 1e-12
+# What a program makes of glTF's numbers.
+Reading = Callable[[GltfMaterial], BRDF]
+
+
+def as_gltf(material: GltfMaterial) -> BRDF:
+    """Take the numbers as glTF defines them."""
+    return material
 
 
 def own_gltf(brdf: BRDF) -> GltfMaterial | None:
@@ -33,15 +40,24 @@ def own_gltf(brdf: BRDF) -> GltfMaterial | None:
     return GltfMaterial(color, float(brdf.metallic), float(brdf.roughness), float(brdf.ior))
 
 
-def nearest_gltf(brdf: BRDF, metals: bool = True) -> GltfMaterial:
-    """Fit glTF's material to an isotropic BRDF of three channels; ``metals`` are tried, too."""
+def nearest_gltf(brdf: BRDF, metals: bool = True, reading: Reading = as_gltf) -> GltfMaterial:
+    """Fit glTF's material to an isotropic BRDF of three channels; ``metals`` are tried, too.
+
+    ``reading`` is what a program makes of the material.
+    """
     pairs = dense_pairs()
     wanted = pairs.roots(brdf)
-    found = [_fitted(pairs, wanted, metal) for metal in ((False, True) if metals else (False,))]
-    return min(found, key=lambda one: float(np.sum((pairs.roots(one) - wanted) ** 2)))
+
+    def apart(numbers: np.ndarray) -> np.ndarray:
+        return np.ravel(pairs.roots(reading(_material(numbers))) - wanted)
+
+    found = [_fitted(apart, metal) for metal in ((False, True) if metals else (False,))]
+    return _material(min(found, key=lambda one: float(np.sum(apart(one) ** 2))))
 
 
-def nearest_brushed(brdf: AnisotropicGGX | OpenPBR, brushed: Brushed) -> GltfMaterial:
+def nearest_brushed(
+    brdf: AnisotropicGGX | OpenPBR, brushed: Brushed, reading: Reading = as_gltf
+) -> GltfMaterial:
     """Fit the surface with one width, their geometric mean, and give the fit both again."""
     mean = float(np.sqrt(brushed.along * brushed.across))
     if isinstance(brdf, OpenPBR):
@@ -50,7 +66,7 @@ def nearest_brushed(brdf: AnisotropicGGX | OpenPBR, brushed: Brushed) -> GltfMat
         )
     else:
         even = dataclasses.replace(brdf, roughness=mean, roughness_y=mean)
-    near = nearest_gltf(even)
+    near = nearest_gltf(even, reading=reading)
     factor = float(near.roughness) ** 2 / mean
     along, across = (min(factor * one, 1.0) for one in (brushed.along, brushed.across))
     strength = np.sqrt((along - across) / max(1 - across, _TINY))
@@ -74,7 +90,7 @@ class TexturedGltf(NamedTuple):
     too_bright: float
 
 
-def nearest_textured(maps: MaterialMaps | MetallicMaps) -> TexturedGltf:
+def nearest_textured(maps: MaterialMaps | MetallicMaps, reading: Reading = as_gltf) -> TexturedGltf:
     """Find the material nearest to the mean, and scale its numbers for every texel.
 
     Colours change by kd and ks over the mean's, the roughness by the root of sigma over the mean's.
@@ -85,7 +101,7 @@ def nearest_textured(maps: MaterialMaps | MetallicMaps) -> TexturedGltf:
         textures = GltfTextures(color, None, maps.roughness, maps.metallic)
         bright = float(np.mean(np.any(maps.base_color > 1, axis=-1)))
         return TexturedGltf(None, material, textures, bright)
-    nearest = nearest_gltf(maps.mean, metals=False)
+    nearest = nearest_gltf(maps.mean, metals=False, reading=reading)
     amplitudes = np.asarray(maps.mean.amplitudes, float)
     kd, ks = amplitudes[0], amplitudes[-1]
     base = np.asarray(nearest.base_color) * maps.kd / np.maximum(kd, _TINY)
@@ -120,17 +136,14 @@ def described(material: GltfMaterial) -> str:
     return f"{said}, metallic 0, index {float(material.ior):.3f}, specular colour {tint}"
 
 
-def _fitted(pairs: Pairs, wanted: Float[np.ndarray, "pair 3"], metal: bool) -> GltfMaterial:
+def _fitted(residuals: Callable[[np.ndarray], np.ndarray], metal: bool) -> np.ndarray:
+    """Find the four numbers of a metal, or the seven of a dielectric."""
     colors = [0.5, 0.5, 0.5] if metal else [0.5, 0.5, 0.5, 0.1, 0.1, 0.1]
     low = [0.0] * 3 + [_LEAST_HEAD_ON] * (len(colors) - 3) + [_LEAST_ROUGHNESS]
     high = [1.0] * 3 + [_MOST_HEAD_ON] * (len(colors) - 3) + [1.0]
-
-    def residuals(numbers: np.ndarray) -> np.ndarray:
-        return np.ravel(pairs.roots(_material(numbers)) - wanted)
-
     start = [*colors, _FIRST_ROUGHNESS]
     done = least_squares(residuals, start, bounds=(low, high), x_scale="jac", max_nfev=_EVALUATIONS)
-    return _material(done.x)
+    return done.x
 
 
 def _material(numbers: np.ndarray) -> GltfMaterial:

@@ -7,27 +7,41 @@ import numpy as np
 from jaxrender.brdf import Exchanged, Microfacet, Mixture
 from jaxrender.geometry import Mesh
 from jaxrender.io.exports import (
+    BlenderMaterial,
     Contents,
+    GltfMaterial,
     MaterialMaps,
     MetallicMaps,
+    blend_losses,
     gltf_losses,
     mitsuba_losses,
     spread_over_faces,
     table_widths,
     usd_losses,
+    write_blend,
     write_gltf,
     write_mitsuba,
     write_usd,
 )
 from jaxrender.io.rgl import read_rgl
 from jaxrender.pipelines.exporting.differences import difference
-from jaxrender.pipelines.exporting.nearest_gltf import TexturedGltf, nearest_textured
+from jaxrender.pipelines.exporting.nearest_gltf import (
+    Reading,
+    TexturedGltf,
+    as_gltf,
+    nearest_textured,
+)
 from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 
 USD_DETAILS = (
     "UsdPreviewSurface leaves to renderers how the base loses what the interface reflects: "
     "pictures differ between them"
 )
+BLENDER_DETAILS = (
+    "the Principled BSDF has the distribution GGX, without what facets hand on to one another; "
+    "light is followed to its first reflection, as here: raise Light Paths > Max Bounces for more"
+)
+_STEPS = "steps finer than a 256th of a texture's range"
 UNSEEN = "places that no photograph shows are black"
 
 
@@ -36,7 +50,7 @@ def textured_gltf(
 ) -> Prepared:
     """Prepare a texture of texels: its own numbers, or those of the nearest material."""
     found = nearest_textured(maps)
-    losses = (*gltf_losses(contents), *_lost(found, maps, contents))
+    losses = (*gltf_losses(contents), _STEPS, *_lost(found, maps, contents))
     if maps.offset is not None:
         losses += ("the normals of single texels: the shape's own are kept",)
     colours = "base colour" if found.mean is None else "base colour and specular colour"
@@ -57,18 +71,40 @@ def textured_usd(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Prepa
         parts = write_usd(contents, folder, found.material, found.textures)
         return Written(parts, (USD_DETAILS, UNSEEN))
 
-    losses = (*usd_losses(contents, found.material), *_lost(found, maps, contents))
+    losses = (*usd_losses(contents, found.material), _STEPS, *_lost(found, maps, contents))
     return Prepared(losses, write)
 
 
+def textured_blend(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Prepared:
+    """Prepare a texture of texels for Blender: the numbers nearest to what it makes of them."""
+    found = nearest_textured(maps, BlenderMaterial)
+
+    def write(folder: Path) -> Written:
+        parts = write_blend(contents, folder, found.material, found.textures)
+        return Written(parts, (BLENDER_DETAILS, UNSEEN))
+
+    losses = _lost(found, maps, contents, BlenderMaterial)
+    return Prepared((*blend_losses(contents, found.material), *losses), write)
+
+
 def _lost(
-    found: TexturedGltf, maps: MaterialMaps | MetallicMaps, contents: Contents
+    found: TexturedGltf,
+    maps: MaterialMaps | MetallicMaps,
+    contents: Contents,
+    reading: Reading = as_gltf,
 ) -> tuple[str, ...]:
-    """Say what textures of glTF's material lose."""
-    lost = ("steps finer than a 256th of a texture's range",)
+    """Say what textures of glTF's material lose, as a program takes them."""
+    lost: tuple[str, ...] = ()
     if found.mean is not None:
-        apart = difference(maps.mean, found.mean, contents).sentence
-        lost = (f"{LACKED}; for the mean texel the nearest that it has is {apart} away", *lost)
+        apart = difference(maps.mean, reading(found.mean), contents).sentence
+        lost = (f"{LACKED}; for the mean texel the nearest that it has is {apart} away",)
+    elif reading is not as_gltf:
+        assert isinstance(maps, MetallicMaps)
+        mean = maps.mean
+        color = np.minimum(np.asarray(mean.base_color), 1)
+        own = GltfMaterial(color, float(mean.metallic), float(mean.roughness), float(mean.ior))
+        apart = difference(maps.mean, reading(own), contents).sentence
+        lost = (f"{LACKED}; of the mean texel's numbers it makes one {apart} away",)
     if found.too_bright:
         lost += (f"{100 * found.too_bright:.2g} % of the texels are brighter than white",)
     return lost

@@ -1,0 +1,228 @@
+"""A scene of Blender: mesh, Principled BSDF, light and cameras, in one file with its pictures.
+
+Axes, poses and lengths are the world's, which are Blender's own: z up, cameras look along -z.
+Pictures are packed as EXR in floats: colours linear, roughness and metalness no colours at all.
+The panorama has +x in the middle and +y left of it, as Blender's environment texture reads it.
+Suns have our irradiance on a plane that faces them, points 4 pi times our intensity.
+
+Light is followed to its first reflection, as our renderings do, by a box as wide as a pixel.
+"""
+
+import json
+import math
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole
+from jaxrender.io.atomic import replacing
+from jaxrender.io.exports.anisotropy import tangents
+from jaxrender.io.exports.blender import run_in_blender
+from jaxrender.io.exports.contents import Contents, Part, lamp_pose, mesh_of, plain_name
+from jaxrender.io.exports.gltf import ENVIRONMENT, GltfTextures, facing_panorama
+from jaxrender.io.exports.gltf_material import GltfMaterial
+from jaxrender.io.images import write_image
+from jaxrender.lighting import DirectionalSources, PointSources
+from jaxrender.shapes import Float
+
+SCENE = "scene.blend"
+_SCRIPT = Path(__file__).with_name("blender_scene.py")
+_LINEAR, _NUMBERS = "Linear Rec.709", "Non-Color"
+_SAMPLES = 256
+_SENSOR = 36.0
+_NEAR, _FAR = 1e-3, 1e5
+# Two pixels are alike in shape if their sides are.
+_SQUARE = 1e-3
+# Blender's anisotropy a makes sqrt(1 - .9 a) of the ratio of the widths.
+_MOST_ANISOTROPY, _LEAST_RATIO = 0.9, 0.1
+_SIZE = (512, 512)
+
+
+def blend_losses(contents: Contents, material: GltfMaterial) -> tuple[str, ...]:
+    """Say what a scene of Blender cannot hold."""
+    lost, cameras = [], [one.camera for one in contents.cameras]
+    if any(isinstance(one, Pinhole) and one.lens is not None for one in cameras):
+        lost.append("the distortion of lenses: Blender's cameras are undistorted")
+    if len({(one.width, one.height) for one in cameras}) > 1:
+        lost.append("the sizes of all photographs but the first: a scene of Blender has one size")
+    aspects = [_aspect(one) for one in cameras]
+    if any(abs(one / aspects[0] - 1) > _SQUARE for one in aspects):
+        lost.append("the shape of other pixels than the first camera's: a scene has one")
+    if float(material.specular) != 1:
+        lost.append("that an interface reflects less than all light at grazing")
+    if not material.isotropic and _widths(material)[1] < _LEAST_RATIO:
+        lost.append("brushed surfaces whose widths differ more than tenfold: they differ tenfold")
+    if contents.maps is not None and contents.maps.offset is not None:
+        lost.append("the normals of single texels: the shape's own are kept")
+    return tuple(lost)
+
+
+def write_blend(
+    contents: Contents,
+    folder: Path,
+    material: GltfMaterial,
+    textures: GltfTextures | None = None,
+) -> tuple[Part, ...]:
+    """Write ``scene.blend``, by Blender in a process of its own.
+
+    Raises ``ValueError`` for contents without a shape, ``InputError`` where Blender is missing.
+    """
+    if contents.shape is None:
+        raise ValueError("a scene of Blender needs a shape")
+    mesh = mesh_of(contents.shape, textured=textures is not None)
+    with TemporaryDirectory(prefix="jaxrender-") as made, replacing(folder / SCENE) as aside:
+        place = Path(made)
+        _write_mesh(place, mesh, material)
+        environment = None
+        if contents.environment is not None:
+            write_image(place / ENVIRONMENT, facing_panorama(contents.environment))
+            environment = {"file": ENVIRONMENT, "space": _LINEAR}
+        told = {
+            "object": {"name": plain_name(contents.name)},
+            "material": {
+                "name": plain_name(contents.name),
+                "inputs": _inputs(material),
+                "textures": _textures(place, textures),
+                "has_tangents": not material.isotropic,
+            },
+            "environment": environment,
+            "lights": [*_suns(contents.sources), *_points(contents.points)],
+            "cameras": [
+                _camera(plain_name(frame.name), frame.camera) for frame in contents.cameras
+            ],
+            "render": _render([frame.camera for frame in contents.cameras]),
+        }
+        (place / "scene.json").write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+        run_in_blender(_SCRIPT, (place, aside))
+    about = "mesh, Principled BSDF, light and cameras for Blender 5.0 and later, pictures inside"
+    return (Part(SCENE, about),)
+
+
+def _write_mesh(place: Path, mesh: Mesh, material: GltfMaterial) -> None:
+    """Write the arrays of a mesh; tangents are those of a brushed surface."""
+    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals}
+    if mesh.texture_coordinates is not None:
+        arrays["coordinates"] = mesh.texture_coordinates.reshape(-1, 2)
+    if not material.isotropic:
+        arrays["tangents"] = tangents(mesh.normals, float(material.anisotropy_rotation))
+    np.savez(place / "mesh.npz", **{name: np.asarray(one) for name, one in arrays.items()})
+
+
+def _inputs(material: GltfMaterial) -> dict[str, Any]:
+    """Name the material's numbers as the sockets of a Principled BSDF are named."""
+    found = {
+        "Base Color": _colour(material.base_color),
+        "Metallic": float(material.metallic),
+        "Roughness": float(material.roughness),
+        "IOR": float(material.ior),
+        # A half is the index's own reflectance.
+        "Specular IOR Level": float(material.specular) / 2,
+        "Specular Tint": _colour(material.specular_color),
+    }
+    if material.clearcoat:
+        found["Coat Weight"] = float(material.clearcoat)
+        found["Coat Roughness"] = float(material.clearcoat_roughness)
+    if not material.isotropic:
+        mean, ratio = _widths(material)
+        found["Roughness"] = math.sqrt(mean)
+        found["Anisotropic"] = (1 - max(ratio, _LEAST_RATIO)) / _MOST_ANISOTROPY
+    return found
+
+
+def _widths(material: GltfMaterial) -> tuple[float, float]:
+    """Give the geometric mean of a brushed surface's widths, and the smaller over the larger."""
+    across = float(material.roughness) ** 2
+    along = across + (1 - across) * float(material.anisotropy_strength) ** 2
+    return math.sqrt(along * across), across / along
+
+
+def _colour(values: Any) -> list[float]:
+    return [*(float(x) for x in np.asarray(values, float)), 1.0]
+
+
+def _textures(place: Path, textures: GltfTextures | None) -> dict[str, Any]:
+    """Write the maps as EXR, by the socket that each feeds."""
+    if textures is None:
+        return {}
+    maps = {
+        "Base Color": ("base_color", textures.base_color),
+        "Specular Tint": ("specular_color", textures.specular_color),
+        "Roughness": ("roughness", textures.roughness),
+        "Metallic": ("metallic", textures.metallic),
+    }
+    found = {}
+    for socket, (name, values) in maps.items():
+        if values is None:
+            continue
+        is_colour = values.ndim == 3
+        file = f"{name}.exr"
+        write_image(place / file, values if is_colour else np.repeat(values[..., None], 3, axis=-1))
+        found[socket] = {"file": file, "space": _LINEAR if is_colour else _NUMBERS}
+    return found
+
+
+def _suns(sources: DirectionalSources) -> list[dict[str, Any]]:
+    """Describe distant sources: they shine along -z of their own axes."""
+    found = []
+    for direction, irradiance in zip(*(np.asarray(part, float) for part in sources.nodes())):
+        if np.any(irradiance > 0):
+            emitted = _emitted(irradiance)
+            pose = lamp_pose(direction).tolist()
+            found.append({"name": f"source_{len(found)}", "type": "SUN", "pose": pose, **emitted})
+    return found
+
+
+def _points(points: PointSources | None) -> list[dict[str, Any]]:
+    """Describe sources that have a place, by the watts that Blender wants."""
+    found = []
+    if points is None:
+        return found
+    pairs = zip(np.asarray(points.positions, float), np.asarray(points.intensity, float))
+    for place, intensity in pairs:
+        if np.any(intensity > 0):
+            pose = np.eye(4)
+            pose[:3, 3] = place
+            emitted = _emitted(4 * np.pi * intensity)
+            name = f"point_{len(found)}"
+            found.append({"name": name, "type": "POINT", "pose": pose.tolist(), **emitted})
+    return found
+
+
+def _emitted(values: Float[np.ndarray, "3"]) -> dict[str, Any]:
+    strength = float(np.max(values))
+    return {"energy": strength, "color": [float(x) for x in np.clip(values / strength, 0, 1)]}
+
+
+def _camera(name: str, camera: Camera) -> dict[str, Any]:
+    """Describe a camera; shifts are in widths of the picture."""
+    width, height = camera.width, camera.height
+    found: dict[str, Any] = {
+        "name": name, "pose": camera.world_from_camera.tolist(), "size": [width, height],
+        "clip": [_NEAR, _FAR],
+    }  # fmt: skip
+    if isinstance(camera, Pinhole):
+        found |= {"type": "PERSP", "sensor_width": _SENSOR}
+        found["lens"] = camera.fl_x / width * _SENSOR
+    else:
+        assert isinstance(camera, Orthographic)
+        found |= {"type": "ORTHO", "ortho_scale": width * camera.scale}
+    found["shift_x"] = (width / 2 - camera.cx) / width
+    found["shift_y"] = (camera.cy - height / 2) / width * _aspect(camera)
+    return found
+
+
+def _render(cameras: list[Camera]) -> dict[str, Any]:
+    """Set the picture up as the first camera has it."""
+    size = (cameras[0].width, cameras[0].height) if cameras else _SIZE
+    tall = _aspect(cameras[0]) if cameras else 1.0
+    return {
+        "size": size, "aspect": [max(1 / tall, 1.0), max(tall, 1.0)],
+        "samples": _SAMPLES, "bounces": 0,
+    }  # fmt: skip
+
+
+def _aspect(camera: Camera) -> float:
+    """Find how many times as high as wide a pixel is."""
+    return camera.fl_x / camera.fl_y if isinstance(camera, Pinhole) else 1.0
