@@ -16,8 +16,10 @@
     OpenPBR's material, and glTF's, as MaterialX has them
 ``usd``
     a stage of USD with UsdPreviewSurface
-``blend`` ``blender`` ``blender_scene`` ``blender_material``
-    a scene of Blender; Blender as another process, its script, and the BRDF that it makes
+``blend`` ``blender`` ``blender_scene``
+    a scene of Blender; Blender as another process, and the script that it runs
+``blender_surfaces`` ``blender_material``
+    materials as shader nodes, and what Blender makes of a Principled BSDF
 
 Each writer says by ``..._losses`` what its format cannot hold, before anything is written.
 """
@@ -26,6 +28,7 @@ from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
 from jaxrender.io.exports.blend import blend_losses, write_blend
 from jaxrender.io.exports.blender import blender_command, run_in_blender
 from jaxrender.io.exports.blender_material import BlenderMaterial
+from jaxrender.io.exports.blender_surfaces import own_surface, principled, principled_losses
 from jaxrender.io.exports.contents import (
     Contents,
     MaterialMaps,
@@ -39,7 +42,13 @@ from jaxrender.io.exports.environments import (
     environment_losses,
     write_environment_pictures,
 )
-from jaxrender.io.exports.gltf import GltfTextures, gltf_losses, srgb, write_gltf
+from jaxrender.io.exports.gltf import (
+    GltfTextures,
+    facing_panorama,
+    gltf_losses,
+    srgb,
+    write_gltf,
+)
 from jaxrender.io.exports.gltf_material import GltfMaterial
 from jaxrender.io.exports.harmonics import write_harmonics
 from jaxrender.io.exports.materialx import materialx_library, openpbr_losses, write_materialx
@@ -61,13 +70,17 @@ __all__ = [
     "blender_command",
     "cube_faces",
     "environment_losses",
+    "facing_panorama",
     "gltf_losses",
     "materialx_library",
     "mesh_of",
     "mitsuba_losses",
     "mitsuba_panorama",
     "openpbr_losses",
+    "own_surface",
     "plain_name",
+    "principled",
+    "principled_losses",
     "run_in_blender",
     "spread_over_faces",
     "srgb",

@@ -1,4 +1,4 @@
-"""A scene of Blender: mesh, Principled BSDF, light and cameras, in one file with its pictures.
+"""A scene of Blender: mesh, shader nodes, light and cameras, in one file with its pictures.
 
 Axes, poses and lengths are the world's, which are Blender's own: z up, cameras look along -z.
 Pictures are packed as EXR in floats: colours linear, roughness and metalness no colours at all.
@@ -9,7 +9,6 @@ Light is followed to its first reflection, as our renderings do, by a box as wid
 """
 
 import json
-import math
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,9 +19,9 @@ from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole
 from jaxrender.io.atomic import replacing
 from jaxrender.io.exports.anisotropy import tangents
 from jaxrender.io.exports.blender import run_in_blender
+from jaxrender.io.exports.blender_surfaces import Shader, Surface
 from jaxrender.io.exports.contents import Contents, Part, lamp_pose, mesh_of, plain_name
-from jaxrender.io.exports.gltf import ENVIRONMENT, GltfTextures, facing_panorama
-from jaxrender.io.exports.gltf_material import GltfMaterial
+from jaxrender.io.exports.gltf import facing_panorama
 from jaxrender.io.images import write_image
 from jaxrender.lighting import DirectionalSources, PointSources
 from jaxrender.shapes import Float
@@ -35,13 +34,11 @@ _SENSOR = 36.0
 _NEAR, _FAR = 1e-3, 1e5
 # Two pixels are alike in shape if their sides are.
 _SQUARE = 1e-3
-# Blender's anisotropy a makes sqrt(1 - .9 a) of the ratio of the widths.
-_MOST_ANISOTROPY, _LEAST_RATIO = 0.9, 0.1
 _SIZE = (512, 512)
 
 
-def blend_losses(contents: Contents, material: GltfMaterial) -> tuple[str, ...]:
-    """Say what a scene of Blender cannot hold."""
+def blend_losses(contents: Contents) -> tuple[str, ...]:
+    """Say what a scene of Blender cannot hold of cameras and textures."""
     lost, cameras = [], [one.camera for one in contents.cameras]
     if any(isinstance(one, Pinhole) and one.lens is not None for one in cameras):
         lost.append("the distortion of lenses: Blender's cameras are undistorted")
@@ -50,43 +47,30 @@ def blend_losses(contents: Contents, material: GltfMaterial) -> tuple[str, ...]:
     aspects = [_aspect(one) for one in cameras]
     if any(abs(one / aspects[0] - 1) > _SQUARE for one in aspects):
         lost.append("the shape of other pixels than the first camera's: a scene has one")
-    if float(material.specular) != 1:
-        lost.append("that an interface reflects less than all light at grazing")
-    if not material.isotropic and _widths(material)[1] < _LEAST_RATIO:
-        lost.append("brushed surfaces whose widths differ more than tenfold: they differ tenfold")
     if contents.maps is not None and contents.maps.offset is not None:
         lost.append("the normals of single texels: the shape's own are kept")
     return tuple(lost)
 
 
-def write_blend(
-    contents: Contents,
-    folder: Path,
-    material: GltfMaterial,
-    textures: GltfTextures | None = None,
-) -> tuple[Part, ...]:
+def write_blend(contents: Contents, folder: Path, surface: Surface) -> tuple[Part, ...]:
     """Write ``scene.blend``, by Blender in a process of its own.
 
     Raises ``ValueError`` for contents without a shape, ``InputError`` where Blender is missing.
     """
     if contents.shape is None:
         raise ValueError("a scene of Blender needs a shape")
-    mesh = mesh_of(contents.shape, textured=textures is not None)
+    mesh, name = mesh_of(contents.shape, surface.is_textured), plain_name(contents.name)
     with TemporaryDirectory(prefix="jaxrender-") as made, replacing(folder / SCENE) as aside:
         place = Path(made)
-        _write_mesh(place, mesh, material)
+        _write_mesh(place, mesh, surface.turn)
         environment = None
         if contents.environment is not None:
-            write_image(place / ENVIRONMENT, facing_panorama(contents.environment))
-            environment = {"file": ENVIRONMENT, "space": _LINEAR}
+            panorama = facing_panorama(contents.environment)
+            environment = _picture(place, "environment", panorama)
         told = {
-            "object": {"name": plain_name(contents.name)},
-            "material": {
-                "name": plain_name(contents.name),
-                "inputs": _inputs(material),
-                "textures": _textures(place, textures),
-                "has_tangents": not material.isotropic,
-            },
+            "name": name,
+            "shaders": [_shader(place, one) for one in surface.shaders],
+            "has_tangents": surface.turn is not None,
             "environment": environment,
             "lights": [*_suns(contents.sources), *_points(contents.points)],
             "cameras": [
@@ -96,71 +80,37 @@ def write_blend(
         }
         (place / "scene.json").write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
         run_in_blender(_SCRIPT, (place, aside))
-    about = "mesh, Principled BSDF, light and cameras for Blender 5.0 and later, pictures inside"
+    about = "mesh, shader nodes, light and cameras for Blender 5.0 and later, pictures inside"
     return (Part(SCENE, about),)
 
 
-def _write_mesh(place: Path, mesh: Mesh, material: GltfMaterial) -> None:
+def _write_mesh(place: Path, mesh: Mesh, turn: float | None) -> None:
     """Write the arrays of a mesh; tangents are those of a brushed surface."""
     arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals}
     if mesh.texture_coordinates is not None:
         arrays["coordinates"] = mesh.texture_coordinates.reshape(-1, 2)
-    if not material.isotropic:
-        arrays["tangents"] = tangents(mesh.normals, float(material.anisotropy_rotation))
+    if turn is not None:
+        arrays["tangents"] = tangents(mesh.normals, turn)
     np.savez(place / "mesh.npz", **{name: np.asarray(one) for name, one in arrays.items()})
 
 
-def _inputs(material: GltfMaterial) -> dict[str, Any]:
-    """Name the material's numbers as the sockets of a Principled BSDF are named."""
-    found = {
-        "Base Color": _colour(material.base_color),
-        "Metallic": float(material.metallic),
-        "Roughness": float(material.roughness),
-        "IOR": float(material.ior),
-        # A half is the index's own reflectance.
-        "Specular IOR Level": float(material.specular) / 2,
-        "Specular Tint": _colour(material.specular_color),
+def _shader(place: Path, shader: Shader) -> dict[str, Any]:
+    """Describe a shader, and write its pictures."""
+    pictures = {
+        socket: _picture(place, socket.lower().replace(" ", "_"), values)
+        for socket, values in shader.pictures.items()
     }
-    if material.clearcoat:
-        found["Coat Weight"] = float(material.clearcoat)
-        found["Coat Roughness"] = float(material.clearcoat_roughness)
-    if not material.isotropic:
-        mean, ratio = _widths(material)
-        found["Roughness"] = math.sqrt(mean)
-        found["Anisotropic"] = (1 - max(ratio, _LEAST_RATIO)) / _MOST_ANISOTROPY
-    return found
+    return shader._asdict() | {"pictures": pictures}
 
 
-def _widths(material: GltfMaterial) -> tuple[float, float]:
-    """Give the geometric mean of a brushed surface's widths, and the smaller over the larger."""
-    across = float(material.roughness) ** 2
-    along = across + (1 - across) * float(material.anisotropy_strength) ** 2
-    return math.sqrt(along * across), across / along
-
-
-def _colour(values: Any) -> list[float]:
-    return [*(float(x) for x in np.asarray(values, float)), 1.0]
-
-
-def _textures(place: Path, textures: GltfTextures | None) -> dict[str, Any]:
-    """Write the maps as EXR, by the socket that each feeds."""
-    if textures is None:
-        return {}
-    maps = {
-        "Base Color": ("base_color", textures.base_color),
-        "Specular Tint": ("specular_color", textures.specular_color),
-        "Roughness": ("roughness", textures.roughness),
-        "Metallic": ("metallic", textures.metallic),
-    }
-    found = {}
-    for socket, (name, values) in maps.items():
-        if values is None:
-            continue
-        is_colour = values.ndim == 3
-        file = f"{name}.exr"
-        write_image(place / file, values if is_colour else np.repeat(values[..., None], 3, axis=-1))
-        found[socket] = {"file": file, "space": _LINEAR if is_colour else _NUMBERS}
-    return found
+def _picture(
+    place: Path, name: str, values: Float[np.ndarray, "row column *channel"]
+) -> dict[str, str]:
+    """Write a picture as EXR: of linear colours, or of numbers that are none."""
+    is_colour = values.ndim == 3
+    file = f"{name}.exr"
+    write_image(place / file, values if is_colour else np.repeat(values[..., None], 3, axis=-1))
+    return {"file": file, "space": _LINEAR if is_colour else _NUMBERS}
 
 
 def _suns(sources: DirectionalSources) -> list[dict[str, Any]]:

@@ -5,6 +5,7 @@ numbers are is decided in ``blend``.
 """
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,10 @@ from typing import Any
 import numpy as np
 
 # Where nodes stand, in Blender's units: columns from the left.
-_COLUMNS = (-700, -300, 100)
+_COLUMNS = (-700, -300, 100, 300, 500)
 _SPACING = 300
+# Cycles keeps the name "tangent" for its own.
+_TANGENTS = "brushed_along"
 
 
 def build(folder: Path, out: Path) -> None:
@@ -24,9 +27,9 @@ def build(folder: Path, out: Path) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     _settings(scene, told["render"])
-    thing = _object(folder, told["object"])
-    thing.materials.append(_material(folder, told["material"]))
-    _placed(scene, told["object"]["name"], thing, np.eye(4))
+    thing = _object(folder, told["name"])
+    thing.materials.append(_material(folder, told))
+    _placed(scene, told["name"], thing, np.eye(4))
     scene.world = _world(folder, told["environment"])
     for light in told["lights"]:
         _light(scene, light)
@@ -64,53 +67,99 @@ def _placed(scene: Any, name: str, data: Any, pose: Any) -> None:
         scene.camera = found
 
 
-def _object(folder: Path, told: dict[str, Any]) -> Any:
+def _object(folder: Path, name: str) -> Any:
     """Make the mesh: triangles, normals of vertices, texture coordinates, tangents."""
     import bpy  # pyright: ignore[reportMissingImports]
 
     with np.load(folder / "mesh.npz", allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in stored.files}
+        arrays = dict(stored)
     faces = arrays["faces"]
-    mesh = bpy.data.meshes.new(told["name"])
+    mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(arrays["vertices"], [], faces)
     mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
     if "coordinates" in arrays:
         layer = mesh.uv_layers.new(name="texture")
         layer.uv.foreach_set("vector", arrays["coordinates"].astype(np.float32).ravel())
     if "tangents" in arrays:
-        along = mesh.attributes.new("brushed_along", "FLOAT_VECTOR", "POINT")
+        along = mesh.attributes.new(_TANGENTS, "FLOAT_VECTOR", "POINT")
         along.data.foreach_set("vector", arrays["tangents"].astype(np.float32).ravel())
     mesh.normals_split_custom_set_from_vertices(arrays["normals"])
     return mesh
 
 
 def _material(folder: Path, told: dict[str, Any]) -> Any:
-    """Make a Principled BSDF with numbers and textures, named as its sockets are."""
+    """Make the sum of shaders, whose values are named as their sockets are."""
     import bpy  # pyright: ignore[reportMissingImports]
 
     material = bpy.data.materials.new(told["name"])
     material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
-    output = _node(tree, "ShaderNodeOutputMaterial", 2)
-    surface = _node(tree, "ShaderNodeBsdfPrincipled", 1)
-    surface.distribution = "GGX"
-    tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
-    for name, value in told["inputs"].items():
-        surface.inputs[name].default_value = value
-    for row, (name, picture) in enumerate(told["textures"].items()):
-        found = _node(tree, "ShaderNodeTexImage", 0, row)
-        found.image = _picture(folder, picture)
-        tree.links.new(found.outputs["Color"], surface.inputs[name])
-    if told["has_tangents"]:
-        along = _node(tree, "ShaderNodeAttribute", 0, len(told["textures"]))
-        along.attribute_name = "brushed_along"
-        turned = _node(tree, "ShaderNodeVectorTransform", 0, len(told["textures"]) + 1)
-        turned.vector_type = "VECTOR"
-        turned.convert_from, turned.convert_to = "OBJECT", "WORLD"
-        tree.links.new(along.outputs["Vector"], turned.inputs["Vector"])
-        tree.links.new(turned.outputs["Vector"], surface.inputs["Tangent"])
+    output = _node(tree, "ShaderNodeOutputMaterial", 4)
+    along = _tangents(tree) if told["has_tangents"] else None
+    whole = None
+    for row, shader in enumerate(told["shaders"]):
+        made = _shader(folder, tree, shader, row)
+        if along is not None and "Tangent" in made.inputs:
+            tree.links.new(along, made.inputs["Tangent"])
+        made = _taken(tree, made.outputs["BSDF"], shader["weight"], row)
+        whole = made if whole is None else _sum(tree, whole, made)
+    tree.links.new(whole, output.inputs["Surface"])
     return material
+
+
+def _shader(folder: Path, tree: Any, told: dict[str, Any], row: int) -> Any:
+    """Make a shader with its numbers, pictures and Fresnel's factor."""
+    found = _node(tree, told["node"], 1, row)
+    if told["distribution"] is not None:
+        found.distribution = told["distribution"]
+    for name, value in told["inputs"].items():
+        found.inputs[name].default_value = value
+    for number, (name, picture) in enumerate(told["pictures"].items()):
+        texture = _node(tree, "ShaderNodeTexImage", 0, number)
+        texture.image = _picture(folder, picture)
+        tree.links.new(texture.outputs["Color"], found.inputs[name])
+    if told["fresnel"] is not None:
+        share = _node(tree, "ShaderNodeFresnel", 0, row)
+        share.inputs["IOR"].default_value = told["fresnel"]
+        scaled = _node(tree, "ShaderNodeVectorMath", 0, row + 1)
+        scaled.operation = "SCALE"
+        scaled.inputs["Vector"].default_value = told["inputs"]["Color"][:3]
+        tree.links.new(share.outputs["Fac"], scaled.inputs["Scale"])
+        tree.links.new(scaled.outputs["Vector"], found.inputs["Color"])
+    return found
+
+
+def _taken(tree: Any, shader: Any, weight: float, row: int) -> Any:
+    """Take a shader so many times: a share of it, doubled as often as it takes."""
+    doublings = max(0, math.ceil(math.log2(weight))) if weight > 0 else 0
+    share = weight / 2**doublings
+    if share != 1:
+        mix = _node(tree, "ShaderNodeMixShader", 2, row)
+        mix.inputs["Fac"].default_value = share
+        tree.links.new(shader, mix.inputs[2])
+        shader = mix.outputs["Shader"]
+    for _ in range(doublings):
+        shader = _sum(tree, shader, shader)
+    return shader
+
+
+def _sum(tree: Any, first: Any, second: Any) -> Any:
+    found = _node(tree, "ShaderNodeAddShader", 3, len(tree.nodes) % 5)
+    tree.links.new(first, found.inputs[0])
+    tree.links.new(second, found.inputs[1])
+    return found.outputs["Shader"]
+
+
+def _tangents(tree: Any) -> Any:
+    """Read the tangents of a brushed surface, which turn with the object."""
+    along = _node(tree, "ShaderNodeAttribute", 0, 3)
+    along.attribute_name = _TANGENTS
+    turned = _node(tree, "ShaderNodeVectorTransform", 0, 4)
+    turned.vector_type = "VECTOR"
+    turned.convert_from, turned.convert_to = "OBJECT", "WORLD"
+    tree.links.new(along.outputs["Vector"], turned.inputs["Vector"])
+    return turned.outputs["Vector"]
 
 
 def _node(tree: Any, kind: str, column: int, row: int = 0) -> Any:

@@ -24,6 +24,9 @@ from jaxrender.io.exports import (
     materialx_library,
     mitsuba_losses,
     openpbr_losses,
+    own_surface,
+    principled,
+    principled_losses,
     usd_library,
     usd_losses,
     write_blend,
@@ -224,13 +227,19 @@ def _blend(contents: Contents) -> Prepared:
     blender_command()
     if contents.maps is not None:
         return textured_blend(contents, contents.maps)
-    found = _chosen(contents, BlenderMaterial)
+    assert contents.material is not None
+    surface, losses = own_surface(contents.material), ()
+    remark = "the material is a sum of Blender's own shaders, by its definition"
+    if surface is None:
+        found = _chosen(contents, BlenderMaterial)
+        surface, remark = principled(found.material), found.remark
+        losses = (*principled_losses(found.material), *found.losses)
 
     def write(folder: Path) -> Written:
-        parts = write_blend(contents, folder, found.material)
-        return Written(parts, (found.remark, BLENDER_DETAILS))
+        parts = write_blend(contents, folder, surface)
+        return Written(parts, (remark, BLENDER_DETAILS))
 
-    return Prepared((*blend_losses(contents, found.material), *found.losses), write)
+    return Prepared((*blend_losses(contents), *losses), write)
 
 
 def _merl(contents: Contents) -> Prepared:

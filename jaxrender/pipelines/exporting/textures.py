@@ -15,6 +15,7 @@ from jaxrender.io.exports import (
     blend_losses,
     gltf_losses,
     mitsuba_losses,
+    principled,
     spread_over_faces,
     table_widths,
     usd_losses,
@@ -38,7 +39,7 @@ USD_DETAILS = (
     "pictures differ between them"
 )
 BLENDER_DETAILS = (
-    "the Principled BSDF has the distribution GGX, without what facets hand on to one another; "
+    "nodes have the distribution GGX, without what facets hand on to one another; "
     "light is followed to its first reflection, as here: raise Light Paths > Max Bounces for more"
 )
 _STEPS = "steps finer than a 256th of a texture's range"
@@ -80,11 +81,11 @@ def textured_blend(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Pre
     found = nearest_textured(maps, BlenderMaterial)
 
     def write(folder: Path) -> Written:
-        parts = write_blend(contents, folder, found.material, found.textures)
+        parts = write_blend(contents, folder, principled(found.material, found.textures))
         return Written(parts, (BLENDER_DETAILS, UNSEEN))
 
     losses = _lost(found, maps, contents, BlenderMaterial)
-    return Prepared((*blend_losses(contents, found.material), *losses), write)
+    return Prepared((*blend_losses(contents), *losses), write)
 
 
 def _lost(
