@@ -1,14 +1,15 @@
 """A capture made by Blender: photographs by Cycles, cameras and mesh in Blender's and glTF's axes.
 
-    python experiments/blender_capture.py [--out FOLDER] [--probe soft\\ boxes] [--views 12]
+    python experiments/blender_capture.py [--out FOLDER] [--probe broken] [--views 12]
         [--size 128] [--samples 256] [--bounces 0] [--unknown]
 
 Blender's monkey, its surface subdivided, has a Diffuse and a Glossy (GGX) BSDF, and stands under a
 probe in Blender's own layout.  Cycles photographs it with Blender's cameras, filter and EXR;
 ``transforms.json`` has their matrices as they are, the mesh is a GLB, whose y is up.  The commands
 ``import``, ``check --fix`` and ``fit`` run in a process each: ``check`` has to find which axis of
-the mesh is up, and how the panorama is meant.  Printed is what was recovered beside the truth.
-``--unknown`` leaves the light out of the capture.  Needs Blender (``docs/guide/install.md``).
+the mesh is up, and that Blender's panoramas are ours mirrored and turned by 180 degrees.  Printed
+is what was recovered beside the truth.  ``--unknown`` leaves the light out of the capture.  Needs
+Blender (``docs/guide/install.md``).
 """
 
 import argparse
@@ -109,7 +110,7 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("blender_capture"))
-    parser.add_argument("--probe", default="soft boxes", choices=sorted(scenes.PROBES))
+    parser.add_argument("--probe", default="broken", choices=sorted(scenes.PROBES))
     parser.add_argument("--views", type=int, default=12)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--samples", type=int, default=256)
@@ -127,7 +128,7 @@ def main() -> None:
     config = capture / "capture.yaml"
     if not options.unknown:
         light = (photos / "light.exr").resolve()
-        lighting = f"lighting:\n  environment: {{path: {light}, convention: y-up}}\n"
+        lighting = f"lighting:\n  environment: {{path: {light}, convention: z-up}}\n"
         text = config.read_text().replace("task: factorize", "task: brdf")
         config.write_text(f"{text}\n{lighting}")
     seconds["check"] = run("check", capture, "--fix")

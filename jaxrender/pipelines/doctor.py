@@ -83,6 +83,7 @@ def examine(set_up: Callable[[], None], cache: Path | None) -> Examination:
         _tried("rays", _rays),
         _tried("pictures", _pictures),
         _tried("solvers", _solvers),
+        _tried("blender", _blender),
     ]
     return Examination(__version__, platform.python_version(), here, tuple(findings), extras())
 
@@ -292,6 +293,19 @@ def _solvers() -> Finding:
         return Finding("solvers", "bad", f"two small problems gave {answers}", remedy)
     named = ", ".join(f"{name} {metadata.version(name)}" for name in ("optimistix", "jaxopt"))
     return Finding("solvers", "good", f"{named} find known answers")
+
+
+def _blender() -> Finding:
+    """Say what would run Blender's scripts; only one format needs it."""
+    from jaxrender.errors import InputError
+    from jaxrender.io.exports import blender_command
+
+    try:
+        command = blender_command()
+    except InputError as error:
+        text, _, remedy = str(error).partition(": ")
+        return Finding("blender", "remark", f"{text}; only export --to blend needs it", remedy)
+    return Finding("blender", "good", f"{command[0]} runs it for export --to blend")
 
 
 _MARKS: dict[State, str] = {"good": "ok", "remark": "note", "bad": "FAIL"}

@@ -58,6 +58,20 @@ def test_a_sound_installation_is_well(monkeypatch, tmp_path, capsys):
     assert extras == set(metadata.metadata("jaxrender").get_all("Provides-Extra"))
 
 
+def test_blender_is_told(monkeypatch):
+    from jaxrender.io.exports import blender
+
+    monkeypatch.delenv(blender.VARIABLE, raising=False)
+    monkeypatch.setattr(blender, "find_spec", lambda name: None)
+    monkeypatch.setattr(blender.shutil, "which", lambda name: None)
+    missing = finding("blender")
+    assert missing.state == "remark"
+    assert "only export --to blend needs it" in missing.text
+    assert missing.remedy.startswith("pip install --no-deps")
+    monkeypatch.setattr(blender.shutil, "which", lambda name: f"/somewhere/{name}")
+    assert finding("blender").text.startswith("/somewhere/blender")
+
+
 def test_a_wrong_ray_is_found(monkeypatch, capsys):
     right = Mesh.first_hits
 
