@@ -140,8 +140,8 @@ class HalfDifferenceTree(MeasuredAlbedo):
     def _at(self, angles: HalfDifference) -> Float[Array, "*batch channel"]:
         samples = synthesise_nonstandard(self.wavelet, self._coefficients())
         # Each is evaluated once, and not once for each corner of a cell.
-        parts = jax.lax.optimization_barrier((samples, coordinates_of(angles)))
-        found = interpolated(*parts, is_stepwise(self.wavelet))
+        samples, place = jax.lax.optimization_barrier((samples, coordinates_of(angles)))
+        found = interpolated(samples, place, is_stepwise(self.wavelet))
         return TRANSFORMS[self.transform].undo(jnp.maximum(found, 0))
 
     def _coefficients(self) -> Float[Array, "root_theta_h theta_d phi_d channel"]:
