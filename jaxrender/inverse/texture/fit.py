@@ -144,6 +144,8 @@ def fit_maps(
     if points is not None:
         at, drawn = points[measured.index], _drawn(measured, some)
         nearby = nearby_of(at, measured, asked, own, settings.seed)
+        if nearby is None:
+            own = solve_numbers(measured, model_of, asked, own.solved.value)
         for _ in range(_NEARBY):
             if nearby is None:
                 break

@@ -6,7 +6,7 @@ share (:mod:`.site_fields`) says how each pixel differs from the mean of its sit
 the model, and the site's own numbers are those of the mean.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -55,12 +55,12 @@ class Detail(NamedTuple):
 
     def only(self, chosen: Bool[np.ndarray, "observation"]) -> "Detail":
         """Let nothing vary but chosen observations."""
-        none = self.none(*self.kd.shape, self.ks.ndim == 2, self.log_sigma is not None)
+        one, along = chosen[:, None], chosen if self.ks.ndim == 1 else chosen[:, None]
         return Detail(
-            *(
-                own if own is None or other is None else np.where(_along(chosen, own), own, other)
-                for own, other in zip(self, none)
-            )
+            np.where(one, self.kd, 1.0),
+            np.where(along, self.ks, 1.0),
+            None if self.log_sigma is None else np.where(chosen, self.log_sigma, 0.0),
+            np.where(one, self.offset, 0.0),
         )
 
     @classmethod
@@ -103,7 +103,10 @@ class DetailedModel(eqx.Module):
 Tiltable = DualModel | ExactModel | DetailedModel
 
 
-def with_normals_of(model: Tiltable, normals: Float[AnyArray, "sample 3"]) -> Tiltable:
+_Tiltable = TypeVar("_Tiltable", bound=Tiltable)
+
+
+def with_normals_of(model: _Tiltable, normals: Float[AnyArray, "sample 3"]) -> _Tiltable:
     """Give a model other normals."""
     samples = SurfaceSamples(normals, model.samples.outgoing)
     return eqx.tree_at(_samples_of, model, samples)
@@ -120,7 +123,3 @@ def _samples_of(model: Tiltable) -> SurfaceSamples:
 
 def _unit(vectors: Float[np.ndarray, "any 3"]) -> Float[np.ndarray, "any 3"]:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _along(chosen: Bool[np.ndarray, "observation"], values: np.ndarray) -> np.ndarray:
-    return chosen.reshape(-1, *[1] * (values.ndim - 1))

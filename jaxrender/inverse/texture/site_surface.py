@@ -31,7 +31,8 @@ from jaxrender.inverse.texture.site_solver import (
     solve_numbers_of,
 )
 from jaxrender.inverse.texture.site_sums import by_channel
-from jaxrender.shapes import Bool, Float
+from jaxrender.inverse.texture.site_systems import KnownSpecular
+from jaxrender.shapes import Float
 
 # A site so many standard deviations from what its neighbours tell is searched from there, too.
 _UNLIKE = 1.5
@@ -218,9 +219,12 @@ def _own_ks(
     channels: int,
 ) -> tuple[Float[np.ndarray, "site one"], Float[np.ndarray, "site"]]:
     """Take what was expected out of K_s; what it is held at zero tells nothing."""
+    assert not isinstance(prior, KnownSpecular)
     precision = float(prior.precision)
     if isinstance(prior, ColouredPrior):
-        precision = 1 / (1 / precision + 1 / float(prior.colour_precision))
+        colour = float(prior.colour_precision)
+        # The variance of a channel is that of the level and that of the colour.
+        precision = precision * colour / (precision + colour) if precision and colour else 0.0
     mean, values, errors = float(prior.mean), [], []
     for at, column in enumerate(np.asarray(by_channel(ks)).T):
         value, told = own_estimates(column, variance[:, channels + at], mean, precision)
@@ -236,8 +240,7 @@ def _from_nearby(
     """Search from what neighbours tell where a site ended far from it."""
     assert asked.nearby is not None
     off = np.abs(end.value - asked.nearby.mean) * np.sqrt(asked.nearby.precision)
-    far: Bool[np.ndarray, site] = np.asarray((off > _UNLIKE).any(axis=1))
-    rows = np.flatnonzero(far[measured.site])
+    rows = np.flatnonzero((off > _UNLIKE).any(axis=1)[measured.site])
     if not len(rows):
         return []
     start = np.clip(asked.nearby.mean, *asked.bounds)
