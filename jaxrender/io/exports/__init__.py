@@ -28,7 +28,13 @@ from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
 from jaxrender.io.exports.blend import blend_losses, write_blend
 from jaxrender.io.exports.blender import blender_command, run_in_blender
 from jaxrender.io.exports.blender_material import BlenderMaterial
-from jaxrender.io.exports.blender_surfaces import own_surface, principled, principled_losses
+from jaxrender.io.exports.blender_surfaces import (
+    own_surface,
+    own_textured,
+    principled,
+    principled_losses,
+    with_normals,
+)
 from jaxrender.io.exports.contents import (
     Contents,
     MaterialMaps,
@@ -78,6 +84,7 @@ __all__ = [
     "mitsuba_panorama",
     "openpbr_losses",
     "own_surface",
+    "own_textured",
     "plain_name",
     "principled",
     "principled_losses",
@@ -87,6 +94,7 @@ __all__ = [
     "table_widths",
     "usd_library",
     "usd_losses",
+    "with_normals",
     "write_blend",
     "write_environment_pictures",
     "write_gltf",

@@ -38,7 +38,7 @@ _SIZE = (512, 512)
 
 
 def blend_losses(contents: Contents) -> tuple[str, ...]:
-    """Say what a scene of Blender cannot hold of cameras and textures."""
+    """Say what a scene of Blender cannot hold of cameras."""
     lost, cameras = [], [one.camera for one in contents.cameras]
     if any(isinstance(one, Pinhole) and one.lens is not None for one in cameras):
         lost.append("the distortion of lenses: Blender's cameras are undistorted")
@@ -47,8 +47,6 @@ def blend_losses(contents: Contents) -> tuple[str, ...]:
     aspects = [_aspect(one) for one in cameras]
     if any(abs(one / aspects[0] - 1) > _SQUARE for one in aspects):
         lost.append("the shape of other pixels than the first camera's: a scene has one")
-    if contents.maps is not None and contents.maps.offset is not None:
-        lost.append("the normals of single texels: the shape's own are kept")
     return tuple(lost)
 
 
@@ -69,7 +67,7 @@ def write_blend(contents: Contents, folder: Path, surface: Surface) -> tuple[Par
             environment = _picture(place, "environment", panorama)
         told = {
             "name": name,
-            "shaders": [_shader(place, one) for one in surface.shaders],
+            "shaders": [_shader(place, *pair) for pair in zip(surface.shaders, range(9))],
             "has_tangents": surface.turn is not None,
             "environment": environment,
             "lights": [*_suns(contents.sources), *_points(contents.points)],
@@ -94,12 +92,17 @@ def _write_mesh(place: Path, mesh: Mesh, turn: float | None) -> None:
     np.savez(place / "mesh.npz", **{name: np.asarray(one) for name, one in arrays.items()})
 
 
-def _shader(place: Path, shader: Shader) -> dict[str, Any]:
+def _shader(place: Path, shader: Shader, number: int) -> dict[str, Any]:
     """Describe a shader, and write its pictures."""
-    pictures = {
-        socket: _picture(place, socket.lower().replace(" ", "_"), values)
-        for socket, values in shader.pictures.items()
-    }
+    pictures = {}
+    for socket, values in shader.pictures.items():
+        name = socket.lower().replace(" ", "_")
+        if socket == "Normal":
+            # As colours: 0 to 1 stands for -1 to 1.
+            pictures[socket] = _picture(place, name, (values + 1) / 2) | {"space": _NUMBERS}
+        else:
+            # A diffuse base and a lobe may both have colours.
+            pictures[socket] = _picture(place, f"{name}_{number}", values)
     return shader._asdict() | {"pictures": pictures}
 
 

@@ -102,7 +102,10 @@ def _material(folder: Path, told: dict[str, Any]) -> Any:
         made = _shader(folder, tree, shader, row)
         if along is not None and "Tangent" in made.inputs:
             tree.links.new(along, made.inputs["Tangent"])
-        made = _taken(tree, made.outputs["BSDF"], shader["weight"], row)
+        share = shader["pictures"].get("Weight")
+        if share is not None:
+            share = _texture(folder, tree, share, 3).outputs["Color"]
+        made = _taken(tree, made.outputs["BSDF"], shader["weight"], share, row)
         whole = made if whole is None else _sum(tree, whole, made)
     tree.links.new(whole, output.inputs["Surface"])
     return material
@@ -115,28 +118,50 @@ def _shader(folder: Path, tree: Any, told: dict[str, Any], row: int) -> Any:
         found.distribution = told["distribution"]
     for name, value in told["inputs"].items():
         found.inputs[name].default_value = value
+    colour = None
     for number, (name, picture) in enumerate(told["pictures"].items()):
-        texture = _node(tree, "ShaderNodeTexImage", 0, number)
-        texture.image = _picture(folder, picture)
-        tree.links.new(texture.outputs["Color"], found.inputs[name])
+        if name == "Weight":
+            continue
+        value = _texture(folder, tree, picture, number).outputs["Color"]
+        if name == "Normal":
+            turned = _node(tree, "ShaderNodeNormalMap", 0, number)
+            turned.space = "OBJECT"
+            tree.links.new(value, turned.inputs["Color"])
+            value = turned.outputs["Normal"]
+        colour = value if name == "Color" else colour
+        tree.links.new(value, found.inputs[name])
     if told["fresnel"] is not None:
         share = _node(tree, "ShaderNodeFresnel", 0, row)
         share.inputs["IOR"].default_value = told["fresnel"]
         scaled = _node(tree, "ShaderNodeVectorMath", 0, row + 1)
         scaled.operation = "SCALE"
         scaled.inputs["Vector"].default_value = told["inputs"]["Color"][:3]
+        if colour is not None:
+            tree.links.new(colour, scaled.inputs["Vector"])
         tree.links.new(share.outputs["Fac"], scaled.inputs["Scale"])
         tree.links.new(scaled.outputs["Vector"], found.inputs["Color"])
     return found
 
 
-def _taken(tree: Any, shader: Any, weight: float, row: int) -> Any:
+def _texture(folder: Path, tree: Any, told: dict[str, str], row: int) -> Any:
+    found = _node(tree, "ShaderNodeTexImage", 0, row)
+    found.image = _picture(folder, told)
+    return found
+
+
+def _taken(tree: Any, shader: Any, weight: float, share_of_texel: Any, row: int) -> Any:
     """Take a shader so many times: a share of it, doubled as often as it takes."""
     doublings = max(0, math.ceil(math.log2(weight))) if weight > 0 else 0
     share = weight / 2**doublings
-    if share != 1:
+    if share != 1 or share_of_texel is not None:
         mix = _node(tree, "ShaderNodeMixShader", 2, row)
         mix.inputs["Fac"].default_value = share
+        if share_of_texel is not None:
+            product = _node(tree, "ShaderNodeMath", 1, row + 1)
+            product.operation = "MULTIPLY"
+            product.inputs[1].default_value = share
+            tree.links.new(share_of_texel, product.inputs[0])
+            tree.links.new(product.outputs["Value"], mix.inputs["Fac"])
         tree.links.new(shader, mix.inputs[2])
         shader = mix.outputs["Shader"]
     for _ in range(doublings):
@@ -172,7 +197,9 @@ def _picture(folder: Path, told: dict[str, str]) -> Any:
     """Load a picture and keep it inside of the file, where no path leads out of it."""
     import bpy  # pyright: ignore[reportMissingImports]
 
-    found = bpy.data.images.load(str(folder / told["file"]))
+    found = bpy.data.images.load(str(folder / told["file"]), check_existing=True)
+    if found.packed_file:
+        return found
     found.colorspace_settings.name = told["space"]
     found.pack()
     found.filepath = f"//{told['file']}"

@@ -17,8 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxrender.brdf import BRDF, AnisotropicGGX, Lambertian, Microfacet, head_on_reflectance
+from jaxrender.geometry import Shape
+from jaxrender.io.exports.contents import MaterialMaps
 from jaxrender.io.exports.gltf import GltfTextures
 from jaxrender.io.exports.gltf_material import GltfMaterial
+from jaxrender.io.exports.texel_frames import in_frames, texel_frames
 from jaxrender.shapes import AnyArray, Float
 
 _DIFFUSE, _GLOSSY = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
@@ -33,7 +36,8 @@ _NO_FACETS = 1e-12
 class Shader(NamedTuple):
     """A shader node: values by its sockets' names, and how many times it is taken.
 
-    ``pictures`` take the place of values.  ``fresnel``: the colour is multiplied by the reflectance
+    ``pictures`` take the place of values; that of "Weight" multiplies the weight, that of "Normal"
+    has unit normals in the object's axes.  ``fresnel``: the colour is multiplied by the reflectance
     of this index at the exit angle.
     """
 
@@ -97,6 +101,41 @@ def own_surface(brdf: BRDF) -> Surface | None:
         weight = float(np.mean(found.ks)) / float(head_on_reflectance(found.mu))
         lobe = Shader(_PRINCIPLED, inputs, "GGX", weight)
     return Surface((diffuse, lobe), found.turn)
+
+
+def own_textured(maps: MaterialMaps) -> Surface | None:
+    """Make the nodes that are the material of every texel exactly; None where there are none."""
+    found = own_surface(maps.mean)
+    if found is None or np.min(maps.kd) < 0 or np.min(maps.ks) < 0:
+        return None
+    diffuse = found.shaders[0]._replace(pictures={"Color": np.pi * maps.kd})
+    if len(found.shaders) == 1:
+        return Surface((diffuse,))
+    lobe = found.shaders[1]
+    ks = np.broadcast_to(maps.coloured_ks, maps.kd.shape)
+    pictures: dict[str, Float[np.ndarray, "row column *channel"]] = {}
+    if lobe.node == _GLOSSY:
+        pictures["Color"] = ks if lobe.fresnel is None else ks / head_on_reflectance(lobe.fresnel)
+    elif np.any(np.ptp(ks, axis=-1) > _GREY * np.max(ks)):
+        return None
+    else:
+        brightest = float(np.max(ks))
+        pictures["Weight"] = ks[..., 0] / brightest
+        weight = brightest / float(head_on_reflectance(lobe.inputs["IOR"]))
+        lobe = lobe._replace(weight=weight)
+    if maps.sigma is not None:
+        pictures["Roughness"] = np.sqrt(np.clip(maps.sigma, 0, 1))
+    return Surface((diffuse, lobe._replace(pictures=pictures)))
+
+
+def with_normals(surface: Surface, maps: MaterialMaps, shape: Shape) -> Surface:
+    """Give all shaders the unit normals of texels; without any the surface stays as it is."""
+    if maps.offset is None:
+        return surface
+    frames = texel_frames(shape, maps.kd.shape[:2])
+    normals = np.einsum("...a,...ai->...i", in_frames(maps.offset, frames), frames)
+    shaders = [one._replace(pictures=one.pictures | {"Normal": normals}) for one in surface.shaders]
+    return surface._replace(shaders=tuple(shaders))
 
 
 def _facets(brdf: BRDF) -> _Facets | None:

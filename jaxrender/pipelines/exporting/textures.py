@@ -15,10 +15,12 @@ from jaxrender.io.exports import (
     blend_losses,
     gltf_losses,
     mitsuba_losses,
+    own_textured,
     principled,
     spread_over_faces,
     table_widths,
     usd_losses,
+    with_normals,
     write_blend,
     write_gltf,
     write_mitsuba,
@@ -77,14 +79,21 @@ def textured_usd(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Prepa
 
 
 def textured_blend(contents: Contents, maps: MaterialMaps | MetallicMaps) -> Prepared:
-    """Prepare a texture of texels for Blender: the numbers nearest to what it makes of them."""
-    found = nearest_textured(maps, BlenderMaterial)
+    """Prepare a texture of texels for Blender: its own shaders, or what it makes of the nearest."""
+    assert contents.shape is not None
+    surface = own_textured(maps) if isinstance(maps, MaterialMaps) else None
+    losses: tuple[str, ...] = ()
+    if surface is None:
+        found = nearest_textured(maps, BlenderMaterial)
+        surface = principled(found.material, found.textures)
+        losses = _lost(found, maps, contents, BlenderMaterial)
+    if isinstance(maps, MaterialMaps) and maps.offset is not None:
+        surface = with_normals(surface, maps, contents.shape)
+        losses += (_below_the_horizon(maps),)
 
     def write(folder: Path) -> Written:
-        parts = write_blend(contents, folder, principled(found.material, found.textures))
-        return Written(parts, (BLENDER_DETAILS, UNSEEN))
+        return Written(write_blend(contents, folder, surface), (BLENDER_DETAILS, UNSEEN))
 
-    losses = _lost(found, maps, contents, BlenderMaterial)
     return Prepared((*blend_losses(contents), *losses), write)
 
 
@@ -118,13 +127,7 @@ def textured_mitsuba(contents: Contents, maps: MaterialMaps) -> Prepared:
     if any(below):
         losses += (f"negative values: they are 0 ({100 * max(below):.2g} % of one map)",)
     if maps.offset is not None and not maps.of_vertices:
-        # A normal and the shape's own, t apart, share (1 + cos t) / 2 of the light that is even.
-        slope = np.linalg.norm(np.nan_to_num(maps.offset[maps.seen]), axis=-1)
-        unseen = float(np.mean(1 - 1 / np.sqrt(1 + slope**2))) / 2
-        losses += (
-            "light from below the shape's own horizon that a tilted normal would still see: "
-            f"{100 * unseen:.3g} % of an even light",
-        )
+        losses += (_below_the_horizon(maps),)
     if maps.of_vertices:
         assert isinstance(contents.shape, Mesh)
         spread = spread_over_faces(maps, contents.shape)
@@ -139,6 +142,18 @@ def textured_mitsuba(contents: Contents, maps: MaterialMaps) -> Prepared:
         return Written(parts, (*_accuracy(contents, maps, folder, tables), UNSEEN))
 
     return Prepared(losses, write)
+
+
+def _below_the_horizon(maps: MaterialMaps) -> str:
+    """Say what other programs leave out under a tilted normal."""
+    assert maps.offset is not None
+    # A normal and the shape's own, t apart, share (1 + cos t) / 2 of the light that is even.
+    slope = np.linalg.norm(np.nan_to_num(maps.offset[maps.seen]), axis=-1)
+    unseen = float(np.mean(1 - 1 / np.sqrt(1 + slope**2))) / 2
+    return (
+        "light from below the shape's own horizon that a tilted normal would still see: "
+        f"{100 * unseen:.3g} % of an even light"
+    )
 
 
 def _accuracy(
