@@ -1,7 +1,7 @@
 """A painted ball with one thing wrong in the capture: do the errors of its texels know?
 
     python experiments/texture_misfit.py [--seeds 1] [--clean 3] [--only exposure camera ...]
-        [--unknown] [--middle]
+        [--unknown] [--middle] [--free]
 
 The photographs are those of ``planted.painted``: two paints in a checkerboard that lines up with
 the texels, one lobe, an exact integral, 1 % noise.  The fit is told the clean capture and finds kd
@@ -12,7 +12,7 @@ Intervals and errors are given twice, by the model alone and as stated.
 
 With ``--unknown`` the light is not told: a probe softened by 12 degrees, without a lamp, and lobes
 of sigma .2, once of GGX.  Paint is then in units of its mean.  ``--middle`` takes the middle one of
-the three sizes alone.
+the three sizes alone; with ``--free`` what is named is freed.
 
 Demanded: the truth inside 75 % of the intervals whatever is wrong, inside 90 % where nothing is;
 the right cause first in 90 % of the faults, and none named where nothing is wrong.
@@ -37,6 +37,8 @@ from jaxrender.inverse.texture import (  # noqa: E402
     Regions,
     SurfaceSites,
     TextureEstimate,
+    TextureSettings,
+    UnknownLightSettings,
     under_known_light,
     under_unknown_light,
 )
@@ -129,8 +131,11 @@ def softly_lit(seed: int) -> World:
     return told._replace(environment=environment, irradiance=irradiance, material=material)
 
 
-def fitted(fault: str | None, size: float, seed: int, unknown_light: bool = False) -> Row:
-    """Fit one case."""
+def fitted(
+    fault: str | None, size: float, seed: int, unknown_light: bool = False, free: bool = False
+) -> Row:
+    """Fit one case; ``free`` what the diagnosis names."""
+    what = "auto" if free else ()
     told = softly_lit(seed) if unknown_light else clean(seed)
     case, truth = painted(fault, size, seed, told=told), true_texels()
     assert case.pool.places is not None
@@ -138,11 +143,12 @@ def fitted(fault: str | None, size: float, seed: int, unknown_light: bool = Fals
     sites = sites_of_ball(np.asarray(case.pool.places.points), case.shape)
     material, begun = unknown("microfacet"), time.perf_counter()
     if unknown_light:
-        found = under_unknown_light(case.pool, sites, material)
+        found = under_unknown_light(case.pool, sites, material, UnknownLightSettings(free=what))
         scale = sum(float(np.mean(part[found.seen])) for part in truth)
         truth = truth[0] / scale, truth[1] / scale
     else:
-        found = under_known_light(case.pool, sites, case.light, material)
+        settings = TextureSettings(free=what)
+        found = under_known_light(case.pool, sites, case.light, material, settings)
     lobe = {name: float(np.asarray(told.material.numbers[name])) for name in ("sigma", "mu")}
     return Row(fault, size, found, truth, lobe, time.perf_counter() - begun)
 
@@ -154,6 +160,8 @@ def printed(row: Row) -> None:
     (kd, ks), (before_kd, before_ks) = row.held(exact=False), row.held(exact=True)
     off, before = (np.max(np.abs(row.off(exact))) for exact in (False, True))
     named = " ".join(f"{one.cause} {100 * one.explains:.0f}" for one in found.diagnosis) or "-"
+    if found.calibration is not None:
+        named += f" (freed {', '.join(found.calibration.free)})"
     print(
         f"{row.fault or 'clean':12}{row.size:7.3f}{100 * found.relative_rms:8.2f}{100 * level:7.2f}"
         f"{before_kd:8.2f}{kd:6.2f}{before_ks:8.2f}{ks:6.2f}{before:8.1f}{off:6.1f}{row.seconds:6.0f}"
@@ -170,6 +178,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=tuple(FAULTS))
     parser.add_argument("--unknown", action="store_true")
     parser.add_argument("--middle", action="store_true")
+    parser.add_argument("--free", action="store_true")
     asked = parser.parse_args()
     print("fault          size    left  noise   kd in 90 %    ks in 90 %   largest z     s  named")
     print("                  %       %      %  exact stated  exact stated  exact stated")
@@ -184,7 +193,7 @@ def main() -> None:
             cases += [(name, size, seed) for size in ((middle,) if asked.middle else sizes)]
     rows = []
     for case in cases:
-        rows.append(fitted(*case, unknown_light=asked.unknown))
+        rows.append(fitted(*case, unknown_light=asked.unknown, free=asked.free))
         printed(rows[-1])
         if len(rows) % CASES_A_CACHE == 0:
             jax.clear_caches()

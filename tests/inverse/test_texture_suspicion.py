@@ -288,6 +288,9 @@ def test_what_is_not_freed_with_a_light_is_refused(clean, light):
             under_unknown_light(
                 pool, sites, unknown("microfacet"), UnknownLightSettings(free=(name,))
             )
+    settings = UnknownLightSettings(free="auto", diagnose=False)
+    with pytest.raises(ValueError, match="free='auto' frees what the diagnosis names"):
+        under_unknown_light(pool, sites, unknown("microfacet"), settings)
     with pytest.raises(ValueError, match="nothing is freed with diffuse paint"):
         under_unknown_light(
             pool, sites, unknown("lambertian"), UnknownLightSettings(free=("exposure",))

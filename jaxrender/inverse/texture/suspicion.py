@@ -111,7 +111,7 @@ class LitPixels(NamedTuple):
         return self._replace(
             kd=self.kd + kd.reshape(self.kd.shape),
             ks=self.ks + ks,
-            lobe=self.lobe.with_numbers(self.lobe.numbers | lobe),
+            lobe=self.lobe.with_numbers(lobe),
             light=self.light._replace(coefficients=light),
         )
 

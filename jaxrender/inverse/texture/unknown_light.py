@@ -125,6 +125,10 @@ def under_unknown_light(
             "light, or choose a model of facets"
         )
     check_freed_with_light(settings.free)
+    if settings.free == "auto" and not settings.diagnose:
+        raise ValueError(
+            "free='auto' frees what the diagnosis names: choose diagnose=True, or give names"
+        )
     once = _diffuse if diffuse else _glossy
 
     def found(seen: Observations, freed: tuple[str, ...]) -> TextureEstimate:
