@@ -34,6 +34,8 @@ from jaxrender.geometry import Sphere, SurfacePlaces, SurfaceSamples, observe
 from jaxrender.geometry.texels import sphere_coordinates, texel_sites
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import Observations, Outcome, unknown
+from jaxrender.inverse.calibration import Weighing
+from jaxrender.inverse.nuisances import Corrections, Told
 from jaxrender.inverse.texture import (
     LightCoefficients,
     SiteData,
@@ -46,7 +48,7 @@ from jaxrender.inverse.texture import (
     under_unknown_light,
 )
 from jaxrender.inverse.texture.estimate import TextureEstimate
-from jaxrender.inverse.texture.free_paint_and_light import freed_with_light
+from jaxrender.inverse.texture.free_paint_and_light import FreePaintAndLight, freed_with_light
 from jaxrender.inverse.texture.judgement import Judging, judged
 from jaxrender.inverse.texture.region_lobe import RegionLobe
 from jaxrender.inverse.texture.sites import Regions
@@ -279,6 +281,24 @@ def test_exposures_are_found_with_paint_and_light(clean, light, free):
     np.testing.assert_allclose(off, 0, atol=0.01)
     # No photograph tells the mean: the light would be as much brighter.
     np.testing.assert_allclose(error, 0.05 / np.sqrt(VIEWS), rtol=0.15)
+
+
+def test_paint_and_lobe_answer_to_corrections(clean, light):
+    """From a lobe that is a tenth too wide, two steps come back to the true one."""
+    pool = noisy(clean[0])
+    some = lit_pixels((pool, clean[1]), light)
+    wide = some._replace(lobe=some.lobe.with_numbers({"sigma": 1.1 * SIGMA}))
+    told = Told(some.observations, None, BALL)
+    predicted = some.suspect(BALL, some.observations, pool, NOISE).predicted
+    weighing = Weighing.of(NOISE, NOISE, predicted)
+    capture = FreePaintAndLight(wide, told, ("exposure",), weighing, 100 / predicted)
+    none = Corrections.none(told)
+    first = capture.answered(none, wide)
+    second = capture.corrected(none, first)
+    assert float(second.pixels.lobe.sigma) == pytest.approx(SIGMA, rel=0.02)
+    # Paint keeps its mean: the light answers.
+    kept = [np.mean(one.kd[one.told]) + np.mean(one.ks[one.told]) for one in (wide, second.pixels)]
+    assert kept[1] == pytest.approx(kept[0], rel=1e-6)
 
 
 def test_what_is_not_freed_with_a_light_is_refused(clean, light):
