@@ -84,12 +84,16 @@ def write_blend(contents: Contents, folder: Path, surface: Surface) -> tuple[Par
 
 def _write_mesh(place: Path, mesh: Mesh, turn: float | None) -> None:
     """Write the arrays of a mesh; tangents are those of a brushed surface."""
-    arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "normals": mesh.normals}
+    arrays: dict[str, Any] = {
+        "vertices": mesh.vertices,
+        "faces": mesh.faces,
+        "normals": mesh.normals,
+    }
     if mesh.texture_coordinates is not None:
         arrays["coordinates"] = mesh.texture_coordinates.reshape(-1, 2)
     if turn is not None:
         arrays["tangents"] = tangents(mesh.normals, turn)
-    np.savez(place / "mesh.npz", **{name: np.asarray(one) for name, one in arrays.items()})
+    np.savez(place / "mesh.npz", **arrays)
 
 
 def _shader(place: Path, shader: Shader, number: int) -> dict[str, Any]:
