@@ -240,7 +240,7 @@ def _from_nearby(
     """Search from what neighbours tell where a site ended far from it."""
     assert asked.nearby is not None
     off = np.abs(end.value - asked.nearby.mean) * np.sqrt(asked.nearby.precision)
-    rows = np.flatnonzero((off > _UNLIKE).any(axis=1)[measured.site])
+    rows = np.flatnonzero(np.any(off > _UNLIKE, axis=1)[measured.site])
     if not len(rows):
         return []
     start = np.clip(asked.nearby.mean, *asked.bounds)
