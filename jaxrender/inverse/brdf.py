@@ -137,6 +137,7 @@ def fit_brdf(
             "solve.interreflection out"
         )
     problem = Problem.of(unknowns, observations.radiance.shape[1])
+    check_free_numbers(problem)
     check_enough(observations, problem)
     task = MaterialTask(problem, variant, observations, light, settings, concave(shape), stage)
     if by_frequency(variant, light):
@@ -256,12 +257,21 @@ def _nodes_a_sample(nodes: tuple[LightNodes | FrameNodes, ...]) -> int:
     return sum(part.directions.shape[-2] for part in nodes)
 
 
+def check_free_numbers(problem: Problem) -> None:
+    """Raise ``ValueError`` where nothing is unknown."""
+    if _count_free(problem) == 0:
+        raise ValueError("all numbers are fixed, and nothing is left to find: free one of them")
+
+
 def check_enough(observations: Observations, problem: Problem) -> None:
     """Raise ``ValueError`` for fewer measurements than the unknowns need."""
-    measured = observations.radiance.size
-    unknown = len(problem.unknowns.names) + problem.mix.shape[1]
+    measured, unknown = observations.radiance.size, _count_free(problem)
     if measured < max(10, 2 * unknown):
         raise ValueError(
             f"{observations.count} samples cannot determine {unknown} unknowns: "
             "use more photographs, a lower samples.min_cosine, or a smaller capture.erode"
         )
+
+
+def _count_free(problem: Problem) -> int:
+    return len(problem.unknowns.names) + problem.mix.shape[1]

@@ -65,6 +65,13 @@ CASES = {
         ["brdf.sigma={start: 2.0}"],
         r"^brdf\.sigma: start 2\.0 is outside \[0\.01, 1\.0\]$",
     ),
+    "nothing free": (
+        nothing,
+        [
+            "brdf={kd: {fixed: 0.2}, ks: {fixed: 0.1}, sigma: {fixed: 0.2}, mu: {fixed: 1.5}}",
+        ],
+        r"^brdf: all numbers are fixed, and nothing is left to find: free one of them$",
+    ),
     "no light": (nothing, ["lighting={}"], r"no light given; lighting needs one of environment"),
     # Samples.
     "fewer samples than unknowns": (
