@@ -184,12 +184,14 @@ def test_exposures_are_named_and_in_the_errors(clean, light):
     assert np.all(found.light.standard_error >= 0.01 * np.abs(found.light.coefficients[0, 0]) / 2)
 
 
+@pytest.mark.slow
 def test_an_object_that_lies_elsewhere_is_named(light):
     found = judge(photographs(Sphere(np.array([0.012, -0.007, 0.01])), paint=smooth), light)
     assert found.outcome is Outcome.MISFIT
     assert found.diagnosis[0].cause == "object"
 
 
+@pytest.mark.slow
 def test_another_lobe_is_named(light):
     other = material_named("ggx", {"kd": LOBE.kd, "ks": LOBE.ks, **LOBE.numbers})
     assert judge(photographs(lobe=other), light).diagnosis[0].cause == "lobe"
