@@ -62,7 +62,7 @@ def test_sigma_and_normals_are_maps(mapped):
     leaning = LEANING.normals_of(places(), places()) - places()
     away = np.linalg.norm(maps["normal_offset"].reshape(-1, 3) - leaning, axis=1)
     good = np.degrees(maps["normal_error"].ravel()) < 0.5
-    assert good.sum() > 100
+    assert good.sum() > 80
     # Over a texel the tilt itself changes by a third of a degree.
     assert np.degrees(np.median(away[good])) < 0.5
     assert np.degrees(np.median(np.linalg.norm(leaning[good], axis=1))) > 2
