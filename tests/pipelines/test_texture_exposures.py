@@ -1,6 +1,7 @@
 """``task: texture`` of photographs whose exposures differ.
 
 - Exposures that differ are named, and found with the paint where they are freed.
+- So are they with paint and light.
 - What a texture cannot free is refused in words.
 """
 
@@ -8,7 +9,8 @@ import json
 
 import numpy as np
 import pytest
-from painted_captures import CHECKER, DIFFUSE, write_config, write_painted
+from painted_captures import CHECKER, DIFFUSE, SOURCES, soft_light, write_config, write_painted
+from small_captures import MU, SIGMA
 from texture_runs import DIFFUSE_TASK, TASK, arrays, run
 
 from jaxrender.errors import InputError
@@ -17,11 +19,13 @@ from jaxrender.pipelines import load_run_config
 
 PAINTS = {"ball": CHECKER, "diffuse": DIFFUSE}
 GAINS = np.exp(0.08 * np.random.default_rng(1).normal(size=9))
+# The light is not told.
+SOFT_TASK = "task: texture\ntexture: {size: 16}\nsolve: {free: auto}\n"
 
 
-def with_gains(paint, folder):
+def with_gains(paint, folder, sources=SOURCES):
     """Write a capture, and let its exposures differ."""
-    write_painted(folder, paint)
+    write_painted(folder, paint, sources=sources)
     for path, gain in zip(sorted((folder / "images").iterdir()), GAINS):
         image = read_image(path)
         colour = gain * image.pixels
@@ -68,6 +72,29 @@ def test_exposures_are_found_with_the_paint(paint, text, tmp_path):
     assert np.median(predicted[inside] / photograph[inside]) == pytest.approx(1, abs=0.01)
     frames = json.loads((folder / "capture.json").read_text(encoding="utf-8"))["frames"]
     np.testing.assert_allclose([frame["exposure"] for frame in frames], np.exp(exposure))
+    assert "What was freed" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_exposures_are_found_with_paint_and_light(tmp_path):
+    capture = with_gains(CHECKER, tmp_path / "capture", soft_light())
+    folder, result = run(capture, SOFT_TASK, lighting="")
+    assert (result["outcome"], result["diagnosis"]) == ("converged", [])
+    assert result["calibration"]["free"] == ["exposure"]
+    exposure = np.array(result["calibration"]["nuisances"]["exposure"]["value"]) / 100
+    # What all of them share is the light's.
+    np.testing.assert_allclose(exposure, np.log(GAINS) - np.log(GAINS).mean(), atol=0.015)
+    for name, truth in (("sigma", SIGMA), ("mu", MU)):
+        assert abs(result["brdf"][name] - truth) < 3.5 * result["standard_error"][name]
+        assert result["standard_error"][name] < 0.05 * truth
+    frames = json.loads((folder / "capture.json").read_text(encoding="utf-8"))["frames"]
+    np.testing.assert_allclose([frame["exposure"] for frame in frames], np.exp(exposure))
+    photograph, predicted = (
+        read_image(path).pixels
+        for path in (capture / "images/2.exr", folder / "images/2_predicted.exr")
+    )
+    inside = photograph.sum(axis=-1) > 0.2 * photograph.max()
+    assert np.median(predicted[inside] / photograph[inside]) == pytest.approx(1, abs=0.015)
     assert "What was freed" in (folder / "report.html").read_text(encoding="utf-8")
 
 
