@@ -9,7 +9,7 @@ from jaxrender.brdf import BRDF, Parametric, material_named
 from jaxrender.errors import InputError
 from jaxrender.geometry import Shape
 from jaxrender.inverse import KnownLight, Observations
-from jaxrender.inverse.brdf import check_enough, check_free_numbers
+from jaxrender.inverse.brdf import check_enough
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.leverage import draw, leverage, sharpness
 from jaxrender.pipelines.clock import Clock
@@ -59,8 +59,6 @@ def check_samples(config: RunConfig, evidence: Evidence) -> None:
     drawn = config.samples.count
     usable = sum(int(np.count_nonzero(p.selection.usable)) for p in photographs)
     problem = Problem.of(unknowns_of(config, len(photographs)), observations.radiance.shape[1])
-    with fault_of("brdf"):
-        check_free_numbers(problem)
     with fault_of(f"samples.count is {drawn}, and {usable} pixels are usable"):
         check_enough(observations, problem)
     if config.solve.refine == "exact" and config.refine_count < observations.count:

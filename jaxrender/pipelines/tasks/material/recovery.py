@@ -10,8 +10,10 @@ import numpy as np
 
 from jaxrender.brdf import BRDF, Bank, Glossy, Parametric
 from jaxrender.inverse import BRDFFit, KnownLight, fit_brdf
+from jaxrender.inverse.brdf import check_free_numbers
 from jaxrender.inverse.brdf_table import check_correctable, correct_by_table
 from jaxrender.inverse.comparison import Candidate, Comparison, compare_models
+from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.forecast import forecast_of_fit
 from jaxrender.inverse.prepared_light import PreparedLight, prepare_light
 from jaxrender.inverse.variants import fit_variants
@@ -260,4 +262,13 @@ def _compared(config: RunConfig, evidence: Evidence, clock: Clock) -> Comparison
         )
 
 
-TASK = Task(draw_samples, check_samples, would_fit, recover_material, brdf_of_run, subject_of_run)
+def _check(config: RunConfig, evidence: Evidence) -> None:
+    """Refuse a material of which nothing is free, and samples that no fit can be made from."""
+    channels = evidence.observations.radiance.shape[1]
+    with fault_of("brdf"):
+        unknowns = unknowns_of(config, len(evidence.photographs))
+        check_free_numbers(Problem.of(unknowns, channels))
+    check_samples(config, evidence)
+
+
+TASK = Task(draw_samples, _check, would_fit, recover_material, brdf_of_run, subject_of_run)
