@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
@@ -26,6 +27,8 @@ _RESIDUAL_UNIT = 1e4
 # A search ends when a step moves the variables by less than this, and the residuals in that unit:
 # by a few millionths of what is measured.  Rounding of single precision hides that much.
 _LAST_STEP = {"float64": 0.03, "float32": 0.3}
+# Costs that differ by so many roundings are the same.
+_ROUNDINGS = 8
 _SIMPLEX_STEPS = 600
 _BOX_SWEEPS = 200
 # More unknowns than this are not left to coordinate descent.
@@ -70,9 +73,10 @@ def least_squares(
         left, aux = residuals(point, args)
         return _RESIDUAL_UNIT * left, (left, aux)
 
+    solver = optx.LevenbergMarquardt(rtol=0.0, atol=last, linear_solver=linear)
     found = optx.least_squares(
         enlarged,
-        optx.LevenbergMarquardt(rtol=0.0, atol=last, linear_solver=linear),
+        eqx.tree_at(lambda own: own.search, solver, _UpToRounding(solver.search)),
         start,
         args,
         has_aux=True,
@@ -82,6 +86,29 @@ def least_squares(
     )
     # ``found.aux`` is of the step before the last.
     return _solution(found, *found.state.aux)
+
+
+class _UpToRounding(optx.AbstractSearch):
+    """Accept a step that changes the cost by no more than its rounding, too.
+
+    A search ends at a step that was accepted.  At the minimum, rounding decides whether the cost
+    falls, and steps would be tried again and again.
+    """
+
+    search: optx.AbstractSearch
+
+    def init(self, y, f_info_struct):
+        """Begin as the search itself does."""
+        return self.search.init(y, f_info_struct)
+
+    def step(self, first_step, y, y_eval, f_info, f_eval_info, state):
+        """Accept what the search itself accepts, and what is the same."""
+        size, accept, result, state = self.search.step(
+            first_step, y, y_eval, f_info, f_eval_info, state
+        )
+        before, after = f_info.as_min(), f_eval_info.as_min()
+        same = jnp.abs(after - before) <= _ROUNDINGS * jnp.finfo(before.dtype).eps * before
+        return size, accept | same, result, state
 
 
 def simplex(

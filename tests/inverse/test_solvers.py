@@ -7,6 +7,7 @@
 - Levenberg-Marquardt ends where SciPy's does; the simplex ends there too.
 - jaxopt, which is archived upstream, is imported by nothing but the box-bounded quadratic.
 - A search without unknowns is its start; one that runs out of steps says so.
+- One that begins at the minimum ends at once, whatever rounding makes of the cost.
 """
 
 import subprocess
@@ -198,3 +199,17 @@ def test_a_search_that_cannot_end_says_so():
     # exp(-x) has no minimum: the search walks on until its steps are used up.
     found = solvers.least_squares(lambda point, args: jnp.exp(-1e-3 * point), jnp.zeros(1), None)
     assert not bool(found.converged)
+
+
+def test_a_search_from_the_minimum_ends_at_once():
+    def left(point, data):
+        return (data[1] - jnp.exp(data[0] @ point)) / np.sqrt(len(data[1]))
+
+    search, steps = jax.jit(lambda start, data: solvers.least_squares(left, start, data)), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        where = rng.uniform(-1, 1, (3000, 2))
+        noisy = np.exp(where @ [0.3, 0.5]) * (1 + 0.1 * rng.normal(size=3000))
+        data = jnp.asarray(where), jnp.asarray(noisy)
+        steps.append(int(search(search(jnp.zeros(2), data).point, data).steps))
+    assert max(steps) <= 2
