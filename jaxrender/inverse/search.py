@@ -125,7 +125,7 @@ def _settle(
     return None
 
 
-@stored(jax.jit, effort="less")
+@stored(jax.jit, effort="more")
 def _condense_about(
     problem: Problem, model: Model, data: Data, point: Float[Array, "unknown"]
 ) -> tuple[LinearisedModel, Data]:
@@ -134,7 +134,7 @@ def _condense_about(
         return condense(LinearisedModel.about(model, physical.numbers, free), data)
 
 
-@stored(jax.jit, effort="least")
+@stored(jax.jit, effort="less")
 def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
     """Say what a model predicts, and the cost, where a fit on condensed columns ended."""
     predicted = problem.predict(model, data, fit.solution.point, fit.linear)
@@ -146,7 +146,7 @@ def _evaluate(problem: Problem, model: Model, data: Data, fit: Fit) -> Fit:
 # Everything passed is arrays and static fields, so that plain jit will do; a call of it costs a
 # tenth of filter_jit's, of which a warm search would else be half.  No argument has a default: one
 # that is left out would make another program than one that is stated.
-@stored(partial(jax.jit, static_argnames=("method", "thinning")), effort="less")
+@stored(partial(jax.jit, static_argnames=("method", "thinning")), effort="more")
 def _search(
     problem: Problem,
     model: Model,
