@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 
+from jaxrender.imaging import NoiseModel
 from jaxrender.inverse.calibration import (
     Calibrated,
     Examined,
@@ -51,7 +52,8 @@ def examine(task: MaterialTask, told: Told, pool: Observations, stop: Stop) -> E
     if examined.calibration is None:
         return examined
     with task.stage("calibration"):
-        ended = finish(task, told, Calibrated(examined.end, examined.calibration))
+        calibrated = Calibrated(examined.end, examined.calibration)
+        ended = finish(task, told, calibrated, _noise_of_pixels(examined))
     finished = dataclasses.replace(examined, end=ended.stop, calibration=ended.found)
     return _examined(task, told, pool, finished)
 
@@ -61,11 +63,15 @@ def _freed(
 ) -> Examined[Stop]:
     """Free some nuisances."""
     stop, before = examined.end, examined.calibration
-    noise = stop.noise if examined.misfit is None else examined.misfit.noise
     so_far = None if before is None else before.corrections
     with task.stage("calibration"):
-        calibrated = calibrate(task, told, stop, free, noise, so_far)
+        calibrated = calibrate(task, told, stop, free, _noise_of_pixels(examined), so_far)
     return Examined(calibrated.stop, calibration=calibrated.found)
+
+
+def _noise_of_pixels(examined: Examined[Stop]) -> NoiseModel:
+    """Take that between neighbours; where these tell none, what the fit ended with."""
+    return examined.end.noise if examined.misfit is None else examined.misfit.noise
 
 
 def _examined(

@@ -6,6 +6,7 @@ off by 3 percent.  Lamps are points, so that nothing of the fit's integrals is u
 - Freed by name, exposures and nearness are found within their errors, and the material with them;
   without, it is many of its own errors off, and with ``auto`` the diagnosis finds the way.
 - A blur is found with the material, and light and pixels stay as they were told.
+- Found on a part of the samples, it is what all of them say.
 - A capture in which nothing is wrong stays as it is, and its errors hold the priors of what the
   photographs cannot tell.
 - What cannot be freed is refused by its name; what cannot be told apart is said.
@@ -31,7 +32,7 @@ from jaxrender.geometry import (
 )
 from jaxrender.imaging import NoiseModel
 from jaxrender.inverse import FitSettings, KnownLight, Observations, Outcome, fit_brdf, unknowns_of
-from jaxrender.inverse.calibration import Weighing, check_free
+from jaxrender.inverse.calibration import Weighing, capture, check_free
 from jaxrender.inverse.diagnosis.blurring import softening
 from jaxrender.inverse.diagnosis.grounds import Grounds
 from jaxrender.inverse.diagnosis.light_parts import LightParts
@@ -216,6 +217,20 @@ def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean)
     # No photograph tells the mean exposure: its prior is 5 percent, over so many photographs.
     assert np.all(after.kd / BRDF.kd == pytest.approx(0.05 / np.sqrt(VIEWS), rel=0.1))
     assert any("exposure and the material cannot be told apart" in r for r in fit.reasons)
+
+
+def test_what_is_found_on_a_part_of_the_samples_is_as_good_as_on_all(wrong, monkeypatch):
+    """The errors that are stated are those of all, so that the end is to be theirs, too."""
+    whole = fitted(wrong, ("exposure", "nearness"), diagnose=False)
+    monkeypatch.setattr(capture, "_SAMPLES", 100)
+    monkeypatch.setattr(capture, "_WORK", 0)
+    part = fitted(wrong, ("exposure", "nearness"), diagnose=False)
+    here, there = part.calibration, whole.calibration
+    for name in here.free:
+        np.testing.assert_allclose(here.errors[name], there.errors[name], rtol=0.05)
+        apart = (here.corrections.of(name) - there.corrections.of(name)) / there.errors[name]
+        assert np.all(np.abs(apart) < 0.05)
+    np.testing.assert_allclose(off(part)["sigma"], off(whole)["sigma"], atol=0.2)
 
 
 def test_what_cannot_be_told_apart_is_said(clean):

@@ -143,6 +143,13 @@ def _searched(capture: Capture[State], now: State) -> tuple[State, bool]:
     return now, False
 
 
+def last_step(columns: Columns, corrections: Corrections, strength: float) -> Corrections | None:
+    """Correct once more, where columns are of more samples; None where nothing is gained."""
+    free = tuple(dict.fromkeys(columns.names.tolist()))
+    step = equations_of(columns, corrections, free, strength).step(0.0)
+    return _moved(corrections, step) if step.gain >= _LEAST_GAIN else None
+
+
 def _moved(corrections: Corrections, step: Step) -> Corrections:
     """Take a step, no further than bounds allow."""
     for name, by in step.by.items():
