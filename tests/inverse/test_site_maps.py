@@ -114,7 +114,7 @@ def test_the_equations_are_derivatives_of_chi_squared(world, prior):
 
     def at(value, by=()):
         model = ExactModel(LOBE, samples, nodes).take
-        (part,) = parts_of(measured, model, asked, value, measured.radiance, by)
+        (part,) = parts_of(measured, model, asked, value, measured.radiance, by, np.float64)
         return part, np.asarray(chi_squared(part.near, part.data, prior, expected, part.value)[0])[
             : measured.count
         ]

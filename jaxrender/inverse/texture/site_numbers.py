@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -22,6 +23,7 @@ from jaxrender.inverse.texture.forward import ModelOf
 from jaxrender.inverse.texture.site_detail import Tiltable, with_normals_of
 from jaxrender.inverse.texture.varying import SigmaMap
 from jaxrender.inverse.unknowns import Physical, Unknowns
+from jaxrender.programs import stored
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 # What may be a map of facets, beside a coloured K_s, and the numbers that it has at each site.
@@ -212,8 +214,13 @@ def tangents_of(
     )
     unseen = ~np.any(sums, axis=1)
     sums[unseen] = [0.0, 0.0, 1.0]
-    frames = np.asarray(world_from_local(_unit(jnp.asarray(sums))))
-    return np.swapaxes(frames[:, :, :2], 1, 2)
+    return np.asarray(_tangents(jnp.asarray(sums)))
+
+
+@stored(jax.jit, effort="least")
+def _tangents(normals: Float[Array, "site 3"]) -> Float[Array, "site 2 3"]:
+    """Choose two tangents, of normals of any length."""
+    return jnp.swapaxes(world_from_local(_unit(normals))[:, :, :2], 1, 2)
 
 
 def with_normals(

@@ -8,8 +8,9 @@ ends of a share of metal.
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,6 +43,9 @@ _BAD, _NO_CHANCE = 2.5, 5.0
 # A search ends where no step would lower a site's chi-squared by more than this.
 _GAIN, _STEPS = 0.05, 10
 _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
+
+
+_Values = TypeVar("_Values")
 
 
 class Asked(NamedTuple):
@@ -261,10 +265,12 @@ def parts_of(
     value: Float[np.ndarray, "site number"],
     weigh: Float[np.ndarray, "sample channel"],
     by: tuple[str, ...],
+    dtype: type[np.floating] = np.float32,
 ) -> Iterator[Part]:
     """Go through a surface, and linearise ``by`` some numbers about the ``value`` of each site.
 
-    Observations have the weights of the radiance ``weigh``.
+    Observations have the weights of the radiance ``weigh``.  The model is evaluated in single
+    precision: what that rounds is far below noise, and its programs run nearly twice as fast.
     """
     scale, done = float(np.sqrt(np.mean(measured.radiance**2))) or 1.0, 0
     enough = [length for length in _LENGTHS if length >= len(measured.site)]
@@ -280,15 +286,27 @@ def parts_of(
         if "tilt_x" in asked.names:
             assert isinstance(model, Tiltable)
             normals = np.asarray(model.samples.normals, float)[:kept]
-            axes = tangents_of(normals, part.site[:kept], len(chunk.sites))
+            # Of as many sites in every chunk, so that one program does for all.
+            axes = tangents_of(normals, part.site[:kept], part.count)[: len(chunk.sites)]
             model = TiltedModel(model, axes[part.site])
         more = np.repeat(value[chunk.sites[-1:]], part.count - len(chunk.sites), axis=0)
         own = np.concatenate([value[chunk.sites], more])
+        given = _in_precision(dtype, (model, asked.numbers(own[part.site])))
         with jax.default_matmul_precision("highest"):
-            near = LinearisedModel.about(model, asked.numbers(own[part.site]), by)
+            near = _in_precision(own.dtype, LinearisedModel.about(*given, by))
         data = SiteData(part.radiance, weights, part.site, part.count)
         expected = asked.expected_at(chunk.sites, part.count)
         yield Part(chunk.sites, rows, kept, near, data, own, axes, expected)
+
+
+def _in_precision(dtype: np.dtype | type, values: _Values) -> _Values:
+    """Convert the real arrays of a tree."""
+    dtype = jax.dtypes.canonicalize_dtype(dtype)
+
+    def converted(leaf: object) -> object:
+        return jnp.asarray(leaf, dtype) if eqx.is_inexact_array_like(leaf) else leaf
+
+    return jax.tree.map(converted, values)
 
 
 def _step(
