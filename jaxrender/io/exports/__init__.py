@@ -10,8 +10,8 @@
     glTF 2.0 and GLB, and what they hold of a material, as a BRDF
 ``anisotropy``
     brushed surfaces: widths, tangents, and what Mitsuba makes of them
-``environments`` ``harmonics``
-    the light alone, as pictures and as coefficients
+``environments`` ``ktx`` ``harmonics``
+    the light alone, as pictures, as one texture, and as coefficients
 ``materialx``
     OpenPBR's material, and glTF's, as MaterialX has them
 ``usd``

@@ -1,4 +1,4 @@
-"""Light around the object as pictures: EXR, Radiance HDR, and the six faces of a cube.
+"""Light around the object as pictures: EXR, Radiance HDR, the six faces of a cube, and KTX 2.
 
 The panoramas are latitude-longitude with z up, seen from within: +x in the middle, +y left of it.
 Faces are those of OpenGL and Vulkan with y up, where (x, y, z) of the world is (x, z, -y): ``px``
@@ -13,11 +13,12 @@ import numpy as np
 from jaxrender.harmonics import looked_up, over_poles
 from jaxrender.io.exports.contents import Contents, Part
 from jaxrender.io.exports.gltf import ENVIRONMENT, facing_panorama
+from jaxrender.io.exports.ktx import ktx_of_faces
 from jaxrender.io.images import write_image
 from jaxrender.lighting import Environment
 from jaxrender.shapes import Float
 
-RADIANCE = "environment.hdr"
+RADIANCE, CUBE = "environment.hdr", "environment.ktx2"
 # Right, down and ahead of each face, in axes with y up (OpenGL, table of cube map faces).
 FACES = {
     "px": ((0, 0, -1), (0, -1, 0), (1, 0, 0)),
@@ -48,7 +49,10 @@ def write_environment_pictures(contents: Contents, folder: Path) -> tuple[Part, 
         Part(ENVIRONMENT, f"radiance, float: {_LATLONG}"),
         Part(RADIANCE, f"the same, 8 bits and a shared exponent: {_LATLONG}"),
     ]
-    for name, face in cube_faces(contents.environment).items():
+    faces = cube_faces(contents.environment)
+    (folder / CUBE).write_bytes(ktx_of_faces(faces))
+    parts.append(Part(CUBE, "the faces below as one texture: KTX 2.0, not compressed, one level"))
+    for name, face in faces.items():
         write_image(folder / f"{name}.exr", face)
         about = f"face {name} of a cube with y up (world z), as OpenGL names it; linear RGB"
         parts.append(Part(f"{name}.exr", about))

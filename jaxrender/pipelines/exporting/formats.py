@@ -320,7 +320,7 @@ FORMATS: dict[str, ExportFormat] = {
         "the material as a file of the MERL database (.binary)", (MATERIAL,), _merl
     ),
     "environment": ExportFormat(
-        "the light around the object as EXR, Radiance HDR and six faces of a cube",
+        "the light around the object as EXR, Radiance HDR, KTX 2 and six faces of a cube",
         (_ENVIRONMENT,),
         _environment,
     ),
