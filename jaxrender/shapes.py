@@ -32,17 +32,31 @@ from jaxtyping import AbstractArray, Array, Bool, Complex, Float, Int, jaxtyped
 
 AnyArray = jax.Array | np.ndarray
 
+_Function = TypeVar("_Function", bound=Callable)
+_Values = TypeVar("_Values")
+
 
 def as_jax(values: np.ndarray | Array, dtype: np.dtype | None = None) -> Array:
     """Copy a host array to JAX, where ``jnp.asarray`` would compile a program for every shape."""
     return jax.device_put(np.array(values, dtype))
 
 
+def in_precision(dtype: type[np.floating] | np.dtype, values: _Values) -> _Values:
+    """Convert the arrays of real numbers in a tree, to single precision for example."""
+    # Without 64 bits JAX knows no double precision.
+    kept = jax.dtypes.canonicalize_dtype(dtype)
+
+    def converted(leaf: Any) -> Any:
+        real = isinstance(leaf, AnyArray) and jnp.issubdtype(leaf.dtype, jnp.floating)
+        return jnp.asarray(leaf, kept) if real else leaf
+
+    return jax.tree.map(converted, values)
+
+
 Directions = Float[AnyArray, "*batch 3"]
 Coefficients = Float[AnyArray, "coefficient channel"]
 ImageArray = Float[AnyArray, "row column channel"]
 
-_Function = TypeVar("_Function", bound=Callable)
 _HALF = (jnp.float16, jnp.bfloat16)
 _NUMBERS = "biufc"
 

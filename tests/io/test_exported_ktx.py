@@ -63,8 +63,7 @@ def test_a_cube_is_what_its_faces_are(brightest, code, length, error):
     for name, face in zip(FACE_ORDER, found.texels):
         np.testing.assert_allclose(face[..., :3], given[name], rtol=error)
     np.testing.assert_array_equal(found.texels[..., 3], 1)
-    assert found.pairs["KTXorientation"] == "rd"
-    assert found.pairs["KTXwriter"].startswith("jaxrender ")
+    assert found.pairs == {"KTXorientation": "rd", "KTXwriter": "jaxrender"}
     assert list(found.pairs) == sorted(found.pairs)
 
 

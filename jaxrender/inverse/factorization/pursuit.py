@@ -14,10 +14,11 @@ only the order counts: they are held in single precision, which takes half the t
 """
 
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxrender.inverse.factorization.blocks import Measured, in_blocks
 from jaxrender.inverse.factorization.projection import Solved, lobes_of, mixed, reduced_system
@@ -28,9 +29,7 @@ from jaxrender.inverse.factorization.response import (
     specular_share,
 )
 from jaxrender.programs import stored
-from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
-
-_Tree = TypeVar("_Tree")
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, in_precision
 
 # A direction that the columns already there explain but for this part has nothing to add.
 _NOTHING_LEFT = 1e-3
@@ -85,7 +84,7 @@ def _pursue(
 ) -> Pursued:
     with jax.default_matmul_precision("highest"):
         sources = Guess(guess.specular_logit, guess.sigma, guess.mu, jnp.asarray(towards))
-        candidates = _pair(_narrow(response), _narrow(sources), seen)
+        candidates = _pair(*in_precision(np.float32, (response, sources)), seen)
         share = specular_share(guess)
         columns = mixed(response.columns_of(jnp.asarray(passed), guess), share)
         channels = _prepare(columns, solved, guess, measured, candidates)
@@ -154,14 +153,4 @@ def _prepare(
         return _Channel(sources, inside, (weights * left) @ sources, free)
 
     each = (columns, weights, left, specular_share(guess), solved.normal)
-    return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(*map(_narrow, each))
-
-
-def _narrow(tree: _Tree) -> _Tree:
-    """Cast every array of real numbers to single precision."""
-
-    def cast(values: Array) -> Array:
-        real = jnp.issubdtype(jnp.result_type(values), jnp.floating)
-        return jnp.asarray(values, jnp.float32) if real else values
-
-    return jax.tree.map(cast, tree)
+    return jax.vmap(of_channel, in_axes=(0, 1, 1, 0, 0))(*in_precision(np.float32, each))

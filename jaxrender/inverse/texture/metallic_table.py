@@ -27,7 +27,7 @@ from jaxrender.inverse.shadowing import nodes_seen
 from jaxrender.lighting import LightNodes
 from jaxrender.programs import stored
 from jaxrender.reflection import FrameNodes
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Float, Int, in_precision
 
 # Steps of the table in the logarithm of the roughness: a highlight is right to 1e-3 of its peak.
 _STEP = 0.15
@@ -183,13 +183,9 @@ def _reflected(
     roughness: Float[AnyArray, ""],
     metallic: Float[AnyArray, ""],
     index: Float[AnyArray, ""],
-) -> tuple[Float[Array, "sample channel"], ...]:
-    numbers = {"roughness": roughness, "metallic": metallic, "ior": index}
+) -> tuple[Float[AnyArray, "sample channel"], ...]:
+    given = {"roughness": roughness, "metallic": metallic, "ior": index}
+    numbers = {name: jnp.asarray(value) for name, value in given.items()}
     # Sums of many terms, all positive: single precision loses nothing that the noise would not.
-    single = jax.tree.map(_single, (model, numbers))
+    single = in_precision(np.float32, (model, numbers))
     return single[0].columns(single[1]).parts
-
-
-def _single(part: AnyArray) -> Array:
-    part = jnp.asarray(part)
-    return part.astype(jnp.float32) if jnp.issubdtype(part.dtype, jnp.floating) else part

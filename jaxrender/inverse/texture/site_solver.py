@@ -8,9 +8,8 @@ ends of a share of metal.
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,7 +30,7 @@ from jaxrender.inverse.texture.site_numbers import NUMBERS, TiltedModel, tangent
 from jaxrender.inverse.texture.site_sums import SiteMaterial
 from jaxrender.inverse.unknowns import Unknowns
 from jaxrender.inverse.weights import deviations
-from jaxrender.shapes import Array, Bool, Float, Int
+from jaxrender.shapes import Array, Bool, Float, Int, in_precision
 
 # The integrals' own errors are noise as well: without them what is dark would decide on normals.
 LEAST_NOISE = 1e-3
@@ -43,9 +42,6 @@ _BAD, _NO_CHANCE = 2.5, 5.0
 # A search ends where no step would lower a site's chi-squared by more than this.
 _GAIN, _STEPS = 0.05, 10
 _FIRST_DAMPING, _DAMPED_MORE, _UNDAMPED = 1e-2, 10.0, 1e-3
-
-
-_Values = TypeVar("_Values")
 
 
 class Asked(NamedTuple):
@@ -291,22 +287,12 @@ def parts_of(
             model = TiltedModel(model, axes[part.site])
         more = np.repeat(value[chunk.sites[-1:]], part.count - len(chunk.sites), axis=0)
         own = np.concatenate([value[chunk.sites], more])
-        given = _in_precision(dtype, (model, asked.numbers(own[part.site])))
+        given = in_precision(dtype, (model, asked.numbers(own[part.site])))
         with jax.default_matmul_precision("highest"):
-            near = _in_precision(own.dtype, LinearisedModel.about(*given, by))
+            near = in_precision(own.dtype, LinearisedModel.about(*given, by))
         data = SiteData(part.radiance, weights, part.site, part.count)
         expected = asked.expected_at(chunk.sites, part.count)
         yield Part(chunk.sites, rows, kept, near, data, own, axes, expected)
-
-
-def _in_precision(dtype: np.dtype | type, values: _Values) -> _Values:
-    """Convert the real arrays of a tree."""
-    dtype = jax.dtypes.canonicalize_dtype(dtype)
-
-    def converted(leaf: object) -> object:
-        return jnp.asarray(leaf, dtype) if eqx.is_inexact_array_like(leaf) else leaf
-
-    return jax.tree.map(converted, values)
 
 
 def _step(

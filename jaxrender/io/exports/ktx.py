@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from jaxrender import __version__
 from jaxrender.shapes import Float
 
 # The order in which a file holds the faces.
@@ -71,7 +70,7 @@ def _descriptor(dtype: np.dtype) -> bytes:
 def _pairs() -> bytes:
     """Say that rows go right and down, as those of cubes do, and who wrote the file."""
     found = b""
-    for key, value in (("KTXorientation", "rd"), ("KTXwriter", f"jaxrender {__version__}")):
+    for key, value in (("KTXorientation", "rd"), ("KTXwriter", "jaxrender")):
         pair = f"{key}\0{value}\0".encode()
         found += struct.pack("<I", len(pair)) + pair + bytes(-len(pair) % 4)
     return found
