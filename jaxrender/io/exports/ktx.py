@@ -13,8 +13,8 @@ import numpy as np
 
 from jaxrender.shapes import Float
 
-# The order in which a file holds the faces.
-FACE_ORDER = ("px", "nx", "py", "ny", "pz", "nz")
+# In the order in which a file holds them.
+_FACES = ("px", "nx", "py", "ny", "pz", "nz")
 _IDENTIFIER = bytes([0xAB]) + b"KTX 20" + bytes([0xBB]) + b"\r\n\x1a\n"
 # VK_FORMAT_R16G16B16A16_SFLOAT and VK_FORMAT_R32G32B32A32_SFLOAT.
 _FORMATS = {np.dtype("<f2"): 97, np.dtype("<f4"): 109}
@@ -30,7 +30,7 @@ def ktx_of_faces(faces: Mapping[str, Float[np.ndarray, "row row channel"]]) -> b
 
     Raises ``ValueError`` for radiance that is not finite.
     """
-    in_order = [np.asarray(faces[name]) for name in FACE_ORDER]
+    in_order = [np.asarray(faces[name]) for name in _FACES]
     texels = np.stack([np.broadcast_to(face, (*face.shape[:2], 3)) for face in in_order])
     if not np.all(np.isfinite(texels)):
         raise ValueError("radiance is not finite: a cube of it cannot be written")
@@ -44,9 +44,7 @@ def ktx_of_faces(faces: Mapping[str, Float[np.ndarray, "row row channel"]]) -> b
     start = at + len(described) + len(told)
     # A level begins at a multiple of its texels' bytes.
     gap = -start % (4 * dtype.itemsize)
-    head = struct.pack(
-        "<9I", _FORMATS[dtype], dtype.itemsize, size, size, 0, 0, len(FACE_ORDER), 1, 0
-    )
+    head = struct.pack("<9I", _FORMATS[dtype], dtype.itemsize, size, size, 0, 0, len(_FACES), 1, 0)
     parts = struct.pack("<4I2Q", at, len(described), at + len(described), len(told), 0, 0)
     index = struct.pack("<3Q", start + gap, len(level), len(level))
     return b"".join([_IDENTIFIER, head, parts, index, described, told, bytes(gap), level])
