@@ -14,7 +14,6 @@ Blender (``docs/guide/install.md``).
 
 import argparse
 import json
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -94,16 +93,9 @@ def material(bpy):
     return found
 
 
-def run(*command: str | Path) -> float:
-    """Run one command, shown as it is typed; returns its seconds."""
-    print("$ jaxrender", *command, flush=True)
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "jaxrender", *map(str, command)], check=True)
-    return time.perf_counter() - start
-
-
 def main() -> None:
     import scenes
+    from commands import run
 
     from jaxrender.io import write_image
     from jaxrender.io.exports import facing_panorama, run_in_blender

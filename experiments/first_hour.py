@@ -11,14 +11,12 @@ times are printed with what was recovered beside the truth.
 
 import argparse
 import json
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import mitsuba_scenes
 import numpy as np
 import scenes
+from commands import run
 from PIL import Image
 from scipy import ndimage
 
@@ -118,14 +116,6 @@ def write_folder(folder: Path, probe: str, views: int, size: int, spp: int) -> N
     intrinsics |= {"cx": size / 2, "cy": size / 2, "k1": K1, "k2": K2, "p1": P1, "p2": P2}
     document = {**intrinsics, "applied_transform": APPLIED.tolist(), "frames": frames}
     (folder / "transforms.json").write_text(json.dumps(document, indent=1))
-
-
-def run(*command: str | Path) -> float:
-    """Run one command of the README, shown as it is typed; returns its seconds."""
-    print("$ jaxrender", *command, flush=True)
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "jaxrender", *map(str, command)], check=True)
-    return time.perf_counter() - start
 
 
 def main() -> None:
