@@ -4,9 +4,12 @@
   T 6.2 under what is wrong; the same recipe makes the same bytes.
 - What the light has no room for is refused by its key, and so are contradictions of ``solve.free``.
 - A fit that frees exposures states them, and writes cameras that another fit starts from.
+- Of ``configs/three_faults.yaml`` all three faults are freed, and the material comes back.
 """
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -204,3 +207,26 @@ def test_a_fit_states_what_it_freed_and_writes_the_mended_cameras(tmp_path):
         read_result(tmp_path / "again")["calibration"]["nuisances"]["exposure"]["value"]
     )
     assert np.ptp(rest) < 0.4
+
+
+@pytest.mark.slow
+def test_three_faults_at_once_are_named_and_absorbed(tmp_path):
+    """The quick sister, of one decision, is ``tests/inverse/test_what_is_kept_free.py``."""
+    root = Path(__file__).parents[2]
+    for folder in ("configs", "data_synth"):
+        (tmp_path / folder).mkdir()
+        for file in (root / folder).glob("three_faults*.yaml"):
+            shutil.copy(file, tmp_path / folder)
+    assert (
+        jaxrender("fit", tmp_path / "configs/three_faults.yaml", f"output={tmp_path / 'out'}") == 0
+    )
+    result = read_result(tmp_path / "out")
+    assert result["outcome"] == "converged"
+    assert set(result["calibration"]["free"]) == {"exposure", "camera", "nearness"}
+    assert result["calibration"]["nuisances"]["nearness"]["value"][0] == pytest.approx(
+        0.2, rel=0.02
+    )
+    # As the recipe says.
+    assert result["brdf"]["sigma"] == pytest.approx(0.12, rel=0.005)
+    assert result["brdf"]["mu"] == pytest.approx(1.5, rel=0.01)
+    np.testing.assert_allclose(result["brdf"]["ks"], 0.1, rtol=0.05)

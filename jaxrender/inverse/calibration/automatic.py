@@ -74,10 +74,20 @@ class Examined(Generic[End]):
         """
         best = self.diagnosis[0]
         demanded = (_AS_FORETOLD if best.cause in self.named else 1) * best.explains
-        assert further.calibration is not None
-        if further.calibration.absorbed >= demanded:
+        if self._absorbed_by(further) >= demanded:
             return dataclasses.replace(further, refused=self.refused)
         return dataclasses.replace(self, refused=(*self.refused, *self.named))
+
+    def _absorbed_by(self, further: "Examined[End]") -> float:
+        """Say which part of what this leaves is no longer left.
+
+        Where much is left, a robust loss hardly counts it, and squares count as foretold.
+        """
+        assert further.calibration is not None
+        robust = further.calibration.absorbed
+        if self.misfit is None or further.misfit is None or not self.misfit.rms > 0:
+            return robust
+        return max(robust, 1 - (further.misfit.rms / self.misfit.rms) ** 2)
 
 
 def free_what_is_named(
