@@ -13,6 +13,8 @@ share g = ks is all that is left of both (T 6.4.4).
 
 import abc
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -28,7 +30,7 @@ from jaxrender.geometry import (
     pair_in_frame,
 )
 from jaxrender.harmonics import band_limit_of, degrees, real_basis
-from jaxrender.inverse.factorization.source_nodes import nodes_of, summed
+from jaxrender.inverse.factorization.source_nodes import POINTS, SHARES, nodes_of
 from jaxrender.shapes import AnyArray, Array, Bool, Float, Int, as_jax
 from jaxrender.spectra import lambertian_transfer, transfer_of_samples
 
@@ -46,16 +48,16 @@ class Guess(NamedTuple):
     directions: Float[AnyArray, "source 3"]
     variance: Float[AnyArray, "source"] | None = None
 
-    @property
-    def nodes(self) -> Float[Array, "node 3"]:
-        """The directions that light comes from: those of the sources, or of all their points."""
+    def by_source(
+        self, columns: Callable[[Float[Array, "direction 3"]], Float[Array, "sample direction"]]
+    ) -> Float[Array, "sample source"]:
+        """Evaluate ``columns`` towards each source, or add up what all of its points send."""
         if self.variance is None:
-            return jnp.asarray(self.directions)
-        return nodes_of(self.directions, self.variance)
-
-    def by_source(self, columns: Float[Array, "sample node"]) -> Float[Array, "sample source"]:
-        """Add up what the nodes of each source send."""
-        return columns if self.variance is None else summed(columns)
+            return columns(jnp.asarray(self.directions))
+        nodes = nodes_of(self.directions, self.variance).reshape(-1, POINTS, 3)
+        # One point of every source after the other: all at once do not stay near the processor.
+        each = jax.lax.map(columns, jnp.moveaxis(nodes, 1, 0))
+        return jnp.tensordot(jnp.asarray(SHARES, each.dtype), each, axes=1)
 
 
 class Columns(NamedTuple):
@@ -165,12 +167,12 @@ class Response(eqx.Module):
 
     def source_diffuse(self, guess: Guess) -> Float[Array, "sample source"]:
         """Evaluate the base towards every source."""
-        return guess.by_source(self.base_towards(guess.nodes)) * self.lit
+        return guess.by_source(self.base_towards) * self.lit
 
     def source_specular(self, guess: Guess) -> Float[Array, "sample source"]:
         """Evaluate the lobe towards every source."""
-        columns = lobes_towards(self.lobe(guess), self.samples, guess.nodes)
-        return guess.by_source(columns) * self.lit
+        lobe = self.lobe(guess)
+        return guess.by_source(partial(lobes_towards, lobe, self.samples)) * self.lit
 
 
 class MirrorResponse(Response):
