@@ -3,8 +3,8 @@
 Photographs are the integral over directions of no image, with visibility and noise; the fit is the
 dual model of T 6.12.  Pinned down: with the object's shape the specular share and the roughness are
 found, the two sources too; without it all of them are worse, and the photographs stay unexplained;
-predictions know of the shadows; light of many degrees is followed past them; samples whose places
-nobody gave are refused.
+predictions know of the shadows, and so does every step that is judged by them; light of many
+degrees is followed past them; samples whose places nobody gave are refused.
 """
 
 import jax.numpy as jnp
@@ -25,8 +25,8 @@ from jaxrender.inverse.factorization import (
 )
 from jaxrender.inverse.factorization.band_limits import followed_farther, task_of
 from jaxrender.inverse.factorization.correction import corrected
-from jaxrender.inverse.factorization.rounds import relit
-from jaxrender.inverse.factorization.state import begin, round_of
+from jaxrender.inverse.factorization.rounds import at_standstill, relit
+from jaxrender.inverse.factorization.state import begin, descend, round_of
 from jaxrender.inverse.stated import Unknown
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection import integral_columns, radiance
@@ -119,6 +119,25 @@ def test_without_shadows_it_is_worse(photographs, found):
 def test_places_are_asked_for(photographs):
     with pytest.raises(ValueError, match=r"give observations\.places"):
         factorize(photographs._replace(places=None), PAINT, SETTINGS, shape=STATUE)
+
+
+def test_steps_are_judged_by_what_the_sources_reach_after_them(photographs):
+    """Else the cost that a descent ends with is not that of the light where it ends."""
+    task = task_of(photographs, PAINT, SETTINGS, Known(), STATUE)
+    state = begin(task)
+    aside = unit(SOURCES + np.array([0.0, 0.0, 0.1]))
+    guess = state.guess._replace(directions=jnp.asarray(aside))
+    state = state._replace(guess=guess, active=np.ones(2, bool))
+
+    def jump(retraced):
+        end = descend(task, state, 3, retraced=retraced)
+        there = at_standstill(task, end._replace(level=state.level))
+        assert end.joint is not None and there.joint is not None
+        assert end.joint.steps == 3
+        return abs(float(there.joint.solved.cost) / float(end.joint.solved.cost) - 1)
+
+    assert jump(True) < 1e-9
+    assert jump(False) > 0.01
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ one block stay near the processor.
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -47,6 +48,17 @@ class Blocks(NamedTuple):
     def joined(self, parts: Sequence[AnyArray]) -> Float[np.ndarray, "sample ..."]:
         """Join the rows that every block gives."""
         return np.concatenate([np.asarray(part) for part in parts])[: self.count]
+
+    def lit(self, lit: Float[AnyArray, "sample source"]) -> "Blocks":
+        """Let the sources reach other samples than before."""
+
+        def reached(block: Block) -> Block:
+            response = eqx.tree_at(
+                lambda r: r.lit, block.response, as_jax(np.asarray(lit)[block.rows])
+            )
+            return block._replace(response=response)
+
+        return self._replace(blocks=tuple(reached(block) for block in self.blocks))
 
 
 def in_blocks(response: Response, measured: Measured, most: int = SAMPLES_AT_ONCE) -> Blocks:

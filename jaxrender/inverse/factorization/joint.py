@@ -5,6 +5,7 @@ other unknowns in the reduced system is the joint least-squares step of all.  St
 Levenberg and Marquardt do.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -79,8 +80,13 @@ def descend_jointly(
     measured: Measured,
     free: Bool[np.ndarray, "unknown"],
     descent: Descent,
+    lit_at: Callable[[Guess], Float[AnyArray, "sample source"]] | None = None,
 ) -> Joint:
-    """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for."""
+    """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for.
+
+    ``lit_at`` says which samples the sources of a guess reach; None: that stays as it is.  It jumps
+    from sample to sample: no derivative knows of it, but every trial step is judged by it.
+    """
     damping, step, in_vain, converged = descent.damping, 0, 0, False
     blocks = in_blocks(response, measured)
     system = reduced_system(blocks, guess)
@@ -92,7 +98,7 @@ def descend_jointly(
             break
         trial = _moved(guess, move, descent.bounds)
         # Most steps are good: what the next one needs is asked for at once.
-        there = reduced_system(blocks, trial)
+        there = reduced_system(blocks if lit_at is None else blocks.lit(lit_at(trial)), trial)
         gain = float(system.solved.cost) - float(there.solved.cost)
         if not gain > 0:
             damping, in_vain = damping * _TIGHTENING, in_vain + 1

@@ -46,7 +46,9 @@ _ROUND_SAMPLES = 2000
 _ROUNDS = (2, 6, 8, 16, 16, 16, 16, 16, 16)
 # A round that found fewer is the last one.
 _TOO_FEW = 3
-_LAST_STEPS, _LAST_SOURCES = 4, 8
+# The second turn of the last steps adds sources.  From then on each step is judged by which samples
+# the sources reach after it: else those at the edges of shadows push them to and fro.
+_LAST_STEPS, _LAST_SOURCES, _ADDED_IN = 4, 8, 1
 # The last steps end when the material moves by less than the second number, in its standard errors,
 # and the correction by less than the third, in standard deviations of the noise.
 _REFINEMENTS, _STILL, _SAME = 8, 0.1, 0.005
@@ -128,8 +130,8 @@ def settle(task: Task, state: State, watch: Callable[[Round], None]) -> State:
         if task.settings.refine:
             state = corrected(task, state, _NEAR)
         damping = DAMPING if before.joint is None else before.joint.damping
-        state = descend(task, state, _LAST_STEPS, 1e-6, damping)
-        if turn == 1:
+        state = descend(task, state, _LAST_STEPS, 1e-6, damping, retraced=turn > _ADDED_IN)
+        if turn == _ADDED_IN:
             state = with_neighbours_merged(task, without_idle_sources(task, state))
             # More samples show more than the rounds did.
             more = add_sources(task, state, _LAST_SOURCES)

@@ -6,6 +6,7 @@ the light is still crude.  They end as those of the noise found in the residuals
 less from the start (Huber's loss): else pixels on shadows' edges would add sources of their own.
 """
 
+from functools import partial
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -224,14 +225,21 @@ def measured(task: Task, state: State) -> Measured:
 
 def response_of(task: Task, state: State) -> Response:
     """Switch on the sources in use, where they are seen, and add what the dual model lacks."""
-    seen = np.ones((len(task.radiance), 1))
-    if task.sight is not None:
-        seen = np.asarray(task.sight.of(state.guess.directions), float)
-    lit = as_jax(seen * state.active[None, :])
+    lit = lit_of(task, state.active, state.guess)
     response = eqx.tree_at(lambda r: r.lit, task.response, lit)
     if state.lacking is None:
         return response
     return eqx.tree_at(lambda r: r.lacking, response, state.lacking.columns)
+
+
+def lit_of(
+    task: Task, active: Bool[np.ndarray, "source"], guess: Guess
+) -> Float[Array, "sample source"]:
+    """Say which samples the sources in use reach, past the object itself."""
+    seen = np.ones((len(task.radiance), 1))
+    if task.sight is not None:
+        seen = np.asarray(task.sight.of(guess.directions), float)
+    return as_jax(seen * active[None, :])
 
 
 def free_unknowns(task: Task, state: State) -> Bool[np.ndarray, "unknown"]:
@@ -254,8 +262,13 @@ def descend(
     steps: int,
     tolerance: float = 1e-4,
     damping: float = DAMPING,
+    *,
+    retraced: bool = False,
 ) -> State:
-    """Fit everything with the sources in use, and switch off those that come out dark."""
+    """Fit everything with the sources in use, and switch off those that come out dark.
+
+    Which samples the sources reach is traced before, and where ``retraced`` for each step, too.
+    """
     while True:
         response = response_of(task, state)
         joint = descend_jointly(
@@ -264,6 +277,7 @@ def descend(
             measured(task, state),
             free_unknowns(task, state),
             Descent(task.bounds, steps, tolerance, damping),
+            partial(lit_of, task, state.active) if task.sight is not None and retraced else None,
         )
         light = np.asarray(joint.solved.light)
         state = state._replace(guess=joint.guess, joint=joint)
