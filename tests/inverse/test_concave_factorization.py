@@ -132,7 +132,8 @@ def test_steps_are_judged_by_what_the_sources_reach_after_them(photographs):
     def jump(retraced):
         end = descend(task, state, 3, retraced=retraced)
         there = at_standstill(task, end._replace(level=state.level))
-        assert end.joint is not None and there.joint is not None
+        assert end.joint is not None
+        assert there.joint is not None
         assert end.joint.steps == 3
         return abs(float(there.joint.solved.cost) / float(end.joint.solved.cost) - 1)
 
