@@ -2,7 +2,8 @@
 
 Pinned down: the columns are those of ``dual_columns`` over the whole range of sigma and mu, for
 every variant, with lights of single frames; so are the derivatives; padding with dark sources
-changes nothing; the spline reproduces cubics, its weights are a partition of unity.
+changes nothing; the spline reproduces cubics, its weights are a partition of unity; the polynomial
+over mu is one, and of one mu alone there is one node.
 """
 
 from functools import lru_cache
@@ -119,6 +120,32 @@ def test_the_spline_follows_a_smooth_curve():
             assert float(weights.sum()) == pytest.approx(1, rel=1e-14)
             value = coefficients[int(first) : int(first) + 4] @ np.asarray(weights)
             assert value == pytest.approx(curve(x), abs=bound)
+
+
+def test_the_polynomial_over_mu_is_one():
+    """It passes through its nodes, and is what it is of a polynomial of that degree anywhere."""
+    nodes = tabulated.ChebyshevNodes.over(np.log(0.1), np.log(3.0), 6)
+    values = nodes.values()
+    assert np.log(0.1) < values.min() < values.max() < np.log(3.0)
+    for x in (*values, -3.0, 0.2, 1.5):
+        weights = np.asarray(nodes.weights(jnp.asarray(x)))
+        assert weights @ values**5 == pytest.approx(x**5, rel=1e-10, abs=1e-10)
+    np.testing.assert_allclose(nodes.weights(jnp.asarray(values[2])), np.eye(6)[2], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_table_of_one_mu_is_that_of_all_there():
+    """Fewer rows, the same column; the ends of all that is searched hold, too."""
+    variant, sigma = ("half", "smith"), jnp.asarray(0.17)
+    for mu in (1.02, 1.5, 6.0):
+        brdf = microfacet(jnp.asarray(0.2), jnp.asarray(mu), *variant)
+        alone = roughness_table(brdf, SAMPLES, LIGHT, RANGE, (mu, mu))
+        assert alone.spline.shape[0] == 1
+        one, every = (
+            np.asarray(table.specular(sigma, jnp.asarray(mu)))
+            for table in (alone, table_of(*variant, 1.5))
+        )
+        assert np.abs(one - every).max() < 5 * TABLE * every.max()
 
 
 def test_single_precision():

@@ -9,7 +9,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection import FrameNodes, RoughnessTable, Shadows, ViewFilter
-from jaxrender.reflection.tabulated import KnotRange
+from jaxrender.reflection.tabulated import ChebyshevNodes, KnotRange
 
 from ..page import Above, Row, Still, Unit
 from ..places import normal, unit
@@ -45,8 +45,11 @@ TURNS_OVER = "the azimuth about R counts from N, which is R"
 HEAD_ON_RULE = dict.fromkeys(("head-on", "head-on at the poles"), RULE_TURNS)
 
 # Of the shape of a table over both numbers; what is in it does not matter.
-_KNOTS = KnotRange.over(np.log(0.1), np.log(1.0), 8), KnotRange.over(np.log(0.1), np.log(3.0), 8)
-TABLE = RoughnessTable(normal(2, 1), normal(10, 10, 2, 1), np.array([0.8, 0.4]), *_KNOTS)
+_KNOTS = (
+    KnotRange.over(np.log(0.1), np.log(1.0), 8),
+    ChebyshevNodes.over(np.log(0.1), np.log(3.0), 8),
+)
+TABLE = RoughnessTable(normal(2, 1), normal(8, 10, 2, 1), np.array([0.8, 0.4]), *_KNOTS)
 
 
 def _fixed(like):
