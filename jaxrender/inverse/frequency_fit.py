@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import INDEX_BOUNDS
 from jaxrender.inverse.elimination import Few
-from jaxrender.inverse.leverage import draw, leverage
+from jaxrender.inverse.leverage import draw, index_range, leverage
 from jaxrender.inverse.material_task import MaterialTask
 from jaxrender.inverse.models import TabulatedModel
 from jaxrender.inverse.passes import Begin, Stop, fit_in_rounds
@@ -102,23 +101,10 @@ def _tabulated(
             task.observations.samples,
             light,
             reach,
-            _indices(task),
+            index_range(task.unknowns, task.variant),
             transfer=task.settings.transfer,
             shadows=shadows,
         )
-
-
-def _indices(task: MaterialTask) -> tuple[float, float]:
-    """Say between which mu the lobe is looked for: from one to the same where it is known."""
-    index = task.variant.index
-    if index.name not in task.unknowns:
-        return INDEX_BOUNDS
-    unknown = task.unknowns[index.name]
-    if not unknown.free:
-        known = index.index_of(unknown.first(0.0))
-        return known, known
-    low, high = sorted(index.index_of(bound) for bound in (unknown.lower, unknown.upper))
-    return max(low, INDEX_BOUNDS[0]), high
 
 
 def _few(task: MaterialTask) -> Few | None:

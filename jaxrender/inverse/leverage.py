@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import WIDTH_BOUNDS, Parametric
+from jaxrender.brdf import INDEX_BOUNDS, WIDTH_BOUNDS, Parametric
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.harmonics import coefficient_count, real_basis
 from jaxrender.inverse.known_light import KnownLight
@@ -59,6 +59,19 @@ def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
         return low, high
     width = width_of(unknown.first(0.0))
     return width / _ABOUT, width * _ABOUT
+
+
+def index_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
+    """Find the lowest and the highest index of a fit; both are the one that is known."""
+    index = variant.index
+    if index.name not in unknowns:
+        return INDEX_BOUNDS
+    unknown = unknowns[index.name]
+    if not unknown.free:
+        known = index.index_of(unknown.first(0.0))
+        return known, known
+    low, high = sorted(index.index_of(bound) for bound in (unknown.lower, unknown.upper))
+    return max(low, INDEX_BOUNDS[0]), high
 
 
 class Draw(NamedTuple):

@@ -7,6 +7,7 @@
 - Where the light is unknown, what smooth light leaves unexplained marks the same pixels.
 - A lobe of sigma .02 under one source is found from any draw, within its errors; a uniform draw of
   the same size holds a few pixels of it.
+- Width and index of a lobe are looked for within what is stated of them.
 - A fit that lost the specular lobe, or ended at a bound of sigma, goes on from what the data say.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from inverse_problems import microfacet_unknowns, unit
 
-from jaxrender.brdf import Microfacet
+from jaxrender.brdf import INDEX_BOUNDS, Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.inverse import (
     FitSettings,
@@ -23,15 +24,24 @@ from jaxrender.inverse import (
     Outcome,
     factorize,
     fit_brdf,
+    unknowns_of,
 )
 from jaxrender.inverse.bounds import checked_at_bound, lost
 from jaxrender.inverse.elimination import Problem
 from jaxrender.inverse.factorization import FactorSettings
-from jaxrender.inverse.leverage import _of_columns, draw, leverage, sharpness
+from jaxrender.inverse.leverage import (
+    _of_columns,
+    draw,
+    index_range,
+    leverage,
+    sharpness,
+    width_range,
+)
 from jaxrender.inverse.light_nodes import exact_nodes
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.observations import as_pixels
 from jaxrender.inverse.passes import Begin, descend
+from jaxrender.inverse.stated import Stated
 from jaxrender.lighting import DirectionalSources
 
 KD, KS, SIGMA = np.array([0.2, 0.15, 0.1]), 0.1, 0.02
@@ -67,6 +77,20 @@ def photographs():
 @pytest.fixture(scope="module")
 def weight(photographs):
     return leverage(photographs, LIGHT)
+
+
+def test_a_lobe_is_looked_for_within_what_is_stated():
+    """What is known of the index is that alone; a width has neighbours, that light is split for."""
+    lobe = Microfacet(np.zeros(3), np.zeros(3), 0.1, 1.5)
+    stated = {"mu": Stated(bounds=(1.005, 2.5)), "sigma": Stated(bounds=(0.05, 0.3))}
+    free, within = unknowns_of(lobe), unknowns_of(lobe, stated)
+    fixed = unknowns_of(lobe, {"mu": Stated(fixed=1.7), "sigma": Stated(fixed=0.2)})
+    assert index_range(free, lobe) == pytest.approx(INDEX_BOUNDS)
+    assert index_range(within, lobe) == pytest.approx((INDEX_BOUNDS[0], 2.5))
+    assert index_range(fixed, lobe) == (1.7, 1.7)
+    assert width_range(within, lobe) == pytest.approx((0.05, 0.3))
+    low, high = width_range(fixed, lobe)
+    assert low < 0.2 < high
 
 
 def test_leverage_is_the_diagonal_of_the_projection():
