@@ -279,7 +279,7 @@ def _tabulate_fast(
         return columns(sigma, mu)[:, 1]
 
     diffuse = columns(knots.sigmas[0], knots.mus[0])[:, 0]
-    specular = jax.vmap(_at_all_mu(at, variant, samples, knots))(knots.sigmas)
+    specular = jax.vmap(_at_all_mu(at, variant, samples, knots))(jnp.asarray(knots.sigmas))
     return _Columns(before.diffuse + diffuse, before.specular + jnp.swapaxes(specular, 0, 1))
 
 
@@ -298,7 +298,7 @@ def _at_all_mu(
         def over_fresnel(mu: Float[Array, ""]) -> Float[Array, "sample channel"]:
             return column(sigma, mu) / _relative_fresnel(variant, samples, mu)
 
-        return jax.vmap(over_fresnel)(knots.mus)
+        return jax.vmap(over_fresnel)(jnp.asarray(knots.mus))
 
     return at
 
