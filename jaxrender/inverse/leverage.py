@@ -62,7 +62,7 @@ def width_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
 
 
 def index_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
-    """Find the lowest and the highest index of a fit; both are the one that is known."""
+    """Find the lowest and the highest index of a fit; where it is known, it is both."""
     index = variant.index
     if index.name not in unknowns:
         return INDEX_BOUNDS
@@ -71,7 +71,7 @@ def index_range(unknowns: Unknowns, variant: Parametric) -> tuple[float, float]:
         known = index.index_of(unknown.first(0.0))
         return known, known
     low, high = sorted(index.index_of(bound) for bound in (unknown.lower, unknown.upper))
-    return max(low, INDEX_BOUNDS[0]), high
+    return low, high
 
 
 class Draw(NamedTuple):

@@ -40,7 +40,7 @@ from jaxrender.spectra import transfer_of_samples
 # factor of 1.8 to either side the step is .07, and a cubic spline good to 1e-4 of the lobe's peak.
 _SIGMA_KNOTS = 16
 # The ratio of half-angle to exit-angle Fresnel is far smoother in log(mu - 1): over all indices the
-# polynomial is good to 1.3e-4 of it at the worst angle, and to 1e-5 at most.
+# polynomial is good to 1.3e-4 of it at the worst angle, and to 1e-5 at most angles.
 _MU_NODES = 12
 # Knots beyond the range, so that the spline's end conditions do not reach into it.
 _EXTRA_KNOTS = 3
@@ -124,10 +124,16 @@ _ONE_NODE = ChebyshevNodes.over(0.0, 0.0, 1)
 
 
 class RoughnessTable(eqx.Module):
-    """The dual model's columns for fixed samples and light, as functions of sigma and mu."""
+    """The dual model's columns for fixed samples and light, as functions of sigma and mu.
+
+    ``log_scale`` is how large the specular column is at each node of mu; ``spline`` is over that.
+    A lobe with Fresnel's factor itself loses four decades from an index of 6 to one of 1.02, which
+    no polynomial would follow.
+    """
 
     diffuse: Float[AnyArray, "sample channel"]
     spline: Float[AnyArray, "mu_node sigma_knot sample channel"]
+    log_scale: Float[AnyArray, "mu_node"]
     exit_cosines: Float[AnyArray, "sample"]
     log_sigma: KnotRange
     log_mu: ChebyshevNodes
@@ -141,6 +147,7 @@ class RoughnessTable(eqx.Module):
         mu_weights = jnp.ones(1, weights.dtype)
         if mu is not None:
             mu_weights = self.log_mu.weights(jnp.log(mu - 1))
+        mu_weights = mu_weights * jnp.exp(mu_weights @ jnp.asarray(self.log_scale))
         size = (self.log_mu.count, 4, *self.spline.shape[2:])
         zero = jnp.zeros((), int)
         rows = jax.lax.dynamic_slice(self.spline, (zero, first, zero, zero), size)
@@ -163,6 +170,7 @@ class RoughnessTable(eqx.Module):
         return RoughnessTable(
             kept(diffuse[index]),
             kept(spline[:, :, index]),
+            self.log_scale,
             kept(exit_cosines[index]),
             self.log_sigma,
             self.log_mu,
@@ -203,12 +211,16 @@ def roughness_table(
         columns = _tabulate_slow(variant, samples, light.slow, knots, shadows, transfer)
         for nodes, seen in _blocks(light, shadows):
             columns = _tabulate_fast(variant, samples, nodes, knots, seen, columns)
+        scale = jnp.sqrt(jnp.mean(columns.specular**2, axis=(1, 2, 3)))
+        # Nothing is lit: any scale will do.
+        scale = jnp.where(scale > 0, scale, 1)
         spline = jnp.einsum(
-            "bk,mksc->mbsc",
+            "bk,mksc,m->mbsc",
             jnp.asarray(log_sigma.spline_from_values(), dtype),
             columns.specular,
+            1 / scale,
         )
-    return RoughnessTable(columns.diffuse, spline, exit_cosines, log_sigma, log_mu)
+    return RoughnessTable(columns.diffuse, spline, jnp.log(scale), exit_cosines, log_sigma, log_mu)
 
 
 class _Knots(NamedTuple):

@@ -3,7 +3,7 @@
 Pinned down: the columns are those of ``dual_columns`` over the whole range of sigma and mu, for
 every variant, with lights of single frames; so are the derivatives; padding with dark sources
 changes nothing; the spline reproduces cubics, its weights are a partition of unity; the polynomial
-over mu is one, and of one mu alone there is one node.
+over mu is one, and of one mu alone there is one node; a lobe that fades with mu is followed.
 """
 
 from functools import lru_cache
@@ -16,6 +16,7 @@ import pytest
 from reflection_problems import lit_room, microfacet, random_samples, unit_vectors
 
 from jaxrender import reflection
+from jaxrender.brdf import TorranceSparrow
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import DirectionalSources, candidates, take
 from jaxrender.reflection import DualLight, FrameNodes, dual_light, roughness_table, tabulated
@@ -131,6 +132,21 @@ def test_the_polynomial_over_mu_is_one():
         weights = np.asarray(nodes.weights(jnp.asarray(x)))
         assert weights @ values**5 == pytest.approx(x**5, rel=1e-10, abs=1e-10)
     np.testing.assert_allclose(nodes.weights(jnp.asarray(values[2])), np.eye(6)[2], atol=1e-12)
+
+
+@pytest.mark.parametrize("mu", [1.02, 1.1, 6.0])
+def test_a_lobe_that_fades_with_its_index_is_followed(mu):
+    """With Fresnel's factor itself the column falls by four decades from 6 to 1.02."""
+    brdf = TorranceSparrow(np.ones(3), np.ones(3), jnp.asarray(0.2), jnp.asarray(mu))
+    expected = np.asarray(dual_columns(brdf, SAMPLES, LIGHT))[:, 1]
+    found = np.asarray(faded().specular(jnp.asarray(0.2), jnp.asarray(mu)))
+    assert np.abs(found - expected).max() < 3 * TABLE * expected.max()
+
+
+@lru_cache
+def faded():
+    brdf = TorranceSparrow(np.ones(3), np.ones(3), 0.2, 1.5)
+    return roughness_table(brdf, SAMPLES, LIGHT, RANGE)
 
 
 @pytest.mark.slow

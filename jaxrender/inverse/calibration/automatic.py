@@ -79,9 +79,9 @@ class Examined(Generic[End]):
         return dataclasses.replace(self, refused=(*self.refused, *self.named))
 
     def _absorbed_by(self, further: "Examined[End]") -> float:
-        """Say which part of what this leaves is no longer left.
+        """Say which part of what this leaves the other takes away: by a robust loss or by squares.
 
-        Where much is left, a robust loss hardly counts it, and squares count as foretold.
+        A robust loss hardly counts gross residuals.  The diagnosis foretells squares.
         """
         assert further.calibration is not None
         robust = further.calibration.absorbed

@@ -84,8 +84,8 @@ def descend_jointly(
 ) -> Joint:
     """Minimise the penalised cost over the free nonlinear unknowns; the light is solved for.
 
-    ``lit_at`` says which samples the sources of a guess reach; None: that stays as it is.  It jumps
-    from sample to sample: no derivative knows of it, but every trial step is judged by it.
+    ``lit_at`` says which samples the sources of a guess reach; None: that stays as it is.  It has
+    jumps, so that no derivative knows of it.  But every trial step is judged by it.
     """
     damping, step, in_vain, converged = descent.damping, 0, 0, False
     blocks = in_blocks(response, measured)

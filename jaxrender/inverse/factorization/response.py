@@ -55,7 +55,7 @@ class Guess(NamedTuple):
         if self.variance is None:
             return columns(jnp.asarray(self.directions))
         nodes = nodes_of(self.directions, self.variance).reshape(-1, POINTS, 3)
-        # One point of every source after the other: all at once do not stay near the processor.
+        # One point of every source after the other: all of them at once do not fit into its cache.
         each = jax.lax.map(columns, jnp.moveaxis(nodes, 1, 0))
         return jnp.tensordot(jnp.asarray(SHARES, each.dtype), each, axes=1)
 

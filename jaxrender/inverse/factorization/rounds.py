@@ -46,8 +46,8 @@ _ROUND_SAMPLES = 2000
 _ROUNDS = (2, 6, 8, 16, 16, 16, 16, 16, 16)
 # A round that found fewer is the last one.
 _TOO_FEW = 3
-# The second turn of the last steps adds sources.  From then on each step is judged by which samples
-# the sources reach after it: else those at the edges of shadows push them to and fro.
+# The second turn of the last steps adds sources.  In later turns each step is judged by which
+# samples the sources reach after it: else those at the edges of shadows push them to and fro.
 _LAST_STEPS, _LAST_SOURCES, _ADDED_IN = 4, 8, 1
 # The last steps end when the material moves by less than the second number, in its standard errors,
 # and the correction by less than the third, in standard deviations of the noise.

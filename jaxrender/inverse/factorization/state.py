@@ -267,7 +267,7 @@ def descend(
 ) -> State:
     """Fit everything with the sources in use, and switch off those that come out dark.
 
-    Which samples the sources reach is traced before, and where ``retraced`` for each step, too.
+    Which samples the sources reach is traced once; with ``retraced`` it is traced for each step.
     """
     while True:
         response = response_of(task, state)

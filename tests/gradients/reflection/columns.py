@@ -49,7 +49,7 @@ _KNOTS = (
     KnotRange.over(np.log(0.1), np.log(1.0), 8),
     ChebyshevNodes.over(np.log(0.1), np.log(3.0), 8),
 )
-TABLE = RoughnessTable(normal(2, 1), normal(8, 10, 2, 1), np.array([0.8, 0.4]), *_KNOTS)
+TABLE = RoughnessTable(normal(2, 1), normal(8, 10, 2, 1), normal(8), np.array([0.8, 0.4]), *_KNOTS)
 
 
 def _fixed(like):
@@ -190,12 +190,13 @@ ROWS = [
     ),
     Row(
         "RoughnessTable.specular",
-        lambda diffuse, spline, exit_cosines, sigma, mu: RoughnessTable(
-            diffuse, spline, exit_cosines, TABLE.log_sigma, TABLE.log_mu
+        lambda diffuse, spline, log_scale, exit_cosines, sigma, mu: RoughnessTable(
+            diffuse, spline, log_scale, exit_cosines, TABLE.log_sigma, TABLE.log_mu
         ).specular(sigma, mu),
         {
             "diffuse": np.asarray(TABLE.diffuse),
             "spline": np.asarray(TABLE.spline),
+            "log_scale": np.asarray(TABLE.log_scale),
             "exit_cosines": np.asarray(TABLE.exit_cosines),
             **SIGMA,
             **MU,
@@ -209,6 +210,7 @@ ROWS = [
         {
             "diffuse": np.asarray(TABLE.diffuse),
             "spline": np.asarray(TABLE.spline),
+            "log_scale": np.asarray(TABLE.log_scale),
             "exit_cosines": np.asarray(TABLE.exit_cosines),
         },
     ),
