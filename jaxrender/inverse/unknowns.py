@@ -199,7 +199,8 @@ def unknowns_of(
     counts where no prior is stated; data without a noise do not know how much.
 
     Raises ``ValueError`` that begins with the name of a number whose start is outside its bounds,
-    for a name that there is none of, and for a model whose numbers contradict its class.
+    or whose bounds reach its origin (as a ``mu`` of 1) or are infinite; for a name that there is
+    none of; and for a model whose numbers contradict its class.
     """
     settled = {name: Stated(fixed=value) for name, value in lobe.settled.items()}
     stated = {**settled, **(stated or {})}
@@ -215,12 +216,15 @@ def unknowns_of(
 
     usual = {one.name: Prior(*one.expected) for one in lobe.searched if one.expected and expected}
 
-    def sought(name: str, lowest: float, highest: float) -> Unknown:
+    def sought(name: str, lowest: float, highest: float, origin: float | None = None) -> Unknown:
         try:
             own = stated.get(name, Stated())
             if own.fixed is None and own.prior is None:
                 own = own._replace(prior=usual.get(name))
-            return own.unknown(lowest, highest)
+            unknown = own.unknown(lowest, highest)
+            if origin is not None:
+                _check_logarithm(unknown, origin)
+            return unknown
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
 
@@ -229,7 +233,7 @@ def unknowns_of(
         black if diffuse and name not in lobe.bases else sought(name, 0.0, float("inf"))
         for name in lobe.amplitude_names
     )
-    numbers = tuple(sought(one.name, one.lowest, one.highest) for one in lobe.searched)
+    numbers = tuple(sought(one.name, one.lowest, one.highest, one.origin) for one in lobe.searched)
     if diffuse:
         numbers = tuple(Unknown(fixed=(float(value),)) for value in lobe.numbers.values())
     return Unknowns(
@@ -243,6 +247,15 @@ def unknowns_of(
         free_scale=free_scale,
         summed=tuple(sorted(summed)),
     )
+
+
+def _check_logarithm(unknown: Unknown, origin: float) -> None:
+    """Refuse bounds between which a search for log(value - origin) has no start."""
+    if unknown.free and not origin < unknown.lower < unknown.upper < float("inf"):
+        raise ValueError(
+            f"bounds [{unknown.lower:g}, {unknown.upper:g}]: the lower must be above {origin:g}, "
+            "and the upper finite"
+        )
 
 
 def _check_numbers(lobe: Parametric) -> None:

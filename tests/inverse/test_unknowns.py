@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from inverse_problems import microfacet_unknowns, mu_unknown, sigma_unknown
 
-from jaxrender.brdf import INDEX_BOUNDS, WIDTH_BOUNDS
+from jaxrender.brdf import INDEX_BOUNDS, WIDTH_BOUNDS, Microfacet
 from jaxrender.inverse import Unknown
+from jaxrender.inverse.stated import Stated
+from jaxrender.inverse.unknowns import unknowns_of
 
 # Logarithms and an S-shaped curve there and back again, in float64.
 ROUND_TRIP = 1e-12
+MATERIAL = Microfacet(np.full(3, 0.2), np.full(3, 0.1), 0.1, 1.5)
 
 
 def fixed(value):
@@ -150,6 +153,15 @@ def test_wrong_bounds_and_starts_are_refused():
         Unknown(lower=0.5, upper=0.5)
     with pytest.raises(ValueError, match=r"start 2.0 is outside \[0.0, 1.0\]"):
         Unknown(upper=1.0, start=2.0)
+
+
+@pytest.mark.parametrize(("name", "bounds"), [("mu", (1.0, 2.0)), ("sigma", (0.1, np.inf))])
+def test_bounds_that_a_logarithm_cannot_keep_are_refused(name, bounds):
+    """They gave starts at nan: the search looks for log(mu - 1) and log sigma."""
+    with pytest.raises(ValueError, match=f"{name}: bounds .*the lower must be above"):
+        unknowns_of(MATERIAL, {name: Stated(bounds=bounds)})
+    # An amplitude enters linearly, and may be as large as it likes.
+    assert unknowns_of(MATERIAL, {"ks": Stated(bounds=(0.1, np.inf))}).amplitudes[1].lower == 0.1
 
 
 def test_a_step_too_far_leaves_a_slope_to_come_back_on():
