@@ -8,6 +8,8 @@ from jaxrender.pipelines.report.wording import percent, shown
 
 # So many numbers of a nuisance are listed; of more, their root mean square and the largest.
 _LISTED = 3
+# A nuisance is a fault of the capture where one of its numbers is so many standard errors from 0.
+_STANDS_OUT = 4.0
 
 
 class Freed(NamedTuple):
@@ -54,6 +56,24 @@ def _rows(name: str, nuisance: dict[str, Any]) -> list[Freed]:
         error, prior = shown(_rms(errors), 2), shown(_rms(priors), 2)
         found.append(Freed(name, nuisance["meaning"], unit, value, error, prior))
     return found
+
+
+def faults_absorbed(contents: Contents) -> list[str]:
+    """Say in plain words which faults of the capture the fit has found and allowed for."""
+    calibration = contents.result.get("calibration") or {"nuisances": {}}
+    said = []
+    for nuisance in calibration["nuisances"].values():
+        units = nuisance["unit"]
+        largest: dict[str, float] = {}
+        stands_out = False
+        for k, (value, error) in enumerate(zip(nuisance["value"], nuisance["standard_error"])):
+            unit = units[k % len(units)]
+            largest[unit] = max(largest.get(unit, 0.0), abs(value))
+            stands_out |= abs(value) > _STANDS_OUT * error
+        if stands_out:
+            most = " and ".join(f"{shown(v, 2)} {u}".strip() for u, v in largest.items())
+            said.append(f"Found and allowed for: {nuisance['meaning']}, up to {most}.")
+    return said
 
 
 def _rms(numbers: list[float]) -> float:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from jaxrender.pipelines.report.contents import Contents, Pictures, Shown
 from jaxrender.pipelines.report.directions import Gap, gap_among, views_plot
+from jaxrender.pipelines.report.freed import faults_absorbed
 from jaxrender.pipelines.report.parameters import model_of
 from jaxrender.pipelines.report.photographs import Gallery
 from jaxrender.pipelines.report.plots import INK, MUTED, SERIES, small_plot
@@ -194,13 +195,14 @@ def _sentence(text: str) -> str:
 
 
 def _wrong(contents: Contents) -> tuple[str, ...]:
-    result, said = contents.result, []
-    for one in result.get("diagnosis", [])[:2]:
+    result, said = contents.result, faults_absorbed(contents)
+    causes = result.get("diagnosis", [])[:2]
+    for one in causes:
         said.append(
             f"If {one['sentence']}, that explains {percent(one['explains'])} of what is left over."
         )
     misfit = result.get("residual", {}).get("misfit", {})
-    if not said and is_number(misfit.get("share")) and misfit["share"] > _MISFIT:
+    if not causes and is_number(misfit.get("share")) and misfit["share"] > _MISFIT:
         said.append(
             f"The photographs differ from the model by {percent(misfit.get('rms'))} more than "
             "their noise. No single cause explains it."

@@ -4,7 +4,7 @@
 - The least certain number is named with its range; what is not identifiable is under what could not
   be found, with its reason.
 - What would explain a misfit, and pixels that were left out, are under what is wrong; what to do
-  comes under what to photograph next.
+  comes under what to photograph next. Faults that the fit allowed for are named, too.
 - The largest gap among cameras is where no camera is near.
 """
 
@@ -109,6 +109,27 @@ def test_what_is_wrong(contents):
     assert "shorter exposure" not in said(contents, 4)
     # The photograph that is explained worst.
     assert cards(contents)[3].shown.picture == "residual of b"
+
+
+def freed(value, error, unit=("percent",), meaning="gain of each photograph"):
+    one = {"meaning": meaning, "value": value, "standard_error": error, "unit": list(unit)}
+    return {"nuisances": {"it": one}, "sentences": []}
+
+
+def test_faults_that_the_fit_allowed_for_are_faults(contents):
+    """A gain 5 errors from none is a fault of the capture; one 2 errors from none is noise."""
+    clean = {"relative_rms": 0.01, "misfit": {"rms": 0.0, "share": 0.01}}
+    text = said(contents, 3, residual=clean, calibration=freed([0.2, -2.5], [0.5, 0.5]))
+    assert text == "Found and allowed for: gain of each photograph, up to 2.5 percent."
+    noise = said(contents, 3, residual=clean, calibration=freed([0.2, -1.0], [0.5, 0.5]))
+    assert noise.startswith("Nothing that the photographs show.")
+    source = freed([0.1, 3.0, 0.2, 9.0], [0.1] * 4, ("degrees",) * 3 + ("percent",))
+    assert "up to 3.0 degrees and 9.0 percent." in said(contents, 3, calibration=source)
+    # What is left over beside it is still said.
+    misfit = {"misfit": {"rms": 0.04, "share": 0.9}}
+    both = said(contents, 3, residual=misfit, calibration=freed([-2.5], [0.5]))
+    assert both.startswith("Found and allowed for")
+    assert "4.0\u00a0% more than their noise" in both
 
 
 def test_the_worst_photograph_is_the_one_whose_residual_is_shown():
