@@ -126,6 +126,7 @@ def _propagate(
     factor: Float[AnyArray, ""],
 ) -> Propagated:
     data, shares, half = drawn
+    half = jnp.asarray(half)
     vector, split = jnp.concatenate([point, eliminated]), point.shape[0]
 
     def residual(vector: Float[Array, "all"]) -> Float[Array, "residual"]:
@@ -140,26 +141,33 @@ def _propagate(
         variance = factor * jnp.where(noise_given, jnp.maximum(variance, 1), variance)
         prior = jnp.diag(prior_information(problem, vector))
         channels = left.size // shares.shape[0]
-        own, in_half = (jnp.repeat(jnp.asarray(part), channels) for part in (shares, half))
+        own = jnp.repeat(jnp.asarray(shares), channels)
+        bread = _inverse(jacobian.T @ jacobian / variance + prior)
+        meat = jacobian.T @ (own[:, None].astype(left.dtype) * jacobian) / variance + prior
+        scores = (left[:, None] * jacobian / variance).reshape(-1, channels, len(vector))
+        scores = jnp.sum(scores, axis=1)
 
         def answer(chosen: Array) -> tuple[Float[Array, "all all"], Float[Array, "all"]]:
-            """Say how well some samples tell the unknowns, and how far from here they put them."""
-            some = jnp.where(chosen[:, None], jacobian, 0)
-            bread = _inverse(some.T @ some / variance + prior)
-            meat = some.T @ (own[:, None].astype(left.dtype) * some) / variance + prior
-            return bread @ meat @ bread, bread @ (some.T @ left) / variance
+            """Say how far from here some samples put the unknowns, and how well they tell that.
 
-        covariance, _ = answer(jnp.ones_like(in_half))
-        (first, one), (second, other) = answer(in_half), answer(~in_half)
+            That is by how their scores scatter.  Where the model is wrong, they scatter more in
+            some places than in others, and than noise does.
+            """
+            rows = jnp.where(jnp.repeat(chosen, channels)[:, None], jacobian, 0)
+            total = jnp.sum(jnp.where(chosen[:, None], scores, 0), axis=0)
+            mean = (total / jnp.sum(chosen).astype(total.dtype))[None]
+            about = jnp.where(chosen[:, None], scores - mean, 0)
+            bread = _inverse(rows.T @ rows / variance + prior)
+            return bread @ (about.T @ about + prior) @ bread, bread @ total
+
+        (first, one), (second, other) = answer(half), answer(~half)
         apart = jnp.where(held, 0, one - other)
         spread = jnp.where(held[None, :], 0, slopes_of_parameters(problem, point, eliminated))
-        scores = (left[:, None] * jacobian / variance).reshape(-1, channels, len(vector))
-        moves = spread @ _inverse(jacobian.T @ jacobian / variance + prior)
         return Propagated(
             to_parameters(problem, vector[:split], vector[split:]),
-            spread @ covariance @ spread.T,
+            spread @ bread @ meat @ bread @ spread.T,
             apart @ _inverse(first + second) @ apart,
-            jnp.sum(scores, axis=1) @ moves.T,
+            scores @ (spread @ bread).T,
             variance,
         )
 
