@@ -54,6 +54,7 @@ def test_help_imports_nothing_heavy():
         "analyze",
         "batch",
         "check",
+        "complete",
         "compress",
         "demo",
         "doctor",

@@ -1,4 +1,4 @@
-"""The commands about reflectance: ``measure``, ``compress`` and ``nearest``."""
+"""The commands about reflectance: ``measure``, ``compress``, ``nearest`` and ``complete``."""
 
 from __future__ import annotations
 
@@ -200,6 +200,61 @@ def nearest(
     from jaxrender.pipelines import nearest as searching
 
     done = searching.nearest(brdf, metric, tuple(model or ()), out, reporting.progress())
+    for line in done.said:
+        process.say(line)
+    return DONE
+
+
+@app.command(
+    help_epilogue=examples(
+        "complete --materials merl --next 5",
+        "complete paint.brdf --materials merl --out paint.binary",
+    ),
+)
+def complete(
+    samples: Path | None = None,
+    /,
+    *,
+    materials: Path,
+    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    following: Annotated[int, Parameter(name="--next")] = 0,
+    noise: float | None = None,
+    components: int = 40,
+    reporting: Reporting = AS_USUAL,
+) -> int:
+    """Complete a BRDF from few measurements, by what measured materials have in common.
+
+    Learns principal components of a folder of MERL files (kept in the cache), and fits them to the
+    samples. Prints how well they foretell one another, and where to measure next.
+
+    Parameters
+    ----------
+    samples
+        A file of scattered measurements: Cornell .brdf or ALTA text. Without it, ``--next`` says
+        where a first measurement tells most.
+    materials
+        A folder of MERL files (``*.binary``), five at least.
+    out
+        The completed table, as a MERL file. Beside it lies a ``.json`` of its errors.
+    following
+        How many pairs of directions to name that are worth measuring next.
+    noise
+        Relative standard deviation of a measurement, such as 0.03. By default it is found.
+    components
+        How many principal components to use.
+    """
+    process.set_up_jax()
+    from jaxrender.pipelines.complete import complete_samples
+
+    done = complete_samples(
+        samples,
+        materials,
+        out,
+        following=following,
+        components=components,
+        noise=noise,
+        progress=reporting.progress(),
+    )
     for line in done.said:
         process.say(line)
     return DONE

@@ -48,6 +48,8 @@
 ``nearest_models`` ``nearest_search`` ``curves``
     the models nearest to a table, a tree or measurements, with what they miss; curves that several
     numbers describe together, with bands
+``completion``
+    a whole BRDF from few values, by what other materials have in common; where to measure next
 ``texture``
     reflectance site by site, under known and unknown light
 ``shadowing`` ``transfer_field``

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxrender.brdf import BRDF, IsotropicTable
+from jaxrender.brdf.tables.isotropic import nearest_known
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
 from jaxrender.shapes import Bool, Float
@@ -57,8 +58,8 @@ class MerlTable(NamedTuple):
         nearest smaller or larger theta_h; zero in a file without any.
         """
         invalid = self.invalid
-        values = np.where(invalid, 0, self.raw) * SCALES[:, None, None, None]
-        return IsotropicTable(np.moveaxis(_filled(values, ~invalid), 0, -1))
+        values = np.moveaxis(np.where(invalid, 0, self.raw), 0, -1) * SCALES
+        return IsotropicTable(values.reshape(-1, 3)[nearest_known(~invalid)])
 
 
 def read_merl(path: str | Path) -> MerlTable:
@@ -66,6 +67,14 @@ def read_merl(path: str | Path) -> MerlTable:
 
     Raises InputError for a file that is missing or too short, another size than its header's, other
     dimensions, and a number that is not finite (with its offset in bytes).
+    """
+    return MerlTable(np.array(map_merl(path)))
+
+
+def map_merl(path: str | Path) -> Float[np.ndarray, "3 90 90 180"]:
+    """Map the numbers of a MERL file into memory, which takes none until they are looked at.
+
+    Raises ``InputError`` as :func:`read_merl` does.
     """
     path = Path(path)
     if not path.is_file():
@@ -86,7 +95,7 @@ def read_merl(path: str | Path) -> MerlTable:
             raise InputError(
                 f"{path}: {size} bytes where the header makes {_FILE_BYTES}; fetch the file again"
             )
-        raw = np.fromfile(file, _NUMBER)
+    raw = np.memmap(path, _NUMBER, "r", _HEADER_BYTES)
     finite = np.isfinite(raw)
     if not finite.all():
         first = int(np.argmin(finite))
@@ -94,7 +103,7 @@ def read_merl(path: str | Path) -> MerlTable:
             f"{path}: {raw[first]} at byte {_HEADER_BYTES + first * _NUMBER.itemsize}; wanted a "
             "finite number: fetch the file again, or mark the entry as missing by -1"
         )
-    return MerlTable(raw.reshape(3, *DIMENSIONS))
+    return raw.reshape(3, *DIMENSIONS)
 
 
 def write_merl(path: str | Path, table: MerlTable) -> None:
@@ -113,22 +122,3 @@ def _above_horizon() -> Bool[np.ndarray, "90 90 180"]:
     theta_h, theta_d, phi_d = np.pi / 2 * i**2, np.pi / 2 * j, np.pi * k
     steepness = np.outer(np.tan(theta_h), np.tan(theta_d))
     return steepness[:, :, None] * np.abs(np.cos(phi_d)) < 1
-
-
-def _filled(
-    values: Float[np.ndarray, "3 90 90 180"], valid: Bool[np.ndarray, "90 90 180"]
-) -> Float[np.ndarray, "3 90 90 180"]:
-    """Copy valid values along theta_d, up and down, then along theta_h."""
-    for axis, turned in ((1, False), (1, True), (0, False), (0, True)):
-        if valid.all():
-            break
-        order = slice(None, None, -1 if turned else 1)
-        known = np.moveaxis(valid, axis, 0)[order]
-        rows = np.arange(len(known)).reshape(-1, 1, 1)
-        # The last row at or before each that is valid; -1 where there is none yet.
-        source = np.maximum.accumulate(np.where(known, rows, -1), axis=0)
-        ahead = np.moveaxis(values, axis + 1, 1)[:, order]
-        copied = np.take_along_axis(ahead, np.maximum(source, 0)[None], axis=1)
-        values = np.moveaxis(copied[:, order], 1, axis + 1)
-        valid = np.moveaxis((source >= 0)[order], 0, axis)
-    return values

@@ -6,6 +6,8 @@
     values at scattered pairs, and the metrics by which a BRDF is near to them
 ``corrected``
     a model times such a table, where measurements differ from it
+``learned``
+    what measured materials have in common, as principal components
 ``tabulated`` ``reconstruction`` ``cells`` ``polar_isotropic``
     tables over two directions, and what is between their samples
 ``cell_means``

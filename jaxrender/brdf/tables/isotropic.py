@@ -25,7 +25,7 @@ from jaxrender.brdf.half_vector import are_visible, half_vector, lifted
 from jaxrender.brdf.measured import ValuesPerChannel
 from jaxrender.brdf.parameters import is_known
 from jaxrender.geometry import Components
-from jaxrender.shapes import AnyArray, Array, Float, Int
+from jaxrender.shapes import AnyArray, Array, Bool, Float, Int
 
 HALF_PI = np.pi / 2
 
@@ -179,6 +179,30 @@ def raised(
     ratio = np.minimum(least_cosine / np.hypot(along, across), 1)
     largest = np.arccos(ratio) - np.arctan2(across, along)
     return HalfDifference(theta_h, np.clip(angles.theta_d, 0, np.maximum(largest, 0)), angles.phi_d)
+
+
+def nearest_known(
+    known: Bool[np.ndarray, "theta_h theta_d phi_d"],
+) -> Int[np.ndarray, "theta_h theta_d phi_d"]:
+    """Number for each node the known one whose value it takes, itself if it is known.
+
+    That is the next at a smaller theta_d, else at a larger one, else at the nearest smaller or
+    larger theta_h; itself where nothing is known.
+    """
+    index = np.arange(known.size).reshape(known.shape)
+    for axis, turned in ((1, False), (1, True), (0, False), (0, True)):
+        if known.all():
+            break
+        order = slice(None, None, -1 if turned else 1)
+        seen = np.moveaxis(known, axis, 0)[order]
+        rows = np.arange(len(seen)).reshape(-1, 1, 1)
+        # The last row at or before each that is known; -1 where there is none yet.
+        source = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
+        ahead = np.moveaxis(index, axis, 0)[order]
+        copied = np.take_along_axis(ahead, np.maximum(source, 0), axis=0)
+        index = np.moveaxis(copied[order], 0, axis)
+        known = np.moveaxis((source >= 0)[order], 0, axis)
+    return index
 
 
 def _length(*parts: Float[AnyArray, "*batch"]) -> Float[Array, "*batch"]:
