@@ -3,7 +3,8 @@
     python experiments/fuzz_readers.py [FORMAT ...] [--count 10000] [--first 0]
 
 A child process damages a small file and reads it, thousands of times; it may take 1 GiB beyond what
-it holds before, and 5 s a file, and is started anew where it ends or is ended.  Demanded: whatever
+it holds before, and 5 s of a processor a file, and is started anew where it ends or is ended; what
+waits for something ends after a minute.  Demanded: whatever
 is not read raises ``InputError`` whose message names the file, can be printed, and is short; no
 warning and no ignored error shows.  The line of each failure has the seed that makes it again:
 ``fuzz_readers.py FORMAT --first SEED --count 1``.  The formats and the damage stand in
@@ -18,6 +19,7 @@ import select
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -29,6 +31,8 @@ os.environ["JAX_ENABLE_X64"] = "1"
 SECONDS, BYTES = 5.0, 2**30
 # A child's first file waits for the libraries.
 START_SECONDS = 120.0
+# On a busy machine a second of a processor takes longer, up to this many.
+PATIENCE = 12
 
 
 class Child:
@@ -40,25 +44,36 @@ class Child:
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
-        self.answer(START_SECONDS)
+        said = self.answer(START_SECONDS)
+        if said != "ready":
+            raise SystemExit(f"{name}: the child did not start: {said}")
 
     def answer(self, seconds: float) -> str:
         """Wait for a line; what happened where none came."""
         assert self.process.stdout is not None
-        ready, _, _ = select.select([self.process.stdout], [], [], seconds)
-        if not ready:
-            self.end()
-            return f"no answer within {seconds:g} s"
+        begun, last = self.spent(), time.monotonic() + PATIENCE * seconds
+        while not select.select([self.process.stdout], [], [], 0.2)[0]:
+            if self.spent() - begun > seconds or time.monotonic() > last:
+                self.end()
+                return f"no answer within {seconds:g} s"
         line = self.process.stdout.readline().decode(errors="replace").rstrip("\n")
         if not line:
             return f"the process ended with {self.process.wait()}"
         return line
 
+    def spent(self) -> float:
+        """Count the seconds of a processor that the process has taken."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def read(self, seed: int) -> str:
         """Damage and read one file."""
         assert self.process.stdin is not None
-        self.process.stdin.write(f"{seed}\n".encode())
-        self.process.stdin.flush()
+        try:
+            self.process.stdin.write(f"{seed}\n".encode())
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            return f"the process ended with {self.process.wait()} after the file before"
         return self.answer(SECONDS)
 
     def end(self) -> None:
