@@ -86,6 +86,7 @@ def test_each_photograph_of_stanford_orb_has_the_light_of_its_camera(tmp_path):
         lit_as_written(one, 0.05)
     assert "in the frame of its camera" in text
     assert "lighting.free_scale: true" in text
+    assert "solve.free: [exposure, environment]" in " ".join(text.replace("#", "").split())
 
 
 def test_the_training_of_stanford_orb_has_no_light(tmp_path):

@@ -47,6 +47,10 @@ def read_stanford_orb(path: Path, looking: Looking) -> Contents:
             "photographs and panoramas have one scale; where they have not, say "
             "lighting.free_scale: true"
         )
+        assumed.append(
+            "panoramas are as the light at the object was; where a probe stood elsewhere, say "
+            "solve.free: [exposure, environment]"
+        )
         frames = tuple(kept)
     if len(kept) < len(panoramas):
         found.append(
