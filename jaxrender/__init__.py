@@ -26,7 +26,8 @@ The packages follow the theory, and each imports only from those above it in thi
 What everyday work needs is here by its own name: ``load_capture``, ``load_mesh``,
 ``load_environment``; ``Sphere``, ``Mesh``, ``Pinhole``; the lights; ``material`` of a model's name
 and numbers; ``render``; ``Scene``, ``unknown`` and ``fit``; ``plot`` of a light, a BRDF or what a
-fit found.  ``%load_ext jaxrender`` lets notebooks show lights and BRDFs.
+fit found, and ``view`` of the latter, a widget.  ``%load_ext jaxrender`` lets notebooks show lights
+and BRDFs.
 """
 
 import importlib
@@ -79,6 +80,7 @@ _NAMES = {
     "render": "reflection.render_lit",
     "unknown": "inverse.unknown",
     "unload_ipython_extension": "pipelines.unload_ipython_extension",
+    "view": "pipelines.viewer",
 }
 
 __all__ = ["__version__", *_PACKAGES, *_NAMES]

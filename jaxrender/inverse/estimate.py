@@ -72,20 +72,26 @@ class Estimate(_Fields, AnyEstimate):
         rows = super()._rows()
         return rows if self.correction is None else [*rows, f"  {self.correction.sentence}"]
 
+    @property
+    def shown_in(self) -> Light:
+        """The light, or a source beside a camera where it is dark, as that of single photographs.
+
+        The camera is that of ``ball``.
+        """
+        if np.any(np.asarray(self.light.nodes().irradiance)):
+            return self.light
+        white = np.ones((1, self.material.amplitudes.shape[1]))
+        towards = np.array([[1.0, -3.0, 2.5]])
+        return DirectionalSources(towards / np.linalg.norm(towards), white)
+
     def ball(self, side: int = _SIDE) -> Float[np.ndarray, "row column channel"]:
         """Render a ball of the material in the light, seen from a little above; [side, side, C].
 
-        Where the light is dark, as that of single photographs is here, a source beside the camera
-        lights it.
+        Where the light is dark a source beside the camera lights it.
         """
         pose = look_at(_EYE, np.zeros(3), np.eye(3)[2])
         camera = Orthographic(side, side, pose, scale=2.1 / side)
-        light = self.light
-        if not np.any(np.asarray(light.nodes().irradiance)):
-            white = np.ones((1, self.material.amplitudes.shape[1]))
-            towards = np.array([[1.0, -3.0, 2.5]])
-            light = DirectionalSources(towards / np.linalg.norm(towards), white)
-        return np.asarray(render_lit(self.brdf, light, Sphere(np.zeros(3), 1.0), camera))
+        return np.asarray(render_lit(self.brdf, self.shown_in, Sphere(np.zeros(3), 1.0), camera))
 
     def _repr_png_(self) -> bytes:
         """Show the ball in a notebook."""

@@ -32,6 +32,7 @@ _HOME = {
     "synthesise": "synth",
     "render_config": "render",
     "plot": "plots",
+    "viewer": "view.viewer",
     "load_ipython_extension": "notebook",
     "unload_ipython_extension": "notebook",
     "RecipeConfig": "config",

@@ -23,7 +23,7 @@ from view_pages import egg, page, scene_of, shown
 from jaxrender.imaging import erode
 from jaxrender.imaging.display import exposed
 from jaxrender.lighting import LightNodes
-from jaxrender.pipelines.view.view import rendered, seen_from
+from jaxrender.pipelines.view.shown import rendered, seen_from
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)

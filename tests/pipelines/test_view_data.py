@@ -20,8 +20,8 @@ from jaxrender.lighting import LightNodes
 from jaxrender.pipelines.view.light import gathered, page_light
 from jaxrender.pipelines.view.material_table import interpolated, material_table
 from jaxrender.pipelines.view.packing import from_octahedral, octahedral, packed, unpacked
+from jaxrender.pipelines.view.shown import rendered, seen_from
 from jaxrender.pipelines.view.surface import surface_document
-from jaxrender.pipelines.view.view import rendered, seen_from
 
 # 16 bits of a direction folded onto a square; 11 bits of a half float.
 DIRECTION, HALF = 1e-4, 2.0**-11
@@ -52,7 +52,7 @@ def test_directions_come_back():
 
 def test_the_light_of_a_page_is_the_light(ball):
     what, text = ball
-    stored = scene_of(text)["light"]
+    stored = scene_of(text)["lights"]["result"]
     for name in ("fine", "cells", "sources"):
         own: LightNodes = getattr(what.light, name)
         directions = from_octahedral(unpacked(stored[name]["directions"]))

@@ -24,8 +24,8 @@ from jaxrender.errors import InputError
 from jaxrender.pipelines.view import view_result
 from jaxrender.pipelines.view.material_table import material_table
 from jaxrender.pipelines.view.page import SHADERS, script_text
+from jaxrender.pipelines.view.shown import seen_from
 from jaxrender.pipelines.view.sliders import sliders_of
-from jaxrender.pipelines.view.view import seen_from
 
 
 class Elements(HTMLParser):

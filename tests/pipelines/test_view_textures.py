@@ -24,7 +24,8 @@ from jaxrender.pipelines.progress import SilentProgress
 from jaxrender.pipelines.result import read_run
 from jaxrender.pipelines.view import view_result
 from jaxrender.pipelines.view.packing import unpacked
-from jaxrender.pipelines.view.view import rendered, seen_from, shown_of
+from jaxrender.pipelines.view.shown import rendered, seen_from
+from jaxrender.pipelines.view.view import shown_of
 
 VIEW = (40, 20)
 

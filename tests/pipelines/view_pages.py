@@ -9,8 +9,10 @@ from jaxrender.brdf import material_named
 from jaxrender.geometry import Mesh, Sphere
 from jaxrender.inverse import KnownLight
 from jaxrender.lighting import DirectionalSources, Environment
+from jaxrender.pipelines.view.layout import Facts, values_of
 from jaxrender.pipelines.view.light import page_light
-from jaxrender.pipelines.view.view import Facts, Shown, page_of, shown_as
+from jaxrender.pipelines.view.page import html_of
+from jaxrender.pipelines.view.shown import Shown, shown_as
 
 BRDF = {"model": "ggx", "kd": [0.2, 0.12, 0.06], "ks": 0.1, "sigma": 0.2, "mu": 1.5}
 MATERIALS = {
@@ -54,7 +56,7 @@ def egg() -> Mesh:
 
 def page(what: Shown, title: str = "ball") -> str:
     """The page of it."""
-    return page_of(what, Facts(title, "0" * 64, SUMMARY, False, None))
+    return html_of(values_of(what, Facts(title, "0" * 64, SUMMARY, False, None)))
 
 
 def scene_of(text: str) -> dict:

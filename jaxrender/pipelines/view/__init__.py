@@ -8,8 +8,11 @@
     arrays as text, and directions in 32 bits
 ``sliders`` ``pictures``
     numbers with their bands; photographs beside predictions
-``page`` ``view``
-    the template filled with all of it, under a strict content policy; the command
+``shown`` ``layout`` ``page`` ``view``
+    what is shown, seen and rendered; laid out; the templates filled with all of it, under a strict
+    content policy; the command
+``viewer`` ``widget``
+    the object alone as a widget of a notebook, by the same scripts
 ``shaders`` ``scripts``
     the page's own GLSL and JavaScript
 

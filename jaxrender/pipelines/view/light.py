@@ -9,10 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxrender.errors import InputError
+from jaxrender.geometry import Shape
 from jaxrender.harmonics import real_basis
 from jaxrender.inverse import KnownLight
 from jaxrender.inverse.light_nodes import exact_nodes
-from jaxrender.lighting import DirectionalSources, LightNodes
+from jaxrender.lighting import (
+    DirectionalSources,
+    Environment,
+    HarmonicLight,
+    Light,
+    LightNodes,
+    LightSum,
+    positive_environment,
+)
 from jaxrender.pipelines.view.packing import octahedral, packed
 from jaxrender.shapes import Float, Int
 
@@ -22,6 +32,8 @@ MOST_SOURCES = 8
 _ANGLE_PER_WIDTH = 0.5
 # Rows of the cells, and the fewest columns in a row: about 300 of them, of 11 degrees.
 _ROWS, _FEWEST_COLUMNS = 16, 4
+# Light by its coefficients is drawn in so many rows where no image says.
+_SAMPLED_ROWS = 64
 # The degree of the harmonics that a page has sliders for.
 DEGREE = 2
 
@@ -91,6 +103,22 @@ def page_light(light: KnownLight, width: float) -> PageLight:
     return PageLight(fine, cells, first, bright, _coefficients(_together(fine, bright)))
 
 
+def page_light_of(light: Light, shape: Shape, width: float) -> PageLight:
+    """Make the light of a page from any light; coefficients become light nowhere negative.
+
+    Raises ``ValueError`` as ``KnownLight.of`` does.
+    """
+    images = [part for part in light.parts if isinstance(part, Environment)]
+    rows = images[0].grid.shape[0] if images else _SAMPLED_ROWS
+    parts = [
+        positive_environment(np.asarray(part.coefficients, float), None, rows)
+        if isinstance(part, HarmonicLight)
+        else part
+        for part in light.parts
+    ]
+    return page_light(KnownLight.of(LightSum(tuple(parts)), shape=shape).far, width)
+
+
 def gathered(nodes: LightNodes) -> tuple[LightNodes, LightNodes, Int[np.ndarray, "end"]]:
     """Sort nodes by cells; find each cell's sum at its mean direction, and where it begins."""
     directions, irradiance = (np.asarray(part) for part in nodes)
@@ -118,6 +146,10 @@ def _plain(nodes: LightNodes) -> LightNodes:
 
 
 def _three(irradiance: np.ndarray) -> np.ndarray:
+    if irradiance.shape[1] not in (1, 3):
+        raise InputError(
+            f"a page shows one or three channels, and the light has {irradiance.shape[1]}"
+        )
     return np.broadcast_to(np.asarray(irradiance, float), (len(irradiance), 3)).copy()
 
 

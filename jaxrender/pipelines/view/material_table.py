@@ -52,6 +52,11 @@ class MaterialTable(NamedTuple):
     roughness_name: str | None
     error: float
 
+    @property
+    def width(self) -> float:
+        """The width of the fit."""
+        return float(self.widths[self.fitted])
+
 
 class _Parts(NamedTuple):
     """A material apart: the rows of the base and of the lobes, and how much of these there is."""
@@ -133,6 +138,26 @@ def _parts_of(brdf: BRDF) -> _Parts:
         return _Parts(base, lobes, weights, amount, base_name, names[lobes[0]] if names else "ks")
     weights = np.array([every[at] for at in lobes]).reshape(-1, 3)
     return _Parts(base, lobes, weights, np.ones(3), base_name, "lobes" if lobes else None)
+
+
+def with_amounts(
+    brdf: Parametric, base: Float[np.ndarray, "3"], lobe: Float[np.ndarray, "3"]
+) -> Parametric:
+    """Put other amounts into a material that was tabulated: of its base and of its lobes.
+
+    Raises ``ValueError`` for a material whose lobes have no amplitudes of their own.
+    """
+    parts = _parts_of(brdf)
+    if len(brdf.amplitude_names) != len(brdf.amplitudes):
+        raise ValueError(
+            f"the lobes of a {type(brdf).__name__} share amplitudes; read base, lobe and roughness"
+        )
+    rows = [_as_three(row) for row in np.asarray(brdf.amplitudes, float)]
+    if parts.base is not None:
+        rows[parts.base] = base
+    for at, weight in zip(parts.lobes, parts.weights):
+        rows[at] = weight * lobe
+    return brdf.with_amplitudes(*rows)
 
 
 def _as_three(amplitude: AnyArray) -> Float[np.ndarray, "3"]:

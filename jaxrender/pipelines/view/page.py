@@ -1,11 +1,12 @@
 """The page: one HTML file with its data, its shaders and its scripts, and no other address.
 
 Its content policy allows the page's own script and style, by their digests, and pictures within the
-page.  Nothing is fetched.
+page.  Nothing is fetched.  A widget shows the object by the same scripts, shaders and markup.
 """
 
 import base64
 import hashlib
+import json
 from importlib import resources
 from typing import Any
 
@@ -13,10 +14,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 _PACKAGE = "jaxrender.pipelines.view"
-_SCRIPTS = (
+# What draws the object wherever it stands, and what else a page and a widget have.
+_SHARED = (
     "arrays.js", "material.js", "textures.js", "renderer.js", "viewer.js", "controls.js",
-    "photographs.js", "explorer.js", "start.js",
+    "opening.js",
 )  # fmt: skip
+_OF_PAGE = ("photographs.js", "explorer.js", "start.js")
+_OF_WIDGET = ("widget.js",)
 SHADERS = {
     "table": "table.glsl",
     "square": "square.vert.glsl",
@@ -28,14 +32,7 @@ SHADERS = {
 
 
 def html_of(values: dict[str, Any]) -> str:
-    """Fill the template; every string from outside is escaped."""
-    templates = Environment(
-        loader=PackageLoader(_PACKAGE, "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    """Fill the page's template; every string from outside is escaped."""
     style = _text("page.css")
     script = script_text()
     own = {
@@ -43,15 +40,45 @@ def html_of(values: dict[str, Any]) -> str:
         "script": Markup(script),
         "style_digest": _digest(style),
         "script_digest": _digest(script),
-        "shaders": {name: Markup(_text(f"shaders/{file}")) for name, file in SHADERS.items()},
+        "shaders": {name: Markup(text) for name, text in _shaders().items()},
     }
-    return templates.get_template("page.html.j2").render(own | values)
+    return _filled("page.html.j2", own | values)
+
+
+def markup_of(values: dict[str, Any]) -> str:
+    """Fill the part of the page that shows the object, for a widget."""
+    return _filled("object.html.j2", values)
 
 
 def script_text() -> str:
-    """Put the scripts together, closed off from the page's own names."""
-    parts = "\n".join(_text(f"scripts/{name}") for name in _SCRIPTS)
-    return f'(() => {{\n"use strict";\n{parts}\n}})();\n'
+    """Put the page's scripts together, closed off from the page's own names."""
+    return f'(() => {{\n"use strict";\n{_joined(*_SHARED, *_OF_PAGE)}\n}})();\n'
+
+
+def module_text() -> str:
+    """Put a widget's scripts together, with its shaders and its style, as one module."""
+    own = {"SHADERS": _shaders(), "STYLE": _text("page.css")}
+    constants = "".join(f"const {name} = {json.dumps(value)};\n" for name, value in own.items())
+    return constants + _joined(*_SHARED, *_OF_WIDGET)
+
+
+def _filled(template: str, values: dict[str, Any]) -> str:
+    templates = Environment(
+        loader=PackageLoader(_PACKAGE, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return templates.get_template(template).render(values)
+
+
+def _shaders() -> dict[str, str]:
+    return {name: _text(f"shaders/{file}") for name, file in SHADERS.items()}
+
+
+def _joined(*scripts: str) -> str:
+    return "\n".join(_text(f"scripts/{name}") for name in scripts)
 
 
 def _text(name: str) -> str:

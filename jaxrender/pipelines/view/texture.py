@@ -52,6 +52,15 @@ class PageTexture(NamedTuple):
     ratios: Float[np.ndarray, "layer"]
     overlays: tuple[Overlay, ...]
 
+    @property
+    def choices(self) -> dict[str, str]:
+        """What can be shown in the place of the object, by its name in the scripts."""
+        plain = {"picture": "the object in the light", "kd": "its colour, π K_d"}
+        plain["ks"] = "its highlights, K_s"
+        if self.maps.offset is not None:
+            plain["normals"] = "its normals"
+        return plain | {one.id: one.label for one in self.overlays}
+
     def document(self) -> dict[str, Any]:
         """Lay it out as text."""
         maps, (kd, ks) = self.maps, self.maps.mean.amplitudes

@@ -2,10 +2,6 @@
 
 const STEP = Math.PI / 36;
 
-function byId(name) {
-  return document.getElementById(name);
-}
-
 function shown(value) {
   return Number(value.toPrecision(3)).toString();
 }
@@ -20,119 +16,112 @@ function markOf(slider, value, band) {
   track.style.setProperty("--to", place(band ? band[1] : value));
 }
 
+// A slider that changes the viewer, and follows whatever else changes it.
+function tied(viewer, id, read, write, curve = {}) {
+  const slider = viewer.byId(id), output = viewer.byId(`value-${id}`);
+  const { toSlider = Number, toValue = Number, words = shown } = curve;
+  slider.addEventListener("input", () => write(toValue(Number(slider.value))));
+  viewer.followers.push(() => {
+    const value = read();
+    slider.value = toSlider(value);
+    output.textContent = words(value);
+    slider.setAttribute("aria-valuetext", words(value));
+  });
+  return slider;
+}
+
 function materialControls(viewer) {
+  const { state } = viewer;
   for (const one of viewer.scene.sliders) {
-    const slider = byId(`slider-${one.id}`), output = byId(`value-${one.id}`);
-    const toSlider = one.logarithmic ? Math.log : (x) => x;
-    const toValue = one.logarithmic ? Math.exp : (x) => x;
-    slider.min = toSlider(one.lowest);
-    slider.max = toSlider(one.highest);
-    slider.step = (slider.max - slider.min) / 400;
-    slider.value = toSlider(one.value);
+    const curve = one.logarithmic ? { toSlider: Math.log, toValue: Math.exp } : {};
+    const toSlider = curve.toSlider || Number, isWidth = one.part === "width";
+    const write = (value) => {
+      if (isWidth) return viewer.setWidth(widthOf(one, value));
+      for (const channel of one.channels) state[one.part][channel] = value;
+      viewer.changed(false);
+    };
+    const read = () => (isWidth ? numberOf(one, state.width) : state[one.part][one.channels[0]]);
+    const slider = tied(viewer, `slider-${one.id}`, read, write, curve);
     const [low, high] = [one.lowest, one.highest].map(toSlider);
+    [slider.min, slider.max, slider.step] = [low, high, (high - low) / 400];
     if (one.fitted) markOf(slider, toSlider(one.value), one.band && one.band.map((x) =>
       Math.min(Math.max(x > 0 || !one.logarithmic ? toSlider(x) : low, low), high)));
-    const use = (value) => {
-      output.textContent = shown(value);
-      slider.setAttribute("aria-valuetext", shown(value));
-      if (one.part === "width") viewer.setWidth((value / one.scale) ** (1 / one.power));
-      else {
-        for (const channel of one.channels) viewer.state[one.part][channel] = value;
-        viewer.changed(false);
-      }
-    };
-    output.textContent = shown(one.value);
-    slider.addEventListener("input", () => use(toValue(Number(slider.value))));
-    byId("fitted").addEventListener("click", () => {
-      slider.value = toSlider(one.value);
-      use(one.value);
-    });
+    viewer.byId("fitted").addEventListener("click", () => write(one.value));
   }
 }
 
+// The width of a lobe and the model's own number stand for each other.
+function widthOf(slider, value) {
+  return (value / slider.scale) ** (1 / slider.power);
+}
+
+function numberOf(slider, width) {
+  return slider.scale * width ** slider.power;
+}
+
 function lightControls(viewer) {
-  const { state } = viewer;
-  for (const radio of document.querySelectorAll("input[name=light]"))
-    radio.addEventListener("change", () => {
-      state.light = radio.value;
-      byId("harmonics").hidden = radio.value !== "harmonics";
-      if (radio.value === "dark") setLamp(true);
-      viewer.changed();
-      viewer.expose();
-    });
+  const { state } = viewer, byId = (id) => viewer.byId(id);
+  for (const radio of viewer.all("input[name=light]")) {
+    radio.addEventListener("change", () => viewer.chooseLight(radio.value));
+    viewer.followers.push(() => { radio.checked = radio.value === state.light; });
+  }
   const lamp = byId("lamp");
-  const setLamp = (on) => {
-    lamp.checked = state.lamp.on = on;
-    byId("lamp-settings").hidden = !on;
-  };
-  lamp.addEventListener("change", () => { setLamp(lamp.checked); viewer.changed(false); });
-  const followers = [];
+  lamp.addEventListener("change", () => {
+    state.lamp.on = lamp.checked;
+    viewer.changed(false);
+  });
+  viewer.followers.push(() => {
+    lamp.checked = state.lamp.on;
+    byId("lamp-settings").hidden = !state.lamp.on;
+    byId("harmonics").hidden = state.light !== "harmonics";
+  });
   for (const [name, factor] of [["azimuth", Math.PI / 180], ["elevation", Math.PI / 180],
     ["strength", 1]]) {
-    const slider = byId(`lamp-${name}`), output = byId(`value-lamp-${name}`);
-    slider.addEventListener("input", () => {
-      state.lamp[name] = Number(slider.value) * factor;
+    const write = (value) => {
+      state.lamp[name] = value * factor;
       viewer.changed(false);
-    });
-    // A lamp that is dragged takes its sliders along.
-    followers.push(() => {
+    };
+    const read = () => {
       const value = state.lamp[name] / factor;
-      const turned = name === "azimuth" ? value - 360 * Math.round(value / 360) : value;
-      slider.value = turned;
-      output.textContent = shown(turned);
-    });
+      return name === "azimuth" ? value - 360 * Math.round(value / 360) : value;
+    };
+    tied(viewer, `lamp-${name}`, read, write);
   }
   byId("upright").addEventListener("click", () => {
     state.turn = IDENTITY;
     viewer.changed();
   });
   byId("expose").addEventListener("click", () => viewer.expose());
-  const stops = byId("exposure");
-  stops.addEventListener("input", () => {
-    state.exposure = viewer.scene.exposure * 2 ** Number(stops.value);
-    viewer.changed(false);
-  });
-  viewer.onDraw = () => {
-    const value = Math.log2(state.exposure / viewer.scene.exposure);
-    followers.forEach((follow) => follow());
-    stops.value = value;
-    byId("value-exposure").textContent = `${value >= 0 ? "+" : ""}${value.toFixed(1)}`;
-  };
+  tied(viewer, "exposure", () => viewer.stops, (value) => { viewer.stops = value; },
+    { words: (value) => `${value >= 0 ? "+" : ""}${value.toFixed(1)}` });
   harmonicControls(viewer);
 }
 
 function harmonicControls(viewer) {
-  const given = viewer.coefficients, mean = (k) =>
-    (given[3 * k] + given[3 * k + 1] + given[3 * k + 2]) / 3;
-  const colour = [0, 1, 2].map((c) => (mean(0) > 0 ? given[c] / mean(0) : 1));
-  for (const slider of document.querySelectorAll("input[data-coefficient]")) {
-    const k = Number(slider.dataset.coefficient), unit = Math.max(mean(0), 1e-12);
-    const output = byId(`value-${slider.id}`);
-    slider.value = mean(k) / unit;
-    markOf(slider, mean(k) / unit, null);
-    output.textContent = shown(mean(k) / unit);
-    const use = (value) => {
-      for (let c = 0; c < 3; ++c)
-        viewer.state.harmonics[3 * k + c]
-          = given[3 * k + c] + (value - mean(k) / unit) * unit * colour[c];
-      output.textContent = shown(value);
+  const given = viewer.coefficients, { state } = viewer;
+  const mean = (numbers, k) => (numbers[3 * k] + numbers[3 * k + 1] + numbers[3 * k + 2]) / 3;
+  const colour = [0, 1, 2].map((c) => (mean(given, 0) > 0 ? given[c] / mean(given, 0) : 1));
+  const unit = Math.max(mean(given, 0), 1e-12);
+  for (const { id, dataset } of viewer.all("input[data-coefficient]")) {
+    const k = Number(dataset.coefficient);
+    const write = (value) => {
+      const more = value * unit - mean(given, k);
+      for (let c = 0; c < 3; ++c) state.harmonics[3 * k + c] = given[3 * k + c] + more * colour[c];
       viewer.changed();
     };
-    slider.addEventListener("input", () => use(Number(slider.value)));
-    byId("given-harmonics").addEventListener("click", () => {
-      slider.value = mean(k) / unit;
-      use(mean(k) / unit);
-    });
+    const slider = tied(viewer, id, () => mean(state.harmonics, k) / unit, write);
+    markOf(slider, mean(given, k) / unit, null);
+    viewer.byId("given-harmonics").addEventListener("click", () => write(mean(given, k) / unit));
   }
 }
 
 function dragged(viewer) {
   const { canvas, state } = viewer, pointers = new Map();
-  const what = () => document.querySelector("input[name=drag]:checked").value;
+  const what = () => viewer.root.querySelector("input[name=drag]:checked").value;
   const move = (across, upwards) => {
     if (what() === "light") viewer.turnLight(across, upwards);
     else if (what() === "lamp") {
-      if (!state.lamp.on) byId("lamp").click();
+      state.lamp.on = true;
       viewer.moveLamp(across, upwards);
     } else viewer.orbit(across, upwards);
   };

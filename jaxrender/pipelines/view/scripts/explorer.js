@@ -1,12 +1,12 @@
 // The fitted BRDF: lobes in the plane of incidence, and a slice over half and difference angles.
 
 function explorer(viewer) {
-  const angle = byId("incidence"), lobes = byId("lobes"), slice = byId("slice");
+  const [angle, lobes, slice] = ["incidence", "lobes", "slice"].map((id) => viewer.byId(id));
   let waiting = false;
   const draw = () => {
     waiting = false;
     const degrees = Number(angle.value);
-    byId("value-incidence").textContent = `${degrees}°`;
+    viewer.byId("value-incidence").textContent = `${degrees}°`;
     drawLobes(viewer, lobes, degrees);
     drawSlice(viewer, slice);
   };
@@ -14,9 +14,9 @@ function explorer(viewer) {
     if (!waiting) { waiting = true; setTimeout(draw, 30); }
   };
   angle.addEventListener("input", later);
-  for (const slider of document.querySelectorAll("[data-material]"))
+  for (const slider of viewer.all("[data-material]"))
     slider.addEventListener("input", later);
-  byId("fitted").addEventListener("click", later);
+  viewer.byId("fitted").addEventListener("click", later);
   // After the first picture of the object.
   setTimeout(draw, 50);
 }

@@ -1,7 +1,7 @@
 // A photograph and its prediction under a wiper, with what may lie over them.
 
 function photographControls(scene) {
-  const choice = byId("photograph-choice");
+  const byId = (id) => document.getElementById(id), choice = byId("photograph-choice");
   if (!choice) return;
   const overlay = byId("overlay-choice"), wiper = byId("wiper"), stage = byId("stage");
   const use = () => {

@@ -299,6 +299,12 @@ class Renderer {
     gl.drawElements(gl.TRIANGLES, this.indices, this.indexKind, 0);
   }
 
+  // Give the graphics processor back: a browser has room for few pictures.
+  close() {
+    const lost = this.gl.getExtension("WEBGL_lose_context");
+    if (lost) lost.loseContext();
+  }
+
   // Find the exposure that takes the 95th percentile of the picture to just below white.
   exposureFor(state, map) {
     const gl = this.gl, size = 64;

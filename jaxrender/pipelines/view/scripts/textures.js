@@ -58,14 +58,12 @@ class TextureMaps {
 }
 
 function textureControls(viewer) {
-  const choice = byId("shown-choice"), { texture } = viewer.scene;
+  const choice = viewer.byId("shown-choice");
   if (!choice) return;
-  choice.addEventListener("change", () => {
-    const asked = texture.overlays.find((one) => one.id === choice.value);
-    if (asked) viewer.renderer.maps.overlay(asked, unpacked(viewer.scene.false_colours));
-    viewer.state.shown = asked ? FALSE_COLOURS : PLAIN[choice.value];
-    for (const legend of document.querySelectorAll("[data-shown]"))
+  choice.addEventListener("change", () => viewer.chooseMap(choice.value));
+  viewer.followers.push(() => {
+    choice.value = viewer.state.map;
+    for (const legend of viewer.all("[data-shown]"))
       legend.hidden = legend.dataset.shown !== choice.value;
-    viewer.changed(false);
   });
 }

@@ -9,21 +9,25 @@ class Viewer {
   constructor(scene, canvas, shaders) {
     this.scene = scene;
     this.canvas = canvas;
+    // A page of its own, or a part of another one.
+    this.root = canvas.getRootNode();
+    this.outer = this.root.host || this.root.documentElement;
     this.material = new Material(scene.material);
     this.renderer = new Renderer(canvas, scene, this.material, shaders);
-    const light = scene.light;
-    this.coefficients = unpacked(light.coefficients);
-    this.given = {
-      fine: this.nodesOf(light.fine), cells: this.nodesOf(light.cells),
-      first: unpacked(light.first),
-      sources: this.sourcesOf(this.nodesOf(light.sources)),
-    };
+    this.coefficients = unpacked(scene.lights.result.coefficients);
+    this.lights = {};
+    for (const [name, light] of Object.entries(scene.lights))
+      this.lights[name] = {
+        fine: this.nodesOf(light.fine), cells: this.nodesOf(light.cells),
+        first: unpacked(light.first),
+        sources: this.sourcesOf(this.nodesOf(light.sources)),
+      };
     this.total = this.totalOf();
     const [azimuth, elevation] = scene.view;
     this.state = {
       azimuth, elevation, zoom: 1, exposure: scene.exposure,
       base: [...scene.material.base], lobe: [...scene.material.lobe],
-      light: "result", turn: IDENTITY, shown: 0,
+      width: this.material.width, light: "result", turn: IDENTITY, map: "picture", shown: 0,
       lamp: { on: false, azimuth: azimuth + 0.6, elevation: 0.7, strength: 1 },
       harmonics: Float32Array.from(this.coefficients),
     };
@@ -32,7 +36,16 @@ class Viewer {
     this.frames = [];
     this.limit = MOST_PIXELS;
     this.fixedSize = null;
-    this.onDraw = () => {};
+    // What is done after every picture, such as moving the sliders to where they belong.
+    this.followers = [];
+  }
+
+  byId(name) {
+    return this.root.getElementById(name);
+  }
+
+  all(selector) {
+    return this.root.querySelectorAll(selector);
   }
 
   nodesOf(stored) {
@@ -52,10 +65,10 @@ class Viewer {
     return found;
   }
 
-  // The mean over the channels of the irradiance of all nodes together.
+  // The mean over the channels of the irradiance of all nodes of the result's light together.
   totalOf() {
-    const nodes = this.given.fine.irradiances.reduce((sum, x) => sum + x, 0);
-    const sources = this.given.sources.reduce(
+    const { result } = this.lights, nodes = result.fine.irradiances.reduce((sum, x) => sum + x, 0);
+    const sources = result.sources.reduce(
       (sum, one) => sum + one.irradiance[0] + one.irradiance[1] + one.irradiance[2], 0);
     return (nodes + sources) / 3;
   }
@@ -67,7 +80,7 @@ class Viewer {
     if (light === "uniform") return { cells: this.harmonicNodes([1 / 0.2820948]), turn };
     if (light === "dark")
       return { cells: { directions: new Float32Array(0), irradiances: [] }, turn };
-    return { ...this.given, turn };
+    return { ...this.lights[light], turn };
   }
 
   // Light of a few coefficients, summed on a grid of its own (T 4.3.3).
@@ -97,12 +110,9 @@ class Viewer {
   }
 
   sources() {
-    const found = [];
-    if (this.state.light === "result")
-      for (const one of this.given.sources)
-        found.push({ direction: applied(this.state.turn, one.direction),
-          irradiance: one.irradiance });
-    const { lamp } = this.state;
+    const { light, lamp, turn } = this.state, given = this.lights[light];
+    const found = (given ? given.sources : []).map(({ direction, irradiance }) => (
+      { direction: applied(turn, direction), irradiance }));
     if (lamp.on) {
       const strength = lamp.strength * this.total / 4;
       found.push({ direction: directionOf(lamp.azimuth, lamp.elevation),
@@ -129,6 +139,7 @@ class Viewer {
   }
 
   setWidth(width) {
+    this.state.width = width;
     this.material.at(width);
     this.renderer.loadTable();
     this.changed();
@@ -153,7 +164,7 @@ class Viewer {
       this.settled();
       return;
     }
-    document.documentElement.dataset.state = "moving";
+    this.outer.dataset.state = "moving";
     this.renderer.drawQuick(this.surrounding(), state.view);
     this.show(state, this.renderer.quick);
     this.measure(start);
@@ -173,7 +184,7 @@ class Viewer {
       this.exposeNext = false;
     }
     this.renderer.draw(state, map);
-    this.onDraw(state, map);
+    this.followers.forEach((follow) => follow());
   }
 
   // Learn from the time that the graphics processor takes how many pixels it can draw.
@@ -201,7 +212,33 @@ class Viewer {
   }
 
   settled() {
-    document.documentElement.dataset.state = "settled";
+    this.outer.dataset.state = "settled";
+  }
+
+  // The exposure in stops over that of the first picture.
+  get stops() {
+    return Math.log2(this.state.exposure / this.scene.exposure);
+  }
+
+  set stops(stops) {
+    this.state.exposure = this.scene.exposure * 2 ** stops;
+    this.changed(false);
+  }
+
+  chooseLight(name) {
+    this.state.light = name;
+    if (name === "dark") this.state.lamp.on = true;
+    this.changed();
+    this.expose();
+  }
+
+  // Show a map of the texture in the place of the object, or the object again.
+  chooseMap(name) {
+    const asked = this.scene.texture.overlays.find((one) => one.id === name);
+    if (asked) this.renderer.maps.overlay(asked, unpacked(this.scene.false_colours));
+    this.state.map = name;
+    this.state.shown = asked ? FALSE_COLOURS : PLAIN[name];
+    this.changed(false);
   }
 
   expose() {
