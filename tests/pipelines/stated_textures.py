@@ -55,13 +55,68 @@ def texel_places(rows: int = ROWS) -> np.ndarray:
     return np.stack([x, y, np.cos(polar)], axis=-1)
 
 
-def write_result(folder: Path, maps: StatedMaps, shape: Shape, sky: np.ndarray = SKY) -> Path:
-    """Write a result, and what its config names: light, one camera, the shape."""
+class StatedMetal(NamedTuple):
+    """glTF's material of every texel."""
+
+    base_color: np.ndarray
+    roughness: np.ndarray
+    metallic: np.ndarray
+    ior: float = 1.5
+
+
+def metal_maps(places: np.ndarray) -> StatedMetal:
+    """Metal in one half, plastic in the other, worn between; roughness that changes apart."""
+    x, y, z = np.moveaxis(places / np.linalg.norm(places, axis=-1, keepdims=True), -1, 0)
+    color = np.stack([0.5 + 0.3 * x, 0.45 + 0.2 * y, 0.35 - 0.2 * z], axis=-1)
+    return StatedMetal(color, 0.45 * np.exp(0.25 * z), np.clip(0.5 + 2 * y, 0, 1))
+
+
+def write_metal_result(
+    folder: Path, maps: StatedMetal, shape: Shape, sky: np.ndarray = SKY
+) -> Path:
+    """Write a result of such a texture, with errors, and what its config names."""
+    asked = "{roughness: map, metalness: map}\nbrdf: {model: metallic-roughness}"
+    numbers = {"model": "metallic-roughness", "ior": maps.ior}
+    sites = ("row", "column") if maps.roughness.ndim == 2 else ("vertex",)
+    _write_around(folder, shape, asked, numbers, sky)
+
+    def site(values: np.ndarray) -> Variable:
+        names = (*sites, "channel")[: values.ndim]
+        return Variable(names, values, "1", "stated")
+
+    texture = {"seen": site(np.ones(maps.roughness.shape, int))}
+    for name in ("base_color", "roughness", "metallic"):
+        values = getattr(maps, name)
+        texture[name], texture[f"{name}_error"] = site(values), site(0.01 * (1 + values))
+    shared = {"ior": Variable((), np.array(maps.ior), "1", "stated")}
+    groups = {"texture": Group(texture), "shared": Group(shared)}
+    write(folder / ARRAYS, ARRAYS_FORMAT, Group(groups=groups))
+    return folder
+
+
+def _write_around(folder: Path, shape: Shape, asked: str, brdf: dict, sky: np.ndarray) -> None:
+    """Write the config, the summary, and what they name: light, one camera, the shape."""
     folder.mkdir(parents=True)
     geometry = "sphere: {radius: 1}"
     if not isinstance(shape, Sphere):
         write_mesh(folder / "object.ply", shape)
         geometry = "mesh: object.ply"
+    (folder / "config.yaml").write_text(
+        f"task: texture\ncapture: {{transforms: transforms.json, geometry: {{{geometry}}}}}\n"
+        f"lighting: {{environment: {{path: light.exr}}}}\n"
+        f"texture: {asked}\n"
+    )
+    pose = look_at(np.array([4.0, 1.0, 1.5]), np.zeros(3), np.array([0.0, 0, 1]))
+    frame = {"file_path": "0.exr", "transform_matrix": pose.tolist()}
+    cameras = {"w": SIZE, "h": SIZE, "fl_x": 1.7 * SIZE, "frames": [frame]}
+    (folder / "transforms.json").write_text(json.dumps(cameras))
+    write_image(folder / "light.exr", sky[..., None] * np.array([1, 0.8, 0.5]))
+    summary = {"task": "texture", "outcome": "converged", "lighting": {}, "brdf": brdf}
+    (folder / "result.json").write_text(json.dumps(summary))
+
+
+def write_result(folder: Path, maps: StatedMaps, shape: Shape, sky: np.ndarray = SKY) -> Path:
+    """Write a result, and what its config names: light, one camera, the shape."""
     asked = []
     if maps.widths is not None:
         asked.append("sigma: map")
@@ -69,19 +124,8 @@ def write_result(folder: Path, maps: StatedMaps, shape: Shape, sky: np.ndarray =
         asked.append("normals: map")
     if maps.ks.ndim == maps.kd.ndim:
         asked.append("ks: color")
-    (folder / "config.yaml").write_text(
-        f"task: texture\ncapture: {{transforms: transforms.json, geometry: {{{geometry}}}}}\n"
-        f"lighting: {{environment: {{path: light.exr}}}}\n"
-        f"texture: {{{', '.join(asked)}}}\n"
-    )
-    pose = look_at(np.array([4.0, 1.0, 1.5]), np.zeros(3), np.array([0.0, 0, 1]))
-    frame = {"file_path": "0.exr", "transform_matrix": pose.tolist()}
-    cameras = {"w": SIZE, "h": SIZE, "fl_x": 1.7 * SIZE, "frames": [frame]}
-    (folder / "transforms.json").write_text(json.dumps(cameras))
-    write_image(folder / "light.exr", sky[..., None] * np.array([1, 0.8, 0.5]))
-    summary = {"task": "texture", "outcome": "converged", "lighting": {},
-               "brdf": {"model": "microfacet", "sigma": maps.sigma, "mu": maps.mu}}  # fmt: skip
-    (folder / "result.json").write_text(json.dumps(summary))
+    numbers = {"model": "microfacet", "sigma": maps.sigma, "mu": maps.mu}
+    _write_around(folder, shape, f"{{{', '.join(asked)}}}", numbers, sky)
     sites = ("row", "column") if maps.kd.ndim == 3 else ("vertex",)
 
     def site(values: np.ndarray, inner: str) -> Variable:

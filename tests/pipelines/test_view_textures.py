@@ -1,33 +1,19 @@
-"""The page of a texture: its maps as data, and in Chromium its pictures.
+"""The page of a texture: its maps as data.
 
 - The maps are those of the result, to the steps of 8 bits; unseen texels have a code of their own.
 - A page of 20,000 triangles with maps of 512 x 512 stays under 6 MB, whatever its noise.
-- In Chromium a ball and a mesh with K_d, K_s, sigma and normals of every texel are the exact
-  integral, and each map can be shown in the place of the object.
 """
-
-import math
 
 import numpy as np
 import pytest
 from stated_textures import smooth_maps, texel_places, write_result
-from test_exported_textures import egg
-from test_view_browser import CHROMIUM, SIZE, browser, look, picture, tab  # noqa: F401
 from view_pages import scene_of
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Sphere
-from jaxrender.imaging import erode
-from jaxrender.imaging.display import exposed
 from jaxrender.io.exports import mesh_of
-from jaxrender.pipelines.progress import SilentProgress
-from jaxrender.pipelines.result import read_run
 from jaxrender.pipelines.view import view_result
 from jaxrender.pipelines.view.packing import unpacked
-from jaxrender.pipelines.view.shown import rendered, seen_from
-from jaxrender.pipelines.view.view import shown_of
-
-VIEW = (40, 20)
 
 
 def made(folder, shape, rows=16, channels=1, varying=True):
@@ -82,26 +68,3 @@ def test_a_large_page_is_small(tmp_path):
     page = view_result(write_result(tmp_path / "cat", maps._replace(**noisy), shape))
     assert len(shape.faces) == 20_000
     assert page.stat().st_size < 6e6
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-@pytest.mark.parametrize("shape", [Sphere(), egg()], ids=["ball", "mesh"])
-def test_a_texture_is_drawn_exactly(tab, tmp_path, shape):  # noqa: F811
-    _, result, page = made(tmp_path, shape)
-    found = look(tab, page, *VIEW)
-    shown = shown_of(read_run(result), SilentProgress())
-    view = seen_from(shown, *(math.radians(x) for x in VIEW), SIZE)
-    exposure = scene_of(page.read_text(encoding="utf-8"))["exposure"]
-    truth = exposed(rendered(shown, view), exposure)
-    inside = erode(view.hit, 2)
-    apart = np.abs(found[..., :3].astype(int) - truth).max(axis=-1)[inside]
-    # Along borders of texels a pixel may show the next one.
-    assert np.percentile(apart, 95) <= 2
-    for choice in ("kd", "ks", "normals", "sigma", "normal-error"):
-        tab.locator("#shown-choice").select_option(choice)
-        tab.wait_for_timeout(300)
-        assert np.abs(picture(tab).astype(int) - found).max() > 10
-        assert tab.locator(f"[data-shown={choice}]:visible").count() == (choice != "kd")
-    tab.locator("#shown-choice").select_option("picture")
-    tab.wait_for_timeout(300)
-    assert np.abs(picture(tab).astype(int) - found).max() <= 1

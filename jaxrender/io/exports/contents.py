@@ -60,6 +60,11 @@ class MetallicMaps(NamedTuple):
     metallic: Float[np.ndarray, "row column"]
 
     @property
+    def seen(self) -> Bool[np.ndarray, "row column"]:
+        """Whether there is a material."""
+        return np.any(self.base_color > 0, axis=-1)
+
+    @property
     def of_vertices(self) -> bool:
         """Whether sites are vertices."""
         return False

@@ -83,6 +83,8 @@ def _material_document(table: MaterialTable, texture: PageTexture | None) -> dic
     values = table.logarithms
     grey = bool(np.all(values[..., :3] == values[..., :1]))
     kept = values[..., [0, 3]] if grey else values
+    if table.head_on is not None:
+        kept = values[..., [0, 1, 3]]
     return {
         "logarithms": packed(kept.astype(np.float16)),
         "parts": kept.shape[-1],
@@ -95,4 +97,5 @@ def _material_document(table: MaterialTable, texture: PageTexture | None) -> dic
         "weighted": table.weighted,
         "base": table.base.tolist(),
         "lobe": table.lobe.tolist(),
+        "head_on": table.head_on or 0.0,
     }

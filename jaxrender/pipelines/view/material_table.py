@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxrender.brdf import BRDF, WIDTH_BOUNDS, Parametric
+from jaxrender.brdf import BRDF, WIDTH_BOUNDS, MetallicRoughness, Parametric
 from jaxrender.errors import InputError
 from jaxrender.geometry import Components
 from jaxrender.shapes import AnyArray, Float
@@ -39,6 +39,8 @@ class MaterialTable(NamedTuple):
     ``logarithms`` are those of red, green, blue and base, one table for each of ``widths``; the
     width of the fit is number ``fitted``.  ``weighted`` says that a lobe was multiplied by
     4 cos t_i cos t_o.  ``error`` is the mean error of an interpolated lobe relative to its mean.
+    Of maps of metal red is the lobe, green its edge, ``base`` the colour, ``lobe`` the share of
+    metal, and ``head_on`` what the interface reflects at normal incidence.
     """
 
     logarithms: Float[np.ndarray, "width u difference azimuth 4"]
@@ -51,6 +53,7 @@ class MaterialTable(NamedTuple):
     lobe_name: str | None
     roughness_name: str | None
     error: float
+    head_on: float | None = None
 
     @property
     def width(self) -> float:
@@ -68,6 +71,48 @@ class _Parts(NamedTuple):
     base_name: str | None
     lobe_name: str | None
 
+    def values(
+        self, brdf: BRDF, pair: tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]
+    ) -> Float[np.ndarray, "*batch 4"]:
+        """Evaluate the lobe of each channel, and the base, times the incoming cosine."""
+        columns = _columns(brdf, *pair)
+        lobe = np.einsum("...k,kc->...c", columns[..., list(self.lobes)], self.weights)
+        base = np.zeros(lobe.shape[:-1]) if self.base is None else columns[..., self.base]
+        return np.concatenate([lobe, base[..., None]], axis=-1)
+
+
+class _MetalParts(_Parts):
+    """glTF's material apart: (1 - P) / pi under an interface, and (1 - P) S and P S of it."""
+
+    def values(
+        self, brdf: BRDF, pair: tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]
+    ) -> Float[np.ndarray, "*batch 4"]:
+        """Evaluate lobe, edge, nothing and base: a metal is the first two, a dielectric the last.
+
+        All of the material is linear in its share of metal.
+        """
+        assert isinstance(brdf, MetallicRoughness)
+        metal, plastic = (
+            _columns(brdf.with_numbers({"metallic": jnp.asarray(share)}), *pair)
+            for share in (1.0, 0.0)
+        )
+        base = plastic[..., 0] / (1 - float(brdf.head_on))
+        return np.stack([metal[..., 0], metal[..., 1], np.zeros_like(base), base], axis=-1)
+
+
+def metal_table(brdf: MetallicRoughness) -> MaterialTable:
+    """Tabulate the parts of glTF's material, for maps of its colour and of its metalness."""
+    parts = _MetalParts(
+        None,
+        (),
+        np.ones((1, 3)),
+        np.full(3, float(brdf.metallic)),
+        "base_color",
+        "metallic",
+    )
+    table = _tabulated(brdf, parts, float(brdf.width), True)
+    return table._replace(base=_as_three(brdf.base_color), head_on=float(brdf.head_on))
+
 
 def material_table(brdf: BRDF, width: float) -> MaterialTable:
     """Tabulate an isotropic material at several widths, if it has a width that a fit looks for.
@@ -80,7 +125,12 @@ def material_table(brdf: BRDF, width: float) -> MaterialTable:
             "its normal; use jaxrender render"
         )
     parts = _parts_of(brdf)
-    named = isinstance(brdf, Parametric) and brdf.shape.name in brdf.numbers and parts.lobes
+    named = isinstance(brdf, Parametric) and brdf.shape.name in brdf.numbers and bool(parts.lobes)
+    return _tabulated(brdf, parts, width, named)
+
+
+def _tabulated(brdf: BRDF, parts: _Parts, width: float, named: bool) -> MaterialTable:
+    """Tabulate at several widths where the width is named; choose how a lobe is kept."""
     widths = np.array([width])
     if named:
         every = np.clip(width * np.array(_WIDTHS), min(width, WIDTH_BOUNDS[0]), WIDTH_BOUNDS[1])
@@ -141,12 +191,15 @@ def _parts_of(brdf: BRDF) -> _Parts:
 
 
 def with_amounts(
-    brdf: Parametric, base: Float[np.ndarray, "3"], lobe: Float[np.ndarray, "3"]
+    brdf: Parametric, table: MaterialTable, base: Float[np.ndarray, "3"], lobe: AnyArray
 ) -> Parametric:
     """Put other amounts into a material that was tabulated: of its base and of its lobes.
 
     Raises ``ValueError`` for a material whose lobes have no amplitudes of their own.
     """
+    if table.head_on is not None:
+        metal = brdf.with_numbers({"metallic": np.asarray(lobe[0])})
+        return metal.with_amplitudes(base, np.ones(3))
     parts = _parts_of(brdf)
     if len(brdf.amplitude_names) != len(brdf.amplitudes):
         raise ValueError(
@@ -205,17 +258,20 @@ def _values(
     weighted: bool,
 ) -> Float[np.ndarray, "*batch 4"]:
     """Evaluate lobes and base in 1/sr at amplitude one, as they are kept."""
-    columns = _columns(brdf, jnp.asarray(incoming), jnp.asarray(outgoing))
-    columns = np.asarray(columns) / incoming[..., 2:]
-    lobe = np.einsum("...k,kc->...c", columns[..., list(parts.lobes)], parts.weights)
+    values = parts.values(brdf, (incoming, outgoing)) / incoming[..., 2:]
     if weighted:
-        lobe = lobe * 4 * incoming[..., 2:] * outgoing[..., 2:]
-    base = np.zeros(lobe.shape[:-1]) if parts.base is None else columns[..., parts.base]
-    return np.concatenate([lobe, base[..., None]], axis=-1)
+        values[..., :3] *= 4 * incoming[..., 2:] * outgoing[..., 2:]
+    return values
+
+
+def _columns(
+    brdf: BRDF, incoming: Float[np.ndarray, "*batch 3"], outgoing: Float[np.ndarray, "*batch 3"]
+) -> Float[np.ndarray, "*batch lobe"]:
+    return np.asarray(_transferred(brdf, jnp.asarray(incoming), jnp.asarray(outgoing)))
 
 
 @jax.jit
-def _columns(brdf, incoming, outgoing):
+def _transferred(brdf, incoming, outgoing):
     lobes = brdf.transfer(Components.of(incoming), Components.of(outgoing))
     return jnp.stack([jnp.broadcast_to(lobe, incoming.shape[:-1]) for lobe in lobes], axis=-1)
 

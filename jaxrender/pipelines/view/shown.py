@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF
+from jaxrender.brdf import BRDF, MetallicRoughness
 from jaxrender.geometry import Orthographic, Shape, SurfaceView, look_at, observe
 from jaxrender.lighting import LightNodes
+from jaxrender.pipelines.tasks.texture.metallic import MetallicSubject
 from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 from jaxrender.pipelines.view.light import PageLight
-from jaxrender.pipelines.view.material_table import MaterialTable, material_table
+from jaxrender.pipelines.view.material_table import MaterialTable, material_table, metal_table
 from jaxrender.pipelines.view.surface import surface_document
 from jaxrender.pipelines.view.texture import PageTexture
 from jaxrender.reflection import ExactForward, render_view
@@ -34,7 +35,7 @@ class Shown(NamedTuple):
     center: Float[np.ndarray, "3"]
     radius: float
     texture: PageTexture | None = None
-    subject: TexturedSubject | None = None
+    subject: TexturedSubject | MetallicSubject | None = None
     others: Mapping[str, PageLight] = {}
 
 
@@ -44,10 +45,14 @@ def shown_as(
     light: PageLight,
     shape: Shape,
     texture: PageTexture | None = None,
-    subject: TexturedSubject | None = None,
+    subject: TexturedSubject | MetallicSubject | None = None,
 ) -> Shown:
     """Tabulate a material, and find where the object lies; raises ``InputError`` as both do."""
-    table = material_table(brdf, width)
+    if texture is not None and texture.metal:
+        assert isinstance(brdf, MetallicRoughness)
+        table = metal_table(brdf)
+    else:
+        table = material_table(brdf, width)
     surface = surface_document(shape, texture is not None)
     center, radius = np.array(surface["center"], float), float(surface["radius"])
     return Shown(brdf, table, light, shape, center, radius, texture, subject)

@@ -59,7 +59,7 @@ def _amounts(
     meanings: dict[str, str],
 ) -> list[Slider]:
     """Make a slider for each channel, or one where all channels are alike."""
-    highest = _ABOVE * float(amount.max()) or _OF_BLACK
+    highest = 1.0 if name == "metallic" else _ABOVE * float(amount.max()) or _OF_BLACK
     meaning = meanings.get(name, "all lobes, times this" if name == "lobes" else "")
     grey = part == "lobe" and bool(np.ptp(amount) == 0)
     groups = [(0, 1, 2)] if grey else [(0,), (1,), (2,)]

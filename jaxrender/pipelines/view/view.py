@@ -6,7 +6,6 @@ from pathlib import Path
 from jaxrender.brdf import Parametric
 from jaxrender.errors import InputError
 from jaxrender.io.atomic import replacing
-from jaxrender.io.exports import MaterialMaps
 from jaxrender.pipelines.exporting.contents import contents_of
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -93,15 +92,14 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
             f"made by jaxrender {made}: run fit again with --force"
         ) from error
     texture = None
-    if isinstance(subject, TexturedSubject):
+    if isinstance(subject, TexturedSubject | MetallicSubject):
         maps = contents_of(run).contents.maps
-        assert isinstance(maps, MaterialMaps)
+        if maps is None:
+            raise InputError(
+                f"{run.folder}: a page shows metalness of texels, not of vertices: give the mesh "
+                "texture coordinates and fit again, or use jaxrender render"
+            )
         texture, brdf = page_texture(run, maps), maps.mean
-    elif isinstance(subject, MetallicSubject):
-        raise InputError(
-            f"{run.folder}: a page shows textures of K_d and K_s, not of metalness; use jaxrender "
-            "export --to glb, or jaxrender render"
-        )
     elif not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
         raise InputError(
             f"{run.folder}: a result of task {config.task} has no single material, which a page "
@@ -115,7 +113,7 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
     width = float(subject.width)
     scale = float(run.summary.get("scale", 1.0))
     found = page_light(own.far, width).scaled(scale)
-    if isinstance(subject, TexturedSubject):
+    if isinstance(subject, TexturedSubject | MetallicSubject):
         assert isinstance(brdf, Parametric)
         shown = shown_as(brdf, float(brdf.width), found, shape, texture, subject)
     else:

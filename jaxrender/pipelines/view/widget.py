@@ -55,7 +55,8 @@ class Viewer(anywidget.AnyWidget):
     """An object in a notebook, to turn and to light; it draws what the page of ``view`` draws.
 
     ``light`` is the name of one of ``lights``.  ``base`` and ``lobe`` are the amounts of the
-    material's base and of its lobes, by channel; ``roughness`` is the model's own number, None
+    material's base and of its lobes, by channel; of maps of metal the mean base colour, and the
+    mean metalness for each channel.  ``roughness`` is the model's own number, None
     where it has none.  ``azimuth``, ``elevation`` (degrees) and ``zoom`` are the camera's;
     ``stops`` is the exposure over that of the first picture.  ``lamp`` is None, or azimuth and
     elevation (degrees) and strength of a lamp; ``turn`` a rotation of the light [3, 3];
@@ -148,7 +149,8 @@ class Viewer(anywidget.AnyWidget):
             raise ValueError(f"a {type(brdf).__name__} has no numbers to choose")
         if self.roughness is not None:
             brdf = brdf.with_numbers({brdf.shape.name: np.asarray(self.roughness)})
-        return with_amounts(brdf, np.array(self.base), np.array(self.lobe))
+        table = self._what.table
+        return with_amounts(brdf, table, np.array(self.base), np.array(self.lobe))
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         """Add a still picture, for readers that run no widgets."""

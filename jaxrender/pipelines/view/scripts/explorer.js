@@ -22,8 +22,7 @@ function explorer(viewer) {
 }
 
 function reflectance(viewer, values) {
-  const { base, lobe } = viewer.state;
-  return [0, 1, 2].map((c) => base[c] * values.base + lobe[c] * values.lobe[c]);
+  return viewer.material.mixed(viewer.state.base, viewer.state.lobe, values);
 }
 
 function drawLobes(viewer, canvas, degrees) {

@@ -8,7 +8,10 @@ class Material {
     this.widths = stored.widths;
     this.floor = stored.floor;
     this.parts = stored.parts;
-    this.grey = stored.parts === 2;
+    this.grey = stored.parts < 4;
+    // Of glTF's metal a lobe and its brighter edge, over a base; head on it reflects so much.
+    this.metal = stored.parts === 3;
+    this.headOn = stored.head_on;
     const numbers = unpacked(stored.logarithms);
     this.size = this.nodes[0] * this.nodes[1] * this.nodes[2];
     this.tables = this.widths.map((_, k) =>
@@ -24,6 +27,19 @@ class Material {
     this.logarithms = this.tableAt(width);
     this.layers = this.ratios.map((ratio) =>
       (ratio === 1 ? this.logarithms : this.tableAt(width * ratio)));
+    if (this.metal) this.layers.push(...this.layers.map((table) =>
+      table.map((x, k) => (k % 4 === 0 ? table[k + 1] : x))));
+  }
+
+  // Put base and lobe together, by their amounts; of metal these are a colour and a share.
+  mixed(base, lobe, values) {
+    const { metal, headOn } = this;
+    return [0, 1, 2].map((c) => {
+      if (!metal) return base[c] * values.base + lobe[c] * values.lobe[c];
+      const share = Math.min(Math.max(lobe[c], 0), 1), [facets, edge] = values.lobe;
+      return (1 - share) * (1 - headOn) * base[c] * values.base
+        + (share * base[c] + (1 - share) * headOn) * facets + edge;
+    });
   }
 
   // The logarithm of the first layer's width over the width, and a step.
@@ -33,24 +49,32 @@ class Material {
     return [Math.log(ratios[0]), step];
   }
 
-  // Interpolate the logarithms between the tables of two widths: rows of azimuth, difference, u.
+  // The tables about a width, and the weight of each: a polynomial in the width's logarithm.
+  tablesAbout(width) {
+    const { widths } = this, count = Math.min(4, widths.length);
+    const held = Math.min(Math.max(width, widths[0]), widths[widths.length - 1]);
+    const above = widths.findIndex((one) => one >= held);
+    const first = Math.min(Math.max(above - 2, 0), widths.length - count);
+    const places = widths.slice(first, first + count).map(Math.log), x = Math.log(held);
+    return places.map((own, k) => [this.tables[first + k], places.reduce((product, other, j) =>
+      (j === k ? product : product * (x - other) / (own - other)), 1)]);
+  }
+
+  // Interpolate the logarithms between the tables of some widths: rows of azimuth, difference, u.
   tableAt(width) {
-    const last = this.widths.length - 1;
-    let k = 0;
-    while (k < last - 1 && this.widths[k + 1] < width) ++k;
-    const next = Math.min(k + 1, last);
-    const span = Math.log(this.widths[next] / this.widths[k]);
-    const place = span > 0 ? Math.log(width / this.widths[k]) / span : 0;
-    const share = Math.min(Math.max(place, 0), 1);
-    const [nu, nd, na] = this.nodes, a = this.tables[k], b = this.tables[next];
+    const about = this.tablesAbout(width), { floor } = this;
+    const [nu, nd, na] = this.nodes;
     const found = new Float32Array(4 * this.size);
+    const places = { 2: [0, 0, 0, 1], 3: [0, 1, 1, 2], 4: [0, 1, 2, 3] }[this.parts];
     for (let u = 0; u < nu; ++u)
       for (let d = 0; d < nd; ++d)
         for (let z = 0; z < na; ++z) {
           const from = this.parts * ((u * nd + d) * na + z), to = 4 * ((z * nd + d) * nu + u);
           for (let c = 0; c < 4; ++c) {
-            const own = from + (this.grey ? (c < 3 ? 0 : 1) : c);
-            found[to + c] = (1 - share) * a[own] + share * b[own];
+            const own = from + places[c];
+            let sum = 0;
+            for (const [table, weight] of about) sum += weight * table[own];
+            found[to + c] = Math.max(sum, floor);
           }
         }
     return found;

@@ -184,6 +184,7 @@ class Renderer {
     gl.uniform1f(places.width, this.material.width);
     gl.uniform1f(places.middle, this.material.middle);
     gl.uniform1f(places.layers, this.material.layers.length);
+    gl.uniform1f(places.rungs, this.material.ratios.length);
     gl.uniform2fv(places.ladder, this.material.ladder);
     gl.uniform1i(places.weighted, this.material.weighted ? 1 : 0);
     gl.uniform1i(places.grey, this.material.grey ? 1 : 0);
@@ -271,6 +272,8 @@ class Renderer {
     gl.uniform1i(places.smooth_map, map === this.fine ? 1 : 0);
     gl.uniform1i(places.is_sphere, this.surface.kind === "sphere" ? 1 : 0);
     gl.uniform1i(places.linear_output, target ? 1 : 0);
+    gl.uniform1i(places.metal, this.material.metal ? 1 : 0);
+    gl.uniform1f(places.head_on, this.material.headOn);
     gl.uniform3fv(places.base_amount, state.base);
     gl.uniform3fv(places.lobe_amount, state.lobe);
     gl.uniform1f(places.exposure, state.exposure);

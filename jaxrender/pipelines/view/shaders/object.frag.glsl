@@ -12,6 +12,9 @@ uniform highp sampler2D ks_map;
 uniform highp sampler2D width_map;
 uniform highp sampler2D offset_map;
 uniform vec3 map_scales;
+// Of glTF's metal kd is its base colour and ks its share of metal; what it reflects head on.
+uniform bool metal;
+uniform float head_on;
 uniform mat3 view_from_world;
 // What is shown: 0 the object, 1 kd, 2 ks, 3 normals, 4 a map in false colours.
 uniform int shown;
@@ -70,6 +73,23 @@ void look_up(vec2 at, float layer, out vec3 base, out vec3 lobe) {
     }
 }
 
+// What a normal sends to the viewer: base and lobe.
+void gathered(vec3 n, float layer, out vec3 base, out vec3 lobe) {
+  float sine = length(n.xy);
+  vec2 at = sine > 0.0 ? n.xy / sine * atan(sine, n.z) / reach : vec2(0.0);
+  look_up(at, layer, base, lobe);
+  for (int k = 0; k < sources; ++k) {
+    float incoming = dot(n, source_directions[k].xyz);
+    if (incoming <= 0.0) continue;
+    vec3 own_lobe;
+    float own_base;
+    reflected(incoming, n.z, source_directions[k].w, layer, own_lobe, own_base);
+    base += own_base * source_irradiances[k];
+    lobe += own_lobe * source_irradiances[k];
+  }
+  if (weighted) lobe /= n.z;
+}
+
 vec3 encoded(vec3 radiance) {
   vec3 shown = clamp(radiance, 0.0, 1.0);
   vec3 curve = 1.055 * pow(shown, vec3(1.0 / 2.4)) - 0.055;
@@ -101,14 +121,14 @@ void main() {
     }
     kd = map_scales.x * texel_of(kd_map, where).rgb;
     ks = map_scales.y * texel_of(ks_map, where).rgb;
-    layer = (layers - 1.0) * texel_of(width_map, where).r;
+    layer = (rungs - 1.0) * texel_of(width_map, where).r;
     if (tilted) {
       vec3 offset = (255.0 * texel_of(offset_map, where).rgb - 128.0) / 127.0 * map_scales.z;
       offset = view_from_world * offset;
       n = normalize((1.0 - dot(n, offset)) * n + offset);
     }
     if (shown != 0) {
-      vec3 flat_colour = encoded(PI * base_amount * kd);
+      vec3 flat_colour = encoded((metal ? 1.0 : PI) * base_amount * kd);
       if (shown == 2) flat_colour = encoded(ks / map_scales.y);
       if (shown == 3) flat_colour = 0.5 + 0.5 * n;
       if (shown == 4) {
@@ -123,20 +143,15 @@ void main() {
       return;
     }
   }
-  float sine = length(n.xy);
-  vec2 at = sine > 0.0 ? n.xy / sine * atan(sine, n.z) / reach : vec2(0.0);
-  vec3 base, lobe;
-  look_up(at, layer, base, lobe);
-  for (int k = 0; k < sources; ++k) {
-    float incoming = dot(n, source_directions[k].xyz);
-    if (incoming <= 0.0) continue;
-    vec3 own_lobe;
-    float own_base;
-    reflected(incoming, n.z, source_directions[k].w, layer, own_lobe, own_base);
-    base += own_base * source_irradiances[k];
-    lobe += own_lobe * source_irradiances[k];
+  vec3 base, lobe, edge = vec3(0.0), ignored;
+  gathered(n, layer, base, lobe);
+  vec3 of_base = base_amount * kd, of_lobe = lobe_amount * ks;
+  if (metal) {
+    gathered(n, layer + rungs, ignored, edge);
+    vec3 color = of_base, share = clamp(of_lobe, 0.0, 1.0);
+    of_base = (1.0 - share) * (1.0 - head_on) * color;
+    of_lobe = share * color + (1.0 - share) * head_on;
   }
-  if (weighted) lobe /= n.z;
-  vec3 radiance = max(base_amount * kd * base + lobe_amount * ks * lobe, 0.0) * exposure;
+  vec3 radiance = max(of_base * base + of_lobe * lobe + edge, 0.0) * exposure;
   colour = vec4(linear_output ? radiance : encoded(radiance), 1.0);
 }

@@ -5,6 +5,8 @@ uniform highp sampler3D table;
 uniform vec3 table_nodes;
 uniform float width;
 uniform float layers;
+// Of glTF's metal so many layers are of the lobe, and as many after them of its brighter edge.
+uniform float rungs;
 uniform vec2 ladder;
 uniform float middle;
 uniform bool weighted;
@@ -13,7 +15,7 @@ uniform bool grey;
 const float FLOOR = -23.99;
 
 float width_of(float layer) {
-  return width * exp(ladder.x + layer * ladder.y);
+  return width * exp(ladder.x + (layer < rungs ? layer : layer - rungs) * ladder.y);
 }
 
 vec4 logarithm_at(vec3 place, float layer) {
