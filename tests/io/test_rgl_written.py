@@ -10,7 +10,15 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from jaxrender.brdf import BRDF, AnisotropicWard, Exchanged, Lambertian, Microfacet, tabulate_rgl
+from jaxrender.brdf import (
+    BRDF,
+    AnisotropicWard,
+    Exchanged,
+    Lambertian,
+    MetallicRoughness,
+    Microfacet,
+    tabulate_rgl,
+)
 from jaxrender.brdf.tables.rgl_tabulation import RglSize
 from jaxrender.io import read_rgl, read_tensors, write_rgl, write_tensors
 
@@ -23,6 +31,8 @@ MATERIALS = {
     "matt": Lambertian(KD),
     "thesis": Microfacet(KD, 0.12 * CLEAR, 0.25, 1.6),
     "narrow": Microfacet(KD, 0.3 * CLEAR, 0.05, 1.5, "half", "smith", "ggx"),
+    # Straight back it is even but for rounding.
+    "base": MetallicRoughness(0.9 * CLEAR, 0 * CLEAR, 0.0, 0.4),
 }
 
 

@@ -28,6 +28,8 @@ _EVEN_TO, _RATIO, _LAST_COSINE = 1.05, 0.9, 0.015
 _LEAST_FACING = 0.02
 # The broad half: angles of the normals below the root of this have one density.
 _BROAD = 0.01
+# What rises less above a base, in parts of the largest value, is rounding.
+_ROUNDING = 1e-6
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
@@ -90,7 +92,9 @@ def _density(brdf: BRDF, polar: Float[np.ndarray, "normal"]) -> Float[np.ndarray
     if not np.isfinite(values).all():
         raise ValueError("the BRDF is not finite where light goes straight back; mend its values")
     steep = polar > _EVEN_TO
-    own = np.maximum(values - values[~steep].min(), 0) * np.cos(polar) ** 2
+    # What rises above a base; rounding alone would be normals scattered at random.
+    least = values[~steep].min() + _ROUNDING * values.max()
+    own = np.maximum(values - least, 0) * np.cos(polar) ** 2
     broad = (polar**2 + _BROAD) ** -0.75
     parts = [part / area for part in (own, broad) if (area := _projected(part, polar)) > 0]
     return np.mean(parts, axis=0)
