@@ -68,7 +68,7 @@ def metal_maps(places: np.ndarray) -> StatedMetal:
     """Metal in one half, plastic in the other, worn between; roughness that changes apart."""
     x, y, z = np.moveaxis(places / np.linalg.norm(places, axis=-1, keepdims=True), -1, 0)
     color = np.stack([0.5 + 0.3 * x, 0.45 + 0.2 * y, 0.35 - 0.2 * z], axis=-1)
-    return StatedMetal(color, 0.45 * np.exp(0.25 * z), np.clip(0.5 + 2 * y, 0, 1))
+    return StatedMetal(color, 0.45 * np.exp(0.25 * z), np.clip(0.5 + y, 0, 1))
 
 
 def write_metal_result(

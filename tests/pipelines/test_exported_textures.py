@@ -2,6 +2,7 @@
 
 - K_d, K_s, a coloured K_s, a sigma and a normal of every texel, on a sphere and on a mesh's own
   texture coordinates: the mean relative difference of blocks of pixels is under .5 %.
+- Maps of metal: a base colour, metalness and roughness of every texel, the same.
 - Vertices: what the README says is lost is what is measured, within 20 %.
 - What is lost is refused without ``--lossy``, and the README names every file.
 """
@@ -11,7 +12,15 @@ import runpy
 
 import numpy as np
 import pytest
-from stated_textures import SIZE, SKY, smooth_maps, texel_places, write_result
+from stated_textures import (
+    SIZE,
+    SKY,
+    metal_maps,
+    smooth_maps,
+    texel_places,
+    write_metal_result,
+    write_result,
+)
 
 from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Sphere
@@ -83,6 +92,20 @@ def test_mitsuba_renders_textures(mitsuba, tmp_path, shape, channels, varying, s
     assert all(name in text for name in files)
     assert ("normal.exr" in files) == varying
     assert ("Lost: nothing" in text) != varying
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [Sphere(), egg()], ids=["ball", "mesh"])
+def test_mitsuba_renders_metal(mitsuba, tmp_path, shape):
+    result = write_metal_result(tmp_path / "cat", metal_maps(texel_places()), shape)
+    done = export(result, "mitsuba")
+    by_dictionary, by_xml, ours = pictures(mitsuba, result, done.folder, 800)
+    assert off(by_dictionary, ours) < 0.005
+    assert off(by_xml, by_dictionary) < 0.03
+    text = (done.folder / "README.txt").read_text()
+    files = {p.name for p in done.folder.iterdir()} - {"README.txt", "run.json"}
+    assert all(name in text for name in files)
+    assert {"metal.exr", "base_color.exr", "roughness.exr"} <= files
 
 
 def test_usd_holds_textures(tmp_path):

@@ -114,12 +114,12 @@ def test_they_leave_as_textures_of_gltf(metal, tmp_path):
     np.testing.assert_allclose(picture[..., 2][seen], maps["metallic"][seen], atol=3e-3)
 
 
-def test_what_cannot_show_them_says_what_can(metal, tmp_path):
+def test_page_and_mitsuba_take_them(metal, tmp_path):
     _, folder, _ = metal
     page = view_result(folder, tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Standard deviation of metalness" in page
-    with pytest.raises(InputError, match="no material or texture of K_d and K_s, which the format"):
-        export(folder, "mitsuba", tmp_path / "out")
+    done = export(folder, "mitsuba", tmp_path / "out")
+    assert "metal is a plugin" in (done.folder / "README.txt").read_text()
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,9 @@ from jaxrender.brdf import AnisotropicGGX
 from jaxrender.geometry import Camera, Mesh, Orthographic, Pinhole, Sphere
 from jaxrender.io.atomic import replacing
 from jaxrender.io.exports.anisotropy import brushed_mesh, brushed_plugin
-from jaxrender.io.exports.contents import Contents, MaterialMaps, Part, mesh_of, plain_name
+from jaxrender.io.exports.contents import Contents, MetallicMaps, Part, mesh_of, plain_name
 from jaxrender.io.exports.mitsuba_materials import mitsuba_material, rgb
+from jaxrender.io.exports.mitsuba_metal import metallic_plugin
 from jaxrender.io.exports.mitsuba_textures import textured_plugin, write_textured_mesh
 from jaxrender.io.images import write_image
 from jaxrender.io.meshes import write_mesh
@@ -167,8 +168,10 @@ def _object(contents: Contents, folder: Path) -> tuple[dict[str, Any], list[Part
         if not isinstance(shape, Sphere):
             write_mesh(folder / OBJECT, mesh_of(shape))
     else:
-        assert isinstance(maps, MaterialMaps)
-        made = textured_plugin(maps, shape, folder)
+        if isinstance(maps, MetallicMaps):
+            made = metallic_plugin(maps, folder)
+        else:
+            made = textured_plugin(maps, shape, folder)
         if not isinstance(shape, Sphere):
             write_textured_mesh(folder / OBJECT, shape, maps, made.columns)
     if isinstance(shape, Sphere):
@@ -230,6 +233,7 @@ def _sensor(camera: Camera) -> dict[str, Any]:
 _TAGS = {"integrator": "integrator", "object": "shape", "environment": "emitter", "bsdf": "bsdf"}
 _TAGS |= {"film": "film", "sampler": "sampler", "rfilter": "rfilter"}
 _TAGS |= dict.fromkeys(("reflectance", "specular_reflectance", "weight", "normalmap"), "texture")
+_TAGS |= dict.fromkeys(("base_color", "roughness"), "texture")
 _TAGS_BY_START = {"source": "emitter", "point": "emitter", "camera": "sensor", "bsdf": "bsdf"}
 
 

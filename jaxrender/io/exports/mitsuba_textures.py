@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import BRDF, Microfacet, RglSize, tabulate_rgl
+from jaxrender.brdf import Microfacet, Parametric, RglSize, tabulate_rgl
 from jaxrender.geometry import Mesh, Shape
-from jaxrender.io.exports.contents import MaterialMaps, Part, mesh_of
+from jaxrender.io.exports.contents import MaterialMaps, MetallicMaps, Part, mesh_of
 from jaxrender.io.exports.texel_frames import in_frames, texel_frames
 from jaxrender.io.images import write_image
 from jaxrender.io.meshes import write_mesh
@@ -43,7 +43,7 @@ _ONE, _OF_SEVERAL = RglSize(), RglSize(samples=72)
 class MappedLobe(NamedTuple):
     """A lobe, and how much of it each site has."""
 
-    lobe: Microfacet
+    lobe: Parametric
     amount: Float[np.ndarray, "*site"]
 
 
@@ -103,19 +103,10 @@ def textured_plugin(maps: MaterialMaps, shape: Shape, folder: Path) -> TexturedP
     lobes = mapped_lobes(maps)
     total = sum((one.amount for one in lobes), np.zeros(maps.kd.shape[:-1]))
     brightness = float(total.max()) / _MOST_SHARE or 1.0
-    store = _Store(folder, {}, [])
+    store = Store(folder, {}, [])
     left = 1 - total / brightness
     reflectance = store.texture("reflectance", np.pi * np.maximum(maps.kd, 0) / left[..., None])
-    found: dict[str, Any] = {"type": "diffuse", "reflectance": reflectance}
-    # From the innermost to the outermost: a weight is of what those outside have left.
-    for number, (lobe, amount) in enumerate(lobes):
-        left = left + amount / brightness
-        found = {
-            "type": "blendbsdf",
-            "weight": store.texture(f"weight_{number}", (amount / brightness / left)[..., None]),
-            "bsdf_0": found,
-            "bsdf_1": store.table(f"lobe_{number}.bsdf", lobe, brightness, len(lobes) > 1),
-        }
+    found = store.over({"type": "diffuse", "reflectance": reflectance}, lobes, brightness)
     if maps.offset is not None and not maps.of_vertices:
         normals = in_frames(maps.offset, texel_frames(shape, maps.kd.shape[:2]))
         picture = store.texture("normal", (1 + normals) / 2)
@@ -126,7 +117,10 @@ def textured_plugin(maps: MaterialMaps, shape: Shape, folder: Path) -> TexturedP
 
 
 def write_textured_mesh(
-    path: Path, shape: Shape, maps: MaterialMaps, columns: dict[str, Float[np.ndarray, "vertex"]]
+    path: Path,
+    shape: Shape,
+    maps: MaterialMaps | MetallicMaps,
+    columns: dict[str, Float[np.ndarray, "vertex"]],
 ) -> None:
     """Write a mesh with Mitsuba's texture coordinates, v downwards, or with values at vertices."""
     mesh = mesh_of(shape)
@@ -185,7 +179,7 @@ def _hues(
     return [(axis, ks[..., k]) for k, axis in enumerate(np.eye(3)) if ks[..., k].any()]
 
 
-class _Store(NamedTuple):
+class Store(NamedTuple):
     """Where textures and tables go: a folder, columns of a mesh, and what was written."""
 
     folder: Path
@@ -202,19 +196,38 @@ class _Store(NamedTuple):
         self.parts.append(Part(file, f"{_ABOUT[name.partition('_')[0]]}; row 0 at v = 1"))
         return {"type": "bitmap", "filename": file, "raw": True, "filter_type": "nearest"}
 
-    def table(self, file: str, lobe: BRDF, brightness: float, coarse: bool) -> dict[str, Any]:
+    def over(
+        self, inner: dict[str, Any], lobes: tuple[MappedLobe, ...], brightness: float
+    ) -> dict[str, Any]:
+        """Put tables of lobes, so many times as bright, over a plugin that gets what they leave."""
+        left = 1 - sum((one.amount for one in lobes), np.zeros(())) / brightness
+        # From the innermost to the outermost: a weight is of what those outside have left.
+        for number, (lobe, amount) in enumerate(lobes):
+            left = left + amount / brightness
+            weight = amount / brightness / left
+            inner = {
+                "type": "blendbsdf",
+                "weight": self.texture(f"weight_{number}", weight[..., None]),
+                "bsdf_0": inner,
+                "bsdf_1": self.table(f"lobe_{number}.bsdf", lobe, brightness, len(lobes) > 1),
+            }
+        return inner
+
+    def table(self, file: str, lobe: Parametric, brightness: float, coarse: bool) -> dict[str, Any]:
         """Write a lobe as a table."""
-        assert isinstance(lobe, Microfacet)
-        bright = lobe.with_amplitudes(np.zeros(3), brightness * np.asarray(lobe.ks))
+        bright = lobe.with_amplitudes(*(brightness * np.asarray(lobe.amplitudes)))
         tables = tabulate_rgl(bright, "outgoing", _OF_SEVERAL if coarse else _ONE)
         write_rgl(self.folder / file, tables, "exported by jaxrender")
-        about = f"the lobe of sigma = {float(lobe.sigma):.4g}, {brightness:.4g} times K_s = 1"
+        about = f"the lobe of width {float(lobe.width):.4g}, {brightness:.4g} times as bright as 1"
         self.parts.append(Part(file, f"{about}, as a table for Mitsuba's plugin `measured`"))
         return {"type": "measured", "filename": file}
 
 
 _ABOUT = {
     "reflectance": "pi K_d over what the lobes leave, linear RGB",
+    "base": "the base colour, linear RGB",
+    "roughness": "the roughness",
+    "metal": "how much of a place is metal",
     "weight": "how much a place has of the lobe of the same number, of what those after it leave",
     "normal": "normals relative to the tangent of u, (1 + n) / 2",
 }

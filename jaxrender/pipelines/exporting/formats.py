@@ -14,7 +14,7 @@ from jaxrender.io.exports import (
     Brushed,
     Contents,
     GltfMaterial,
-    MaterialMaps,
+    MetallicMaps,
     Part,
     SeparatelyMasked,
     blend_losses,
@@ -55,6 +55,7 @@ from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 from jaxrender.pipelines.exporting.textures import (
     BLENDER_DETAILS,
     USD_DETAILS,
+    metallic_mitsuba,
     textured_blend,
     textured_gltf,
     textured_mitsuba,
@@ -69,7 +70,7 @@ _ENVIRONMENT, _MERL = "environment", "material.binary"
 _DEGREE = 10
 # A material, or one for every texel.
 _MAPPED = "material or texture of texels"
-_PLAIN_MATERIAL = "material or texture of K_d and K_s"
+_PLAIN_MATERIAL = "material or texture"
 _TURNING = "how the surface differs with its turning"
 
 
@@ -94,7 +95,7 @@ def missing_of(contents: Contents, kind: ExportFormat) -> tuple[str, ...]:
     has = {
         MATERIAL: contents.material is not None,
         _MAPPED: contents.material is not None or (maps is not None and not maps.of_vertices),
-        _PLAIN_MATERIAL: contents.material is not None or isinstance(maps, MaterialMaps),
+        _PLAIN_MATERIAL: contents.material is not None or maps is not None,
         _SHAPE: contents.shape is not None,
         _LIGHT: contents.is_lit,
         _ENVIRONMENT: contents.environment is not None,
@@ -107,7 +108,9 @@ def _isotropic(brdf: BRDF) -> BRDF:
 
 
 def _mitsuba(contents: Contents) -> Prepared:
-    if isinstance(contents.maps, MaterialMaps):
+    if isinstance(contents.maps, MetallicMaps):
+        return metallic_mitsuba(contents)
+    if contents.maps is not None:
         return textured_mitsuba(contents, contents.maps)
     assert contents.material is not None
     if isinstance(contents.material, AnisotropicGGX):

@@ -46,6 +46,10 @@ BLENDER_DETAILS = (
 )
 _STEPS = "steps finer than a 256th of a texture's range"
 UNSEEN = "places that no photograph shows are black"
+_OF_METAL = (
+    "metal is a plugin of Mitsuba's own, by its definition; the dielectric is tables, and a place "
+    "lies between two widths of them"
+)
 
 
 def textured_gltf(
@@ -142,6 +146,16 @@ def textured_mitsuba(contents: Contents, maps: MaterialMaps) -> Prepared:
         return Written(parts, (*_accuracy(contents, maps, folder, tables), UNSEEN))
 
     return Prepared(losses, write)
+
+
+def metallic_mitsuba(contents: Contents) -> Prepared:
+    """Prepare maps of metal: its own plugin by metalness, over tables of the dielectric."""
+
+    def write(folder: Path) -> Written:
+        parts = write_mitsuba(contents, folder)
+        return Written(parts, (_OF_METAL, UNSEEN))
+
+    return Prepared(mitsuba_losses(contents), write)
 
 
 def _below_the_horizon(maps: MaterialMaps) -> str:
