@@ -30,8 +30,8 @@
     a coefficient tree over pairs of directions; four of them, where light passes too
 ``half_difference_tree`` ``compression``
     a tree over half and difference angles; how trees are made of any BRDF, and their energy
-``isotropic_mean`` ``exchanged``
-    the isotropic part of any BRDF; the BRDF with its two directions exchanged
+``isotropic_mean`` ``exchanged`` ``recoloured``
+    the isotropic part of any BRDF; it with its two directions exchanged; it in other channels
 ``textures``
     texels that are BRDFs, bump maps, and their pyramids (L 7)
 ``samplers`` ``tree_sampler``
@@ -98,10 +98,12 @@ from jaxrender.brdf.principled import Principled
 from jaxrender.brdf.properties import (
     directional_albedo,
     isotropy_error,
+    lobe_width,
     max_albedo,
     reciprocity_error,
     separability_error,
 )
+from jaxrender.brdf.recoloured import Recoloured
 from jaxrender.brdf.registry import (
     BRDFS,
     PARAMETRIC,
@@ -196,6 +198,7 @@ __all__ = [
     "PolarNodesTable",
     "PoulinFournier",
     "Principled",
+    "Recoloured",
     "RglBRDF",
     "RglSize",
     "Samples",
@@ -228,6 +231,7 @@ __all__ = [
     "half_difference",
     "head_on_reflectance",
     "isotropy_error",
+    "lobe_width",
     "masked",
     "max_albedo",
     "microfacet_distribution",

@@ -19,6 +19,12 @@ FIXED_DIRECTIONS = ("incoming", "outgoing")
 # Head-on to grazing, denser where albedos grow; a maximum is looked for here.
 DEFAULT_COSINES = (1.0, 0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02)
 
+# Where a lobe's width is looked for: tilts of the half vector, slants of the outgoing direction.
+_FINEST_TILT, _TILTS, _SLANTS = 1e-3, 240, (0.0, 0.8, 1.2)
+# Closer to the horizon than this cosine no incoming direction counts; what rises by less than
+# this share is no lobe.
+_LOWEST_COSINE, _LEAST_RISE = 0.05, 0.1
+
 _evaluate = eqx.filter_jit(BRDF.evaluate)
 
 
@@ -118,6 +124,34 @@ def separability_error(brdf: BRDF, polars: int = 12, azimuths: int = 24) -> floa
     strengths = np.linalg.svd(np.moveaxis(matrices, -1, 0), compute_uv=False) ** 2
     whole = strengths.sum()
     return float(max(1 - strengths[:, 0].sum() / whole, 0)) if whole > 0 else 0.0
+
+
+def lobe_width(brdf: BRDF) -> float:
+    """Measure how wide (radians) the finest lobe is, as ``sigma`` says it of a model.
+
+    The half vector leaves the normal by t in the plane of incidence and across it, with the
+    outgoing direction at the normal and at two slants.  The width is the least t that holds 1 - 1/e
+    of int (rho - min rho) t dt, which is sigma of exp(-(t / sigma)^2); pi / 2 where nothing rises
+    by a tenth.  Raises ``ValueError`` for values that are not finite.
+    """
+    tilts = np.geomspace(_FINEST_TILT, np.pi / 3, _TILTS)
+    found = np.pi / 2
+    for slant, azimuth in itertools.product(_SLANTS, (0.0, np.pi / 2, np.pi)):
+        outgoing = np.array([np.sin(slant), 0.0, np.cos(slant)])
+        sine, cosine = np.sin(tilts), np.cos(tilts)
+        half = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+        incoming = 2 * (half @ outgoing)[:, None] * half - outgoing
+        values = np.asarray(_evaluate(brdf, incoming, np.broadcast_to(outgoing, half.shape)), float)
+        if not np.isfinite(values).all():
+            raise ValueError(f"{type(brdf).__name__}: values are not finite; mend the BRDF")
+        seen = incoming[:, 2] > _LOWEST_COSINE
+        rise = values[seen] - values[seen].min(axis=0)
+        # Steps of a geometric sequence are as long as t: t dt is t^2.
+        held = np.cumsum(rise * tilts[seen, None] ** 2, axis=0)
+        for channel in np.flatnonzero(rise[0] > _LEAST_RISE * np.abs(values[0])):
+            enough = held[:, channel] >= (1 - 1 / np.e) * held[-1, channel]
+            found = min(found, float(tilts[seen][np.argmax(enough)]))
+    return found
 
 
 def _polar_nodes(count: int) -> tuple[Float[np.ndarray, "node"], Float[np.ndarray, "node"]]:

@@ -3,7 +3,7 @@
 The suffix of a file, or its first bytes, decide who reads it.  Each reader says what it did.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,16 +11,19 @@ import numpy as np
 
 from jaxrender.brdf import (
     BRDF,
+    IsotropicMean,
+    Recoloured,
     ScatteredFit,
     WaveletBRDF,
     fit_isotropic_table,
 )
 from jaxrender.brdf.half_difference_tree import HalfDifferenceTree
+from jaxrender.brdf.isotropic_mean import TURNS
 from jaxrender.brdf.tables.measurements import Measurements
 from jaxrender.brdf.tables.tabulated import TabulatedBRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import EMBEDDINGS
-from jaxrender.imaging.colour import rgb_of_reflectance
+from jaxrender.imaging.colour import rgb_of_reflectance, rgb_weights
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.alta import read_alta
 from jaxrender.io.measured import ScatteredMeasurements, read_cornell
@@ -34,7 +37,7 @@ from jaxrender.io.tree_layout import FORMAT as TREE
 from jaxrender.io.trees import read_tree
 from jaxrender.io.utia import read_utia
 from jaxrender.pipelines.lobes import model_of
-from jaxrender.pipelines.result import read_run
+from jaxrender.pipelines.result import ARRAYS, RESULT, read_run
 from jaxrender.pipelines.tasks import task_named
 
 _LOOKED_AT = 4096
@@ -56,6 +59,27 @@ class Source(NamedTuple):
     measured: Measurements | None = None
     """Scattered measurements that the BRDF was fitted to."""
 
+    @property
+    def colours(self) -> BRDF:
+        """The BRDF in linear RGB: one channel serves all three, and wavelengths are summed up.
+
+        Raises ``InputError`` for channels that are no colours.
+        """
+        own = self.brdf.amplitudes.shape[1]
+        if self.channels == "wavelengths":
+            return _as_colours(self.name, self.brdf, self.wavelengths)
+        if own not in (1, _COLOURS):
+            raise InputError(f"{self.name}: {own} channels; give red, green and blue, or one")
+        return self.brdf if own == _COLOURS else Recoloured(self.brdf, np.ones((1, _COLOURS)))
+
+    @property
+    def isotropic(self) -> "Source":
+        """The source without a tangent: its mean over turns about the normal, which it says."""
+        if self.brdf.isotropic:
+            return self
+        said = f"mean over {TURNS} turns about the normal and their mirror images"
+        return self._replace(brdf=IsotropicMean(self.brdf), said=(*self.said, said))
+
 
 def source_of(named: str, spectral: bool = False) -> Source:
     """Read a BRDF by its name: a file, a result folder, or a model such as ``phong:...``.
@@ -73,6 +97,21 @@ def source_of(named: str, spectral: bool = False) -> Source:
     if spectral and found.channels != "wavelengths":
         raise InputError(f"{named}: has no wavelengths; leave --spectral out")
     return found
+
+
+def files_of(named: str | Path) -> list[Path]:
+    """List the files that a source is read from: one, those of a result, none of a model."""
+    path = Path(named)
+    if path.is_dir():
+        return [path / name for name in (RESULT, ARRAYS) if (path / name).is_file()]
+    return [path] if path.is_file() else []
+
+
+def _as_colours(name: str, brdf: BRDF, wavelengths: Sequence[float]) -> BRDF:
+    try:
+        return Recoloured(brdf, rgb_weights(np.asarray(wavelengths, float)))
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from None
 
 
 def _reader(path: Path) -> Callable[[Path, bool], Source]:
@@ -170,9 +209,12 @@ def _rgl(path: Path, spectral: bool) -> Source:
     said = (f"{material.negative} negative values set 0",)
     if material.wavelengths is None:
         return Source(path.name, material.brdf, "rgb", (), said)
-    if not spectral:
-        raise InputError(f"{path}: a file of wavelengths; add --spectral, or fetch the RGB one")
     wavelengths = tuple(material.wavelengths.tolist())
+    if not spectral:
+        said = (*said, f"{len(wavelengths)} wavelengths as linear RGB")
+        return Source(
+            path.name, _as_colours(path.name, material.brdf, wavelengths), "rgb", (), said
+        )
     return Source(path.name, material.brdf, "wavelengths", wavelengths, said)
 
 

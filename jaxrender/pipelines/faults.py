@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxrender.brdf import Parametric
+from jaxrender.brdf import BRDF
 from jaxrender.errors import InputError
 from jaxrender.geometry import Camera, Shape, SurfacePlaces, SurfaceSamples, SurfaceView
 from jaxrender.inverse import KnownLight, Observations
@@ -45,7 +45,7 @@ class Planted(NamedTuple):
     def photographed(
         self,
         radiance: Float[np.ndarray, "row column channel"],
-        material: Parametric,
+        material: BRDF,
         view: SurfaceView,
         number: int,
     ) -> Float[np.ndarray, "row column channel"]:

@@ -45,6 +45,7 @@ from jaxrender.pipelines.config.lighting import (
     RecipeLightingConfig,
 )
 from jaxrender.pipelines.config.recipe import RecipeBrdfConfig
+from jaxrender.pipelines.result import ARRAYS, RESULT
 
 
 @contextmanager
@@ -78,7 +79,7 @@ def shape_of(geometry: GeometryConfig) -> Shape:
 
 
 def true_material(brdf: RecipeBrdfConfig) -> Parametric:
-    """Build the material that a recipe states."""
+    """Build the material that a recipe states by its numbers."""
     with fault_of("brdf"):
         return material_named(brdf.model, dict(brdf))
 
@@ -198,7 +199,10 @@ def light_for_fit(recipe: RecipeConfig, shape: Shape) -> KnownLight:
 
 
 def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
-    """List the files that a config names and that exist: what its fingerprint hashes."""
+    """List the files that a config names and that exist: what its fingerprint hashes.
+
+    The folder of a result stands for the files that its numbers are read from.
+    """
     found: list[Path] = []
 
     def collect(value: object) -> None:
@@ -212,4 +216,5 @@ def input_files(config: RunConfig | RecipeConfig) -> list[Path]:
                 collect(item)
 
     collect(config.model_dump(exclude={"output"}))
-    return [path for path in found if path.is_file()]
+    inside = [path / name for path in found for name in (RESULT, ARRAYS)]
+    return [path for path in (*found, *inside) if path.is_file()]

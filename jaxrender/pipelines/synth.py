@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from ruamel.yaml import YAML
 
+from jaxrender.brdf import Parametric
 from jaxrender.catalogue import LIGHTS, MODELS
 from jaxrender.errors import InputError
 from jaxrender.geometry import (
@@ -38,6 +39,7 @@ from jaxrender.lighting import (
     SmoothLobes,
     condensed,
 )
+from jaxrender.pipelines.brdf_sources import Source, source_of
 from jaxrender.pipelines.config import RecipeConfig
 from jaxrender.pipelines.config.recipe import ViewsConfig
 from jaxrender.pipelines.exact_light import with_points
@@ -128,7 +130,8 @@ def cameras_of(views: ViewsConfig, centre: Float[np.ndarray, "3"]) -> list[Pinho
 def _write_capture(
     recipe: RecipeConfig, recipe_path: Path, folder: Path, progress: Progress
 ) -> None:
-    shape, material = shape_of(recipe.geometry), true_material(recipe.brdf)
+    shape, source = shape_of(recipe.geometry), _source_of(recipe, progress)
+    material = true_material(recipe.brdf) if source is None else source.colours
     light = _light_of(recipe, shape)
     if not any(np.any(np.asarray(energy) > 0) for energy in _energies(light)):
         raise InputError(f"{recipe_path}: lighting: the light is zero; give a radiance above 0")
@@ -154,6 +157,7 @@ def _write_capture(
         if recipe.texture is None:
             exact = np.asarray(render_view(material, view, light))
         else:
+            assert isinstance(material, Parametric)
             exact = render_painted(recipe, material, view, shape, light)
         if wrong is not None:
             exact = wrong.photographed(exact, material, view, number)
@@ -164,9 +168,22 @@ def _write_capture(
     intrinsics = {"w": first.width, "h": first.height, "fl_x": first.fl_x, "fl_y": first.fl_y}
     _write_json(folder / "transforms.json", {**intrinsics, "frames": frames})
     truth = recipe.written_out()
+    if source is not None:
+        truth["material"] = {"name": source.name, "said": list(source.said)}
     _write_json(folder / "truth.json", truth if wrong is None else truth | wrong.truth())
     lighting = _write_light(recipe, shape, folder)
     _write_config(recipe, recipe_path, folder, shape, lighting)
+
+
+def _source_of(recipe: RecipeConfig, progress: Progress) -> Source | None:
+    """Read a material that is known by its values, and pass on what the reader says."""
+    if recipe.brdf.file is None:
+        return None
+    with fault_of("brdf.file"):
+        source = source_of(str(recipe.brdf.file))
+    for sentence in source.said:
+        progress.note(f"{source.name}: {sentence}")
+    return source
 
 
 def _image_name(number: int) -> str:
@@ -251,22 +268,17 @@ def _write_light(recipe: RecipeConfig, shape: Shape, folder: Path) -> dict:
 def _write_config(
     recipe: RecipeConfig, recipe_path: Path, folder: Path, shape: Shape, lighting: dict
 ) -> None:
-    """Write a config that fits the photographs, with everything free that the recipe states."""
+    """Write a config that fits the photographs, with everything free that the recipe states.
+
+    A material that is known by its values is fitted by facets, with a ks for each channel.
+    """
     geometry = recipe.geometry.model_dump(
         mode="json", exclude_none=True, exclude={"scale", "rotation", "translation"}
     )
     if isinstance(shape, Mesh):
         write_mesh(folder / "shape.ply", shape)
         geometry = {"mesh": "shape.ply"}
-    truth, model = dict(recipe.brdf), MODELS[recipe.brdf.model]
-    brdf: dict = {"model": model.name}
-    if model.has_specular:
-        brdf["ks_per_channel"] = len(set(truth["ks"])) > 1
-    brdf |= {name: truth[name] for name in (*model.options, *model.names("stated"))}
-    if truth["mu"] == "none":
-        # A metal reflects the same at all angles.
-        brdf.pop("fresnel", None)
-    brdf |= {name: "none" for name in model.names("searched") if truth[name] == "none"}
+    brdf = _fitted_brdf(recipe)
     config = {
         "task": "brdf" if recipe.texture is None else "texture",
         "capture": {"transforms": "transforms.json", "geometry": geometry},
@@ -276,6 +288,22 @@ def _write_config(
     }
     with (folder / "config.yaml").open("w", encoding="utf-8") as stream:
         YAML(typ="safe").dump(config, stream)
+
+
+def _fitted_brdf(recipe: RecipeConfig) -> dict:
+    """Lay out the material of the config that fits the photographs."""
+    if recipe.brdf.file is not None:
+        return {"model": "ggx", "ks_per_channel": True}
+    truth, model = dict(recipe.brdf), MODELS[recipe.brdf.model]
+    brdf: dict = {"model": model.name}
+    if model.has_specular:
+        brdf["ks_per_channel"] = len(set(truth["ks"])) > 1
+    brdf |= {name: truth[name] for name in (*model.options, *model.names("stated"))}
+    if truth["mu"] == "none":
+        # A metal reflects the same at all angles.
+        brdf.pop("fresnel", None)
+    brdf |= {name: "none" for name in model.names("searched") if truth[name] == "none"}
+    return brdf
 
 
 def _write_json(path: Path, content: dict) -> None:

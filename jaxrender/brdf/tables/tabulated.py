@@ -145,11 +145,11 @@ class TabulatedBRDF(ValuesPerChannel):
         self, incoming: Components, outgoing: Components
     ) -> tuple[Float[Array, "*batch"], ...]:
         """Reconstruct each channel times cos t_i."""
-        places = (
-            self.embedding.square_from_direction(jnp.stack(list(direction), axis=-1))
-            for direction in (incoming, outgoing)
-        )
-        value = self.at_places(*places)
+        ends = [jnp.stack(list(direction), axis=-1) for direction in (incoming, outgoing)]
+        rank = max(end.ndim for end in ends)
+        # One direction for many others has taps of its own, not theirs.
+        ends = [end.reshape((1,) * (rank - end.ndim) + end.shape) for end in ends]
+        value = self.at_places(*(self.embedding.square_from_direction(end) for end in ends))
         visible = are_visible(incoming, outgoing)
         return tuple(
             jnp.where(visible, value[..., c] * incoming.z, 0) for c in range(value.shape[-1])

@@ -23,6 +23,7 @@ from jaxrender.pipelines.config.lighting import RecipeLightingConfig
 from jaxrender.pipelines.config.nuisances import FaultsConfig
 from jaxrender.pipelines.config.stated import Case, Root
 from jaxrender.pipelines.config.values import (
+    ConfigPath,
     Count,
     Direction,
     Elevation,
@@ -44,6 +45,9 @@ else:
 class _RecipeBrdf(Section):
     """The true material.  A model with a specular lobe needs all its numbers."""
 
+    file: ConfigPath | None = None
+    """A material that is known by its values, in the place of a model: a file of measurements, a
+    table or a tree, or the folder of a result."""
     model: TrueModel = "microfacet"
     """The model: microfacet is the thesis's Gaussian (T 6.2); renderers use ggx and beckmann."""
     fresnel: Fresnel = "exit"
@@ -64,6 +68,8 @@ class _RecipeBrdf(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> _RecipeBrdf:
+        if self.file is not None:
+            return self
         entry = MODELS[self.model]
         for name in entry.names("searched"):
             value = self.number(name)
@@ -151,6 +157,19 @@ class RecipeConfig(Root):
     """Everything that made a set of synthetic photographs."""
 
     cases = (
+        Case(
+            "a material from a file",
+            lambda recipe: recipe.brdf.file is not None,
+            {
+                **{
+                    f"brdf.{key}": "brings its own values"
+                    for key in RecipeBrdfConfig.model_fields
+                    if key != "file"
+                },
+                "texture": "has no kd and ks for paint to mix",
+            },
+            instead="remove brdf.file",
+        ),
         *foreign_keys(lambda recipe: [recipe.brdf.model]),
         Case(
             "a metal",
@@ -192,7 +211,8 @@ class RecipeConfig(Root):
     @model_validator(mode="after")
     def _can_be_painted(self) -> RecipeConfig:
         brdf, paint = self.brdf, self.texture
-        if paint is None:
+        # With a file texture is refused as a key without effect.
+        if paint is None or brdf.file is not None:
             return self
         model = MODELS[brdf.model]
         if len(set(brdf.number("ks"))) > 1:

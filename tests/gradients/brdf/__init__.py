@@ -28,6 +28,7 @@ EXCEPTIONS = {
     **dict.fromkeys(("compressed", "conserving"), _SETS),
     **dict.fromkeys(("Compressed", "Goal"), _GIVEN),
     "RglSize": "numbers of nodes",
+    "Recoloured": "another BRDF with its amplitudes weighted: its rows are that one's",
     "Exchanged": "another BRDF at the pair exchanged: its rows are that one's",
     **dict.fromkeys(
         (
@@ -42,6 +43,7 @@ EXCEPTIONS = {
         (
             "directional_albedo",
             "isotropy_error",
+            "lobe_width",
             "max_albedo",
             "reciprocity_error",
             "separability_error",

@@ -4,6 +4,8 @@
 - A recipe states its whole truth, and nothing that its model has not.
 """
 
+from pathlib import Path
+
 import pytest
 from config_texts import RECIPE, message, recipe
 
@@ -36,6 +38,17 @@ RECIPES = {
         "bad.yaml:2:61: brdf.mu: found 1.5, but model lambertian (kd) has no mu; remove it, or "
         "choose another model"
     ),
+    ("kd: 0.1, ks: 0.2, sigma: 0.1, mu: 1.5", "file: paint.brdf, sigma: 0.1"): (
+        "bad.yaml:2:33: brdf.sigma: found 0.1, but a material from a file brings its own values; "
+        "remove it, or remove brdf.file"
+    ),
+    (
+        "{kd: 0.1, ks: 0.2, sigma: 0.1, mu: 1.5}",
+        "{file: paint.brdf}\ntexture: {kd: 0.1, ks: 0.1}",
+    ): (
+        "bad.yaml:3:1: texture: found {kd: 0.1, ks: 0.1}, but a material from a file "
+        "has no kd and ks for paint to mix; remove it, or remove brdf.file"
+    ),
     ("directional: [{direction: [0, 0, 1], irradiance: 3}]", "area: []"): (
         "bad.yaml:3:1: lighting: no light given; "
         "give at least one of environment, directional, point, area, "
@@ -63,3 +76,10 @@ RECIPES = {
 def test_wrong_recipes(old, new):
     assert old in RECIPE
     assert message(RECIPE.replace(old, new), load=recipe) == RECIPES[old, new]
+
+
+def test_a_recipe_of_a_file_states_nothing_else():
+    """Its path is taken from the recipe's folder, and no number of a model is written out."""
+    found = recipe(RECIPE.replace("kd: 0.1, ks: 0.2, sigma: 0.1, mu: 1.5", "file: paint.brdf"))
+    assert found.brdf.file == Path("paint.brdf").resolve()
+    assert found.written_out()["brdf"] == {"file": str(found.brdf.file)}
