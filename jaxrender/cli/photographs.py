@@ -8,6 +8,7 @@ from typing import Literal
 from jaxrender.cli import process
 from jaxrender.cli.app import DONE, NOT_CONVERGED, app, examples
 from jaxrender.cli.reporting import AS_USUAL, Reporting
+from jaxrender.errors import InputError
 from jaxrender.pipelines.kept import keeping
 
 
@@ -58,52 +59,76 @@ def fit(
 
 @app.command(
     help_epilogue=examples(
-        "render runs/cat --out views",
         "render runs/cat --out elsewhere --environment other.exr --convention y-up",
+        "render paint.binary --environment probe.exr --mesh cat.ply --out painted",
     )
 )
 def render(
-    result: Path,
+    result: str,
     /,
     *,
     out: Path,
     environment: Path | None = None,
     convention: str = "z-up",
     camera: Path | None = None,
+    mesh: Path | None = None,
     model: Literal["integral", "dual"] = "integral",
     force: bool = False,
     reporting: Reporting = AS_USUAL,
 ) -> int:
-    """Render the views of a finished result again, in its own light or another.
+    """Render the views of a finished result again, or a BRDF by itself, in any light.
 
-    For one material the command also writes the standard deviation of every image.
+    For one material of a result the command also writes the standard deviation of every image.
 
     Parameters
     ----------
     result
-        Result folder of a fit.
+        Result folder of a fit, or a BRDF: a file of measurements, a table or tree, or a model such
+        as ggx:sigma=0.2.
     out
         Folder to write the images into.
     environment
-        A panorama of radiance that replaces the light of the result.
+        A panorama of radiance that replaces the light of the result.  A BRDF needs one.
     convention
         Layout of that panorama: z-up, y-up, angular, cross or mirror-ball.
     camera
         A transforms.json whose cameras replace those of the photographs, in the same axes.
+    mesh
+        A shape to show a BRDF on, that of a result too; by default a ball of radius 1.
     model
         integral (the exact reflection integral) or dual (the frequency-space model).
     force
         Replace an earlier rendering of another result.
     """
     process.set_up_jax()
-    from jaxrender.pipelines.render import Scene, render_config
-
-    light, cameras = (path and path.resolve() for path in (environment, camera))
-    scene = Scene(light, convention, cameras)
+    light, cameras, shape = (path and path.resolve() for path in (environment, camera, mesh))
     into, progress = out.resolve(), reporting.progress()
-    folder = render_config(
-        result.resolve(), out=into, model=model, force=force, progress=progress, scene=scene
-    )
+    path = Path(result)
+    # What looks like a folder is one, there or not.
+    if mesh is None and (path.is_dir() or (len(path.parts) > 1 and not path.suffix)):
+        from jaxrender.pipelines.render import Scene, render_config
+
+        scene = Scene(light, convention, cameras)
+        folder = render_config(
+            path.resolve(),
+            out=into,
+            model=model,
+            force=force,
+            progress=progress,
+            scene=scene,
+        )
+    else:
+        if light is None:
+            raise InputError(
+                f"{result}: no result folder, and a BRDF has no light of its own: give an "
+                "--environment, or mend the path"
+            )
+        if model != "integral":
+            raise InputError(f"--model {model} goes with a result; leave it out with a BRDF")
+        from jaxrender.pipelines.render_brdf import Stage, render_brdf
+
+        stage = Stage(light, convention, shape, cameras)
+        folder = render_brdf(result, into, stage, force, progress)
     process.say(f"images: {out if folder is None else folder}")
     return DONE
 

@@ -5,6 +5,8 @@
 ``run`` ``synth`` ``render`` ``evaluate``
     a fit; synthetic photographs from a recipe; a finished result's views rendered again, or
     compared with photographs
+``brdf_sources`` ``render_brdf``
+    a BRDF by its name: a file, a model, a result; its pictures on a ball or a mesh
 ``importing`` ``photographs_found`` ``imported_config``
     the capture of another program as one of ours, with its config
 ``exporting``

@@ -5,6 +5,7 @@ the material itself: as near as the kind holds it.
 """
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +15,14 @@ import pytest
 from brdf_kinds import KINDS, MODEL, NUMBERS, made
 from small_captures import jaxrender, write_json
 
-from jaxrender.io import read_image
+from jaxrender.brdf import directional_albedo
+from jaxrender.geometry import Mesh
+from jaxrender.harmonics import LatLongGrid
+from jaxrender.io import read_image, write_environment, write_mesh
+from jaxrender.lighting import Environment
+from jaxrender.pipelines.brdf_sources import source_of
+from jaxrender.pipelines.config import ViewsConfig
+from jaxrender.pipelines.synth import cameras_of
 
 # How far what a command makes of a kind may be off, as a part of the whole.
 NEAR = {
@@ -30,7 +38,7 @@ NEAR = {
     "tree.nc": 0.12,
 }
 # Those that the default run looks at; the others are made or read slowly.
-QUICK = ("result", "paint.bin")
+QUICK = ("result", MODEL)
 GRAY = (MODEL, "paint.brdf")
 
 
@@ -65,8 +73,32 @@ def synth(named: str, folder: Path) -> np.ndarray:
     return read_image(folder / "capture/images/view_000.exr").pixels
 
 
+def a_probe(folder: Path) -> Path:
+    """Write a probe whose light is no brighter than a sky with a soft sun."""
+    grid = LatLongGrid(16, 32)
+    sun = np.exp(6 * (grid.directions() @ [0.6, 0.0, 0.8] - 1))[..., None]
+    write_environment(folder / "probe.exr", Environment(0.2 + sun * [1.0, 0.9, 0.7]))
+    return folder / "probe.exr"
+
+
+def render(named: str, folder: Path) -> np.ndarray:
+    """Show a ball and its cover by two cameras in a probe."""
+    cameras = ViewsConfig(count=2, width=10, height=10, step_degrees=90.0)
+    frames = [
+        {"file_path": f"{number}.exr", "transform_matrix": one.world_from_camera.tolist()}
+        for number, one in enumerate(cameras_of(cameras, np.zeros(3)))
+    ]
+    inside = {"w": 10, "h": 10, "fl_x": 10 / 2 / np.tan(np.radians(6)), "frames": frames}
+    write_json(folder / "transforms.json", inside)
+    write_mesh(folder / "ball.ply", Mesh.ellipsoid(np.ones(3), 2))
+    light = "--environment", a_probe(folder), "--camera", folder / "transforms.json"
+    run("render", named, *light, "--mesh", folder / "ball.ply", "--out", folder / "seen")
+    return np.stack([read_image(folder / f"seen/{number}.exr").pixels for number in (0, 1)])
+
+
 COMMANDS = {
     "synth": Command(synth, (MODEL,)),
+    "render": Command(render),
 }
 
 
@@ -115,3 +147,36 @@ def test_a_recipe_of_a_result_is_that_of_its_numbers(folder, tmp_path, expected)
     run("synth", tmp_path / "recipe.json", "--out", tmp_path / "own")
     own = read_image(tmp_path / "own/images/view_000.exr").pixels
     np.testing.assert_allclose(expected("synth"), own, rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_ball_alone_is_that_of_its_result(folder, tmp_path, capsys):
+    """Without cameras and mesh: one ball, as its picture in white light says, the BRDF's albedo."""
+    grid = LatLongGrid(128, 256)
+    write_environment(tmp_path / "white.exr", Environment(np.ones((*grid.shape, 3))))
+    words = "render", MODEL, "--environment", tmp_path / "white.exr", "--out", tmp_path / "a"
+    run(*words)
+    pixels = read_image(tmp_path / "a/view.exr").pixels
+    middle = pixels[60:68, 60:68].mean(axis=(0, 1))
+    wanted = directional_albedo(source_of(MODEL).colours, [1.0])[0]
+    np.testing.assert_allclose(middle, wanted, rtol=0.02)
+    capsys.readouterr()
+    run(*words)
+    assert "rendered before" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((MODEL,), "no result folder, and a BRDF has no light of its own: give an --environment"),
+        ((MODEL, "--environment", "no.exr"), "no.exr: no such file"),
+        ((MODEL, "--environment", "no.exr", "--model", "dual"), "--model dual goes with a result"),
+        (("paint.xyz", "--environment", "probe.exr"), "mend|unknown kind|no BRDF"),
+    ],
+)
+def test_what_render_asks_for(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    a_probe(tmp_path)
+    assert jaxrender("render", *words, "--out", "seen") == 2
+    assert re.search(said, capsys.readouterr().err)
+    assert not (tmp_path / "seen").exists()
