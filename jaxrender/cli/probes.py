@@ -52,7 +52,8 @@ def prefilter(
     axes
         Axes of the results: probe (its own axes) or world (those of the scene).
     brdf
-        A lobe such as phong:exponent=32 or microfacet:sigma=0.1; may be given several times.
+        A lobe such as phong:exponent=32 or microfacet:sigma=0.1, or a material: a file of
+        measurements, a table, a tree or a result folder.  May be given several times.
     shrm
         Also write a spherical harmonic reflection map of each lobe (NAME_shrm.nc).  Its texels
         depend on the viewer.  NAME_shrm.png shows a sphere to six viewers.

@@ -11,8 +11,9 @@ from jaxrender.harmonics import analyse
 from jaxrender.inverse.posedness import RECOVERABLE, Posedness, posedness
 from jaxrender.io import read_environment
 from jaxrender.pipelines.lobe_orders import TOLERANCE, LobeOrders, OrdersGoal, lobe_orders
-from jaxrender.pipelines.lobes import Lobe, lobe_of
+from jaxrender.pipelines.lobes import Lobe
 from jaxrender.pipelines.reflection_maps import LightSpectrum, percent
+from jaxrender.pipelines.source_lobes import lobe_named
 from jaxrender.shapes import Float
 
 DEFAULT_LOBES = ("lambertian", "microfacet:sigma=0.2", "microfacet:sigma=0.05")
@@ -59,7 +60,7 @@ def analyze(
     """
     goal = OrdersGoal(tolerance)
     goal.check()
-    lobes = tuple(lobe_of(specification) for specification in dict.fromkeys(brdfs))
+    lobes = tuple(lobe_named(specification) for specification in dict.fromkeys(brdfs))
     try:
         environment = read_environment(light, convention)
         coefficients = np.asarray(analyse(environment.grid, environment.radiance, band_limit))
@@ -90,7 +91,8 @@ def analyze(
 def _section(lobe: Lobe, verdict: Posedness, orders: list[str]) -> str:
     band_limit = len(verdict.light) - 1
     lines = [
-        f"{lobe.specification}  (about the {lobe.about})",
+        f"{lobe.specification}  (about the {lobe.about}{', mean of channels' * lobe.whole})",
+        *(f"  {sentence}" for sentence in lobe.said),
         f"{'degree':>6s} {'light':>10s} {'BRDF A_l':>10s} {'product':>10s} "
         f"{'light known to':>15s} {'BRDF known to':>15s}",
     ]

@@ -25,12 +25,17 @@ _QUIET_DEGREES = 4
 
 
 class Lobe(NamedTuple):
-    """A lobe as its specification names it; ``brdf`` is None for the mirror."""
+    """A lobe as its specification names it; ``brdf`` is None for the mirror.
+
+    ``whole`` marks a material in its own channels, whose reader has ``said`` something.
+    """
 
     specification: str
     model: str
     parameters: dict[str, Any]
     brdf: BRDF | None
+    said: tuple[str, ...] = ()
+    whole: bool = False
 
     @property
     def about(self) -> str:
@@ -45,11 +50,15 @@ class Lobe(NamedTuple):
         return "_".join([self.model, *(f"{name}_{text}" for name, text in zip(given, texts))])
 
     def transfer(self, band_limit: int) -> Float[np.ndarray, "degree"]:
-        """Compute A_l to a degree."""
+        """Compute A_l to a degree, the mean of the channels."""
+        return self.transfers(band_limit).mean(axis=1)
+
+    def transfers(self, band_limit: int) -> Float[np.ndarray, "degree channel"]:
+        """Compute A_l to a degree in each channel; of a model there is one."""
         if self.brdf is None:
-            return np.ones(band_limit + 1)
+            return np.ones((band_limit + 1, 1))
         lobes = np.asarray(spectrum_of(self.brdf, band_limit))
-        return np.asarray(self.brdf.amplitudes)[:, 0] @ lobes
+        return lobes.T @ np.asarray(self.brdf.amplitudes)
 
 
 def lobe_of(specification: str) -> Lobe:

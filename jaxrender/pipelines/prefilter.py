@@ -33,7 +33,7 @@ from jaxrender.io.jsonfiles import read_json
 from jaxrender.lighting import Environment
 from jaxrender.lighting.layouts import Cross, panorama_named
 from jaxrender.pipelines.lobe_orders import OrdersGoal
-from jaxrender.pipelines.lobes import Lobe, lobe_of, significant_degree
+from jaxrender.pipelines.lobes import Lobe, significant_degree
 from jaxrender.pipelines.output import FolderState, fingerprint_of, prepare, result_folder
 from jaxrender.pipelines.progress import Progress, SilentProgress
 from jaxrender.pipelines.reflection_maps import (
@@ -43,6 +43,7 @@ from jaxrender.pipelines.reflection_maps import (
 )
 from jaxrender.pipelines.shrm_files import read_about, write_shrm
 from jaxrender.pipelines.shrm_layout import ReflectionMap, ShrmAbout
+from jaxrender.pipelines.source_lobes import files_of_lobes, lobe_named
 from jaxrender.reflection import irradiance_matrix, reflection_maps
 from jaxrender.shapes import Float
 
@@ -87,7 +88,9 @@ def prefilter(
     progress = progress or SilentProgress()
     if window not in (NO_WINDOW, *WINDOWS):
         raise InputError(f"--window {window}: choose one of {', '.join((NO_WINDOW, *WINDOWS))}")
-    lobes = [lobe_of(specification) for specification in dict.fromkeys(brdfs)]
+    lobes = [lobe_named(specification) for specification in dict.fromkeys(brdfs)]
+    for sentence in dict.fromkeys(said for lobe in lobes for said in lobe.said):
+        progress.note(sentence)
     asked = [] if shrm is None else [shrm]
     if shrm is not None:
         shrm.check()
@@ -96,7 +99,7 @@ def prefilter(
         [convention, axes, [lobe.specification for lobe in lobes], window, *asked]
     )
     try:
-        digest = fingerprint_of("prefilter", settings, [probe])
+        digest = fingerprint_of("prefilter", settings, [probe, *files_of_lobes(lobes)])
         if prepare(out, digest, force) is FolderState.FINISHED:
             progress.note(f"{out}: prefiltered before; reused (--force: anew)")
             document = read_json(out / "irradiance.json")
@@ -162,16 +165,22 @@ def irradiance_document(
 
 def _transfer_of(
     light: Environment, lobe: Lobe, window: str, progress: Progress
-) -> Float[np.ndarray, "degree"]:
-    """Truncate a lobe where it or the probe ends, and apply the window."""
+) -> Float[np.ndarray, "degree channel"]:
+    """Truncate a lobe where it or the probe ends, and apply the window.
+
+    Channels share the window that their mean asks for.
+    """
     most = light.grid.band_limit
-    transfer = lobe.transfer(most)
+    transfer = lobe.transfers(most)
     # A lobe sharper than the probe passes all degrees of the probe.
-    transfer = transfer[: min(max(significant_degree(transfer), 1), most) + 1]
+    significant = max(significant_degree(channel) for channel in transfer.T)
+    transfer = transfer[: min(max(significant, 1), most) + 1]
     if window == NO_WINDOW:
         return transfer
-    after = transfer * window_named(window, transfer)
-    before, now = (100 * ringing(values) for values in (transfer, after))
+    mean = transfer.mean(axis=1)
+    weights = np.asarray(window_named(window, mean))
+    after = transfer * weights[:, None]
+    before, now = (100 * ringing(values) for values in (mean, mean * weights))
     progress.note(
         f"{lobe.specification}: degree {len(transfer) - 1}, lowest value {before:.2g} % of the "
         f"peak; through the window {window} {now:.2g} %"
@@ -180,11 +189,12 @@ def _transfer_of(
 
 
 def _maps_of(
-    light: Environment, transfer: Float[np.ndarray, "degree"]
+    light: Environment, transfer: Float[np.ndarray, "degree channel"]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Filter the light by one lobe: as a latitude-longitude image and as the cross of a cube."""
     grid, radiance = light.grid, np.asarray(light.radiance)
     band_limit = len(transfer) - 1
+    transfer = np.broadcast_to(transfer, (len(transfer), radiance.shape[2]))
     rows = min(grid.height, max(_LEAST_ROWS, _ROWS_PER_DEGREE * band_limit))
     latlong = reflection_maps(radiance, transfer[None], LatLongGrid(rows, 2 * rows))[0]
     filtered = apply_transfer(analyse(grid, radiance, band_limit), jnp.asarray(transfer))

@@ -124,6 +124,8 @@ def _grid(limits: tuple[int, int], channels: int, lobe: Lobe) -> LatLongGrid:
 def _units(lobe: Lobe) -> str:
     if lobe.model == "lambertian":
         return "radiance reflected by K_d = 1 / sr, which is the irradiance; times albedo / pi"
+    if lobe.whole:
+        return "radiance reflected by the material"
     return "radiance reflected by the lobe at amplitude one"
 
 

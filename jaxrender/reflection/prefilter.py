@@ -22,13 +22,16 @@ _ROWS_AT_ONCE = 4
 
 @checked
 def reflection_maps(
-    image: ImageArray, transfers: Float[AnyArray, "lobe degree"], onto: LatLongGrid
+    image: ImageArray,
+    transfers: Float[AnyArray, "lobe degree"] | Float[AnyArray, "lobe degree channel"],
+    onto: LatLongGrid,
 ) -> Float[Array, "lobe map_row map_column channel"]:
     """Filter one light by several lobes: a map a lobe, by direction, on the grid ``onto``.
 
-    The light is a latitude-longitude image of radiance, the lobes their A_l up to a common degree.
-    A map holds radiance (times steradian for the clamped cosine, whose map is irradiance).  Raises
-    ``ValueError`` where the degree is above what the image carries.
+    The light is a latitude-longitude image of radiance, the lobes their A_l up to a common degree,
+    one for all channels or one for each.  A map holds radiance (times steradian for the clamped
+    cosine, whose map is irradiance).  Raises ``ValueError`` where the degree is above what the
+    image carries.
     """
     grid = LatLongGrid(*image.shape[:2])
     band_limit = transfers.shape[1] - 1

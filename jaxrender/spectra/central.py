@@ -167,7 +167,8 @@ def central_spectrum_of(
     if not brdf.isotropic:
         raise ValueError(
             f"{type(brdf).__name__} is anisotropic: about R its orders mix; a lobe about its own "
-            "tangent is given as a table (tabulated_spectrum)"
+            "tangent is given as a table (tabulated_spectrum), or take the mean over turns: "
+            "IsotropicMean(brdf)"
         )
     return _spectrum_of(brdf, band_limits, weighted)
 

@@ -40,7 +40,10 @@ def spectrum_of(
     """
     coefficient_count(band_limit)
     if not brdf.isotropic:
-        raise ValueError(f"{type(brdf).__name__} is anisotropic: use anisotropic_coefficients")
+        raise ValueError(
+            f"{type(brdf).__name__} is anisotropic: use anisotropic_coefficients, or its mean over "
+            "turns, IsotropicMean(brdf)"
+        )
     if not 0 < exit_cosine <= 1:
         raise ValueError(f"exit_cosine={exit_cosine}: give a cosine above 0 and up to 1")
     formula = None if numeric else _FORMULAS.get(type(brdf))

@@ -77,7 +77,10 @@ class IsotropicTable(ValuesPerChannel):
         ``ValueError`` for a BRDF that is not isotropic, and whatever the constructor refuses.
         """
         if not brdf.isotropic:
-            raise ValueError(f"{type(brdf).__name__} is anisotropic here; only isotropic ones fit")
+            raise ValueError(
+                f"{type(brdf).__name__} is anisotropic here; only isotropic ones fit: take the "
+                "mean over turns, IsotropicMean(brdf)"
+            )
         angles = node_angles(shape)
         incoming, outgoing = pair_at(raised(angles, _ABOVE_HORIZON * np.cos(angles.theta_h)))
         found = _evaluate(brdf, incoming.reshape(-1, 3), outgoing.reshape(-1, 3))
