@@ -14,11 +14,11 @@ from jaxrender.cli.reporting import AS_USUAL, Reporting
 
 @app.command(
     help_epilogue=examples(
-        "export runs/cat --to mitsuba", "export runs/cat --to all --lossy --out cat_files"
+        "export runs/cat --to mitsuba", "export paint.binary --to rgl --out paint_files"
     ),
 )
 def export(
-    result: Path,
+    result: str,
     /,
     *,
     to: str,
@@ -27,14 +27,15 @@ def export(
     force: bool = False,
     reporting: Reporting = AS_USUAL,
 ) -> int:
-    """Write a result for other programs: material, shape, light and cameras.
+    """Write a result, or a BRDF, for other programs: material, shape, light and cameras.
 
     README.txt in the new folder says what each file is, and what was lost.
 
     Parameters
     ----------
     result
-        The folder of a finished fit.
+        The folder of a finished fit, or a BRDF, which is shown on a ball: a file of measurements, a
+        table or tree, or a model such as ggx:sigma=0.2.
     to
         gltf, glb, mitsuba, materialx, usd, blend, rgl, merl, environment, harmonics, or all. The
         README says what each keeps.

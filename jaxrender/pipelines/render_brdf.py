@@ -63,7 +63,7 @@ def render_brdf(
             environment = read_environment(stage.environment, stage.convention)
             light = KnownLight(environment, DirectionalSources.none())
         shape = Sphere(np.zeros(3), 1.0) if stage.mesh is None else read_mesh(stage.mesh)
-    views = [(frame, observe(frame.camera, shape)) for frame in _frames(stage, shape)]
+    views = [(frame, observe(frame.camera, shape)) for frame in frames_of(stage, shape)]
     if not any(view.hit.any() for _, view in views):
         raise InputError(f"{stage.cameras}: no camera sees the object; mend the cameras")
     with progress.stage("render"), result_folder(out, digest, force) as folder:
@@ -78,7 +78,8 @@ def render_brdf(
     return out
 
 
-def _frames(stage: Stage, shape: Shape) -> tuple[Frame, ...]:
+def frames_of(stage: Stage, shape: Shape) -> tuple[Frame, ...]:
+    """Read the cameras of a stage, or place the one that looks at the shape."""
     if stage.cameras is not None:
         return read_capture(stage.cameras, require_images=False, foreign=False).frames
     low, high = np.asarray(shape.bounds())

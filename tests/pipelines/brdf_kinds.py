@@ -8,7 +8,7 @@ from pathlib import Path
 
 import equinox as eqx
 import numpy as np
-from small_captures import CONFIG, write_json
+from small_captures import write_ball, write_json
 
 from jaxrender.brdf import BRDF, Microfacet, RglSize, tabulate, tabulate_rgl
 from jaxrender.brdf.compression.squares import Goal
@@ -29,7 +29,8 @@ def _merl(path: Path) -> None:
     write_merl(path, MerlTable.of(TRUTH))
 
 
-def _pairs(count: int = 240) -> tuple[np.ndarray, np.ndarray]:
+def pairs(count: int = 240) -> tuple[np.ndarray, np.ndarray]:
+    """Draw pairs of directions above the horizon."""
     rng = np.random.default_rng(0)
     pair = rng.normal(size=(2, count, 3))
     pair[..., 2] = np.abs(pair[..., 2]) + 0.2
@@ -38,16 +39,16 @@ def _pairs(count: int = 240) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _alta(path: Path) -> None:
-    pairs = _pairs()
-    write_alta(path, AltaMeasurements(*pairs, np.asarray(evaluate(TRUTH, *pairs))))
+    between = pairs()
+    write_alta(path, AltaMeasurements(*between, np.asarray(evaluate(TRUTH, *between))))
 
 
 def _cornell(path: Path) -> None:
     """Write three wavelengths; each holds what all three channels have in the mean."""
-    pairs = _pairs()
-    gray = np.asarray(evaluate(TRUTH, *pairs)).mean(axis=1)
-    polar = [np.arccos(one[:, 2]) for one in pairs]
-    around = [np.arctan2(one[:, 1], one[:, 0]) % (2 * np.pi) for one in pairs]
+    between = pairs()
+    gray = np.asarray(evaluate(TRUTH, *between)).mean(axis=1)
+    polar = [np.arccos(one[:, 2]) for one in between]
+    around = [np.arctan2(one[:, 1], one[:, 0]) % (2 * np.pi) for one in between]
     rows = np.column_stack([polar[0], around[0], polar[1], around[1], gray, gray, gray])
     lines = [" ".join(f"{number:.6f}" for number in row) for row in rows]
     path.write_text("\n".join(["3 450 550 650", *lines]) + "\n")
@@ -55,8 +56,8 @@ def _cornell(path: Path) -> None:
 
 def _utia(path: Path) -> None:
     nodes = node_directions((6, 48), LARGEST_POLAR).reshape(-1, 3)
-    pairs = np.repeat(nodes, len(nodes), axis=0), np.tile(nodes, (len(nodes), 1))
-    values = np.asarray(evaluate(TRUTH, *pairs))
+    between = np.repeat(nodes, len(nodes), axis=0), np.tile(nodes, (len(nodes), 1))
+    values = np.asarray(evaluate(TRUTH, *between))
     path.write_bytes(values.T.astype("<f8").tobytes())
 
 
@@ -69,10 +70,9 @@ def _table(path: Path) -> None:
 
 
 def _result(path: Path) -> None:
-    path.mkdir()
+    write_ball(path)
     choices = {"model": "microfacet", "fresnel": "half", "masking": "smith"}
     found = {"task": "brdf", "outcome": "converged", "brdf": choices | NUMBERS}
-    (path / "config.yaml").write_text(CONFIG)
     write_json(path / "result.json", found)
 
 

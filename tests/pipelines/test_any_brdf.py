@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from brdf_kinds import KINDS, MODEL, NUMBERS, made
+from brdf_kinds import KINDS, MODEL, NUMBERS, evaluate, made, pairs
 from small_captures import jaxrender, write_json
 
-from jaxrender.brdf import directional_albedo
+from jaxrender.brdf import IsotropicMean, IsotropicTable, directional_albedo
 from jaxrender.geometry import Mesh
 from jaxrender.harmonics import LatLongGrid
 from jaxrender.io import read_image, write_environment, write_mesh
+from jaxrender.io.merl import read_merl
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import analyze as analysis
 from jaxrender.pipelines.brdf_sources import source_of
@@ -26,6 +27,7 @@ from jaxrender.pipelines.config import ViewsConfig
 from jaxrender.pipelines.shrm_files import read_shrm
 from jaxrender.pipelines.source_lobes import lobe_named
 from jaxrender.pipelines.synth import cameras_of
+from jaxrender.spectra import central_spectrum_of, spectrum_of
 
 # How far what a command makes of a kind may be off, as a part of the whole.
 NEAR = {
@@ -123,11 +125,19 @@ def analyze(named: str, folder: Path) -> np.ndarray:
     return transfers
 
 
+def export(named: str, folder: Path) -> np.ndarray:
+    """Write the material as MERL has it, and read that."""
+    run("export", named, "--to", "merl", "--lossy", "--out", folder / "files")
+    brdf = read_merl(folder / "files/material.binary").brdf()
+    return np.asarray(evaluate(brdf, *pairs(500)))
+
+
 COMMANDS = {
     "synth": Command(synth, (MODEL,)),
     "render": Command(render),
     "prefilter": Command(prefilter, (MODEL,)),
     "analyze": Command(analyze, (MODEL,)),
+    "export": Command(export),
 }
 
 
@@ -209,3 +219,28 @@ def test_what_render_asks_for(tmp_path, monkeypatch, capsys, words, said):
     assert jaxrender("render", *words, "--out", "seen") == 2
     assert re.search(said, capsys.readouterr().err)
     assert not (tmp_path / "seen").exists()
+
+
+def test_what_an_export_cannot_hold_is_refused(folder, tmp_path, capsys):
+    """Light is not the material's own; a surface that turns is said to lose its turning."""
+    words = "export", MODEL, "--to", "harmonics", "--out", tmp_path / "files"
+    assert jaxrender(*words) == 2
+    assert "a BRDF brings no light, which the format harmonics needs; choose one of gltf" in (
+        capsys.readouterr().err
+    )
+    words = "export", made(folder, "paint.bin"), "--to", "rgl", "--out", tmp_path / "files"
+    assert jaxrender(*words) == 2
+    assert "would lose how the surface differs with its turning" in capsys.readouterr().err
+    assert not (tmp_path / "files").exists()
+
+
+def test_what_has_no_isotropy_says_how_to_get_it(folder):
+    brdf = source_of(made(folder, "paint.bin")).brdf
+    for use in (
+        lambda: central_spectrum_of(brdf, (2, 2)),
+        lambda: spectrum_of(brdf, 2),
+        lambda: IsotropicTable.of(brdf, (4, 4, 4)),
+    ):
+        with pytest.raises(ValueError, match=r"anisotropic.*IsotropicMean\(brdf\)"):
+            use()
+    assert IsotropicTable.of(IsotropicMean(brdf), (4, 4, 4)).isotropic

@@ -1,5 +1,6 @@
 """The material, shape, light and cameras of a finished run, for any format to write."""
 
+from pathlib import Path
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -8,13 +9,16 @@ import numpy as np
 from jaxrender import brdf as brdfs
 from jaxrender.brdf import BRDF
 from jaxrender.errors import InputError
-from jaxrender.geometry import Shape
+from jaxrender.geometry import Shape, Sphere
+from jaxrender.harmonics import LatLongGrid
 from jaxrender.inverse.brdf_spectrum import HarmonicBRDF
 from jaxrender.io.captures import Frame
-from jaxrender.io.exports import Contents, MaterialMaps, MetallicMaps
+from jaxrender.io.exports import Contents, MaterialMaps, MetallicMaps, plain_name
 from jaxrender.lighting import DirectionalSources, Environment, PointSources
+from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.captures import captures_of, joined
 from jaxrender.pipelines.render import light_of_run
+from jaxrender.pipelines.render_brdf import Stage, frames_of
 from jaxrender.pipelines.result import RESULT, FinishedRun
 from jaxrender.pipelines.scene import shape_of
 from jaxrender.pipelines.tasks import task_named
@@ -22,6 +26,8 @@ from jaxrender.pipelines.tasks.texture.metallic import MetallicSubject
 from jaxrender.pipelines.tasks.texture.subject import TexturedSubject
 
 _CHANNELS = 3
+# The white light that a BRDF by itself is shown in.
+_ROWS = 16
 
 
 class Held(NamedTuple):
@@ -29,6 +35,38 @@ class Held(NamedTuple):
 
     contents: Contents
     losses: tuple[str, ...]
+
+
+class Alone(NamedTuple):
+    """A BRDF by itself, as a scene: on a ball of radius 1, in white light of radiance 1."""
+
+    held: Held
+    said: tuple[str, ...]
+
+
+def contents_of_source(named: str) -> Alone:
+    """Put a source of ``brdf_sources`` on a ball; ``InputError`` where it cannot be read."""
+    source, grid = source_of(named), LatLongGrid(_ROWS, 2 * _ROWS)
+    ball, white = Sphere(np.zeros(3), 1.0), Environment(np.ones((*grid.shape, _CHANNELS)))
+    brdf = source.colours
+    if isinstance(brdf, brdfs.Recoloured) and not np.ptp(brdf.weights):
+        # A model of one channel has its numbers in all three.
+        brdf = _spread(brdf)
+    cameras = frames_of(Stage(Path(source.name)), ball)
+    said = tuple(f"{source.name}: {sentence}" for sentence in source.said)
+    shown = "shown on a ball of radius 1 in white light, which it does not bring itself"
+    return Alone(
+        Held(Contents(plain_name(source.name), brdf, ball, white, cameras=cameras), ()),
+        (*said, shown),
+    )
+
+
+def _spread(brdf: brdfs.Recoloured) -> BRDF:
+    """Repeat the amplitudes of a model of one channel; others stay as they are."""
+    own = brdf.brdf
+    if not isinstance(own, brdfs.Parametric):
+        return brdf
+    return own.with_amplitudes(*(np.repeat(np.asarray(one), _CHANNELS) for one in own.amplitudes))
 
 
 def contents_of(run: FinishedRun) -> Held:

@@ -4,20 +4,28 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxrender.errors import InputError
-from jaxrender.io.exports import Contents, Part
-from jaxrender.pipelines.exporting.contents import Held, contents_of
+from jaxrender.io.exports import Contents, Part, plain_name
+from jaxrender.pipelines.brdf_sources import files_of
+from jaxrender.pipelines.exporting.contents import Held, contents_of, contents_of_source
 from jaxrender.pipelines.exporting.formats import (
     ALL,
     FORMATS,
     MATERIAL,
+    OF_MATERIALS,
     format_named,
     missing_of,
 )
 from jaxrender.pipelines.exporting.prepared import Prepared
 from jaxrender.pipelines.exporting.readme import README, Section, readme_text
-from jaxrender.pipelines.output import FolderState, fingerprint, prepare, result_folder
+from jaxrender.pipelines.output import (
+    FolderState,
+    fingerprint,
+    fingerprint_of,
+    prepare,
+    result_folder,
+)
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.result import ARRAYS, RESULT, read_run
+from jaxrender.pipelines.result import read_run
 from jaxrender.pipelines.scene import input_files
 
 
@@ -29,15 +37,16 @@ class Exported(NamedTuple):
 
 
 def export(
-    result: Path,
+    result: Path | str,
     to: str,
     out: Path | None = None,
     lossy: bool = False,
     force: bool = False,
     progress: Progress | None = None,
 ) -> Exported:
-    """Write a result in a format, or in all that can hold it (``to="all"``).
+    """Write a result, or a BRDF, in a format, or in all that can hold it (``to="all"``).
 
+    ``result`` is the folder of a fit, or any other source of ``brdf_sources``, shown on a ball.
     ``out`` is by default a folder beside the result.  What a format cannot hold is refused, unless
     ``lossy``.  Raises ``InputError`` for an unknown format, a folder without a result, a result
     that lacks what the format needs, and a folder that holds something else.
@@ -46,24 +55,38 @@ def export(
     names = tuple(FORMATS) if to == ALL else (to,)
     for name in names:
         format_named(name)
-    run = read_run(result)
-    out = out or result.resolve().with_name(f"{result.resolve().name}_{to}")
-    if out.resolve() == result.resolve():
+    path = Path(result)
+    is_result = path.is_dir() or (len(path.parts) > 1 and not path.suffix)
+    stem = path.resolve().name if is_result else plain_name(path.name)
+    out = out or path.resolve().with_name(f"{stem}_{to}")
+    if out.resolve() == path.resolve():
         raise InputError(f"--out {out}: is the result itself; choose another folder")
-    made_from = [result / RESULT, *(p for p in (result / ARRAYS,) if p.is_file())]
-    made_from += input_files(run.config)
-    digest = fingerprint(run.config, made_from, purpose=f"export {to} {lossy}")
+    if not is_result:
+        names = tuple(name for name in names if name in OF_MATERIALS)
+        if not names:
+            raise InputError(
+                f"{result}: a BRDF brings no light, which the format {to} needs; choose one of "
+                f"{', '.join(OF_MATERIALS)}"
+            )
+    purpose, run = f"export {to} {lossy}", None
+    if is_result:
+        run = read_run(path)
+        digest = fingerprint(run.config, [*files_of(path), *input_files(run.config)], purpose)
+    else:
+        digest = fingerprint_of(purpose, str(result), files_of(path))
     if prepare(out, digest, force) is FolderState.FINISHED:
         progress.note(f"{out}: exported before; reused (--force: anew)")
         return Exported(out, ())
     with progress.stage("read"):
-        held = contents_of(run)
+        held, said = (contents_of(run), ()) if run else contents_of_source(str(result))
+        for sentence in said:
+            progress.note(sentence)
     sections: list[Section] = []
     left_out: list[str] = []
     with result_folder(out, digest, force) as folder:
         for name in names:
             with progress.stage(name):
-                asked = _prepared(name, held, result, lossy, alone=to != ALL)
+                asked = _prepared(name, held, path, lossy, alone=to != ALL)
                 if isinstance(asked, str):
                     left_out.append(asked)
                     continue
@@ -81,7 +104,7 @@ def _prepared(name: str, held: Held, result: Path, lossy: bool, *, alone: bool) 
     if missing:
         why = (
             f"{result}: holds no {' and no '.join(missing)}, which the format {name} needs; "
-            "choose another format"
+            f"choose one of {', '.join(_possible(contents))}"
         )
     else:
         try:
@@ -101,6 +124,11 @@ def _prepared(name: str, held: Held, result: Path, lossy: bool, *, alone: bool) 
     if alone:
         raise InputError(why)
     return why
+
+
+def _possible(contents: Contents) -> list[str]:
+    """List the formats of which the contents lack nothing."""
+    return [name for name, kind in FORMATS.items() if not missing_of(contents, kind)]
 
 
 def _written(name: str, asked: Prepared, folder: Path, *, own_folder: bool) -> Section:

@@ -332,3 +332,8 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "rgl": ExportFormat("the material as a table in RGL's format (.bsdf)", (MATERIAL,), _rgl),
 }
+
+# What a material by itself can be written as.
+OF_MATERIALS = tuple(
+    n for n, kind in FORMATS.items() if kind.needs[0] not in (_LIGHT, _ENVIRONMENT)
+)
