@@ -46,8 +46,9 @@ def measure(
     out
         The table to write (.nc).
     brdf
-        A facet's BRDF such as lambertian:kd=0.2/0.1/0.1 or microfacet:sigma=0.2.  Give it several
-        times for materials 0, 1, ... (rising and falling sides; base and threads).
+        A facet's BRDF such as lambertian:kd=0.2/0.1/0.1 or microfacet:sigma=0.2, or a file of
+        measurements, a table, a tree or a result folder.  Give it several times for materials 0,
+        1, ... (rising and falling sides; base and threads).
     size
         Samples along each axis of the table; 16 by default.  Give it four times for kappa_i,
         lambda_i, kappa_r and lambda_r.

@@ -21,10 +21,12 @@ from jaxrender.geometry import EMBEDDINGS
 from jaxrender.io.atomic import replacing
 from jaxrender.io.jsonfiles import read_json
 from jaxrender.io.tables import BRDFTable, read_table, write_table
+from jaxrender.pipelines.brdf_sources import files_of
 from jaxrender.pipelines.kept import keeping
 from jaxrender.pipelines.output import fingerprint_of
 from jaxrender.pipelines.patches import facets_of, patch_of
 from jaxrender.pipelines.progress import Progress, SilentProgress
+from jaxrender.pipelines.source_lobes import names_file
 from jaxrender.reflection.tracing.gonioreflectometer import (
     Block,
     Gonioreflectometer,
@@ -73,6 +75,8 @@ def measure(
     settings = _settings(options)
     patch, files = patch_of(options.patch, options.relief)
     facets = facets_of(options.brdfs, patch.materials)
+    named = [specification for specification in options.brdfs if names_file(specification)]
+    files = [*files, *(path for one in named for path in files_of(one))]
     if 2.0 * math.prod(settings.size) * facets[0].amplitudes.shape[1] > _MOST_NUMBERS:
         raise InputError(f"size {settings.size}: more than {_MOST_NUMBERS} numbers; give a smaller")
     digest = fingerprint_of("measure", json.dumps(options._asdict(), sort_keys=True), files)

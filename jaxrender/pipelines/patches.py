@@ -24,7 +24,9 @@ from jaxrender.errors import InputError
 from jaxrender.geometry.height_fields import Patch, height_field, sawtooth, velvet
 from jaxrender.io.images import read_image
 from jaxrender.io.meshes import MESH_SUFFIXES, read_mesh
+from jaxrender.pipelines.brdf_sources import source_of
 from jaxrender.pipelines.lobes import lobe_of
+from jaxrender.pipelines.source_lobes import names_file
 
 KINDS: dict[str, Callable[..., Patch]] = {"sawtooth": sawtooth, "velvet": velvet}
 _DEGREES = ("rising", "falling", "lean", "azimuth")
@@ -83,6 +85,8 @@ def facets_of(specifications: Sequence[str], count: int) -> list[BRDF]:
 
 
 def _facet(specification: str) -> BRDF:
+    if names_file(specification):
+        return source_of(specification).colours
     colours = {name: _colour(specification, text) for name, text in _COLOUR.findall(specification)}
     for name in colours:
         if name not in _AMPLITUDES:

@@ -18,10 +18,9 @@ def lobe_named(specification: str) -> Lobe:
 
     Raises ``InputError`` as ``lobe_of`` and ``source_of`` do.
     """
-    path = Path(specification)
-    is_path = path.suffix or len(path.parts) > 1
-    if not path.exists() and ("=" in path.name or not is_path):
+    if not names_file(specification):
         return lobe_of(specification)
+    path = Path(specification)
     source = source_of(specification).isotropic
     brdf = source.colours
     if isinstance(brdf, Parametric):
@@ -29,6 +28,13 @@ def lobe_named(specification: str) -> Lobe:
         brdf = Recoloured(brdf, np.eye(brdf.amplitudes.shape[1]))
     said = tuple(f"{source.name}: {sentence}" for sentence in source.said)
     return Lobe(specification, path.name.replace(".", "_"), {}, brdf, said, whole=True)
+
+
+def names_file(specification: str) -> bool:
+    """Tell a file or a folder, there or not, from a model and its numbers."""
+    path = Path(specification)
+    is_path = bool(path.suffix) or len(path.parts) > 1
+    return path.exists() or (is_path and "=" not in specification)
 
 
 def files_of_lobes(lobes: list[Lobe]) -> list[Path]:

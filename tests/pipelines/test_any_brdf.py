@@ -18,7 +18,7 @@ from small_captures import jaxrender, write_json
 from jaxrender.brdf import IsotropicMean, IsotropicTable, directional_albedo
 from jaxrender.geometry import Mesh
 from jaxrender.harmonics import LatLongGrid
-from jaxrender.io import read_image, write_environment, write_mesh
+from jaxrender.io import read_image, read_table, write_environment, write_image, write_mesh
 from jaxrender.io.merl import read_merl
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import analyze as analysis
@@ -37,8 +37,8 @@ NEAR = {
     "paint.binary": 0.02,
     "paint.bsdf": 0.05,
     "paint.bin": 0.06,
-    "paint.alta": 0.08,
-    "paint.brdf": 0.08,
+    "paint.alta": 0.2,
+    "paint.brdf": 0.2,
     "table.nc": 0.12,
     "tree.nc": 0.2,
 }
@@ -132,12 +132,21 @@ def export(named: str, folder: Path) -> np.ndarray:
     return np.asarray(evaluate(brdf, *pairs(500)))
 
 
+def measure(named: str, folder: Path) -> np.ndarray:
+    """Measure flat ground of the material, which has the material's own BRDF."""
+    write_image(folder / "flat.exr", np.full((3, 4, 3), 0.5))
+    ground = folder / "flat.exr", "--brdf", named, "--size", 4, "--samples", 16, "--bounces", 1
+    run("measure", *ground, "--out", folder / "ground.nc")
+    return np.asarray(read_table(folder / "ground.nc").values)
+
+
 COMMANDS = {
     "synth": Command(synth, (MODEL,)),
     "render": Command(render),
     "prefilter": Command(prefilter, (MODEL,)),
     "analyze": Command(analyze, (MODEL,)),
     "export": Command(export),
+    "measure": Command(measure, (MODEL,)),
 }
 
 
