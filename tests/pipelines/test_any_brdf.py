@@ -42,8 +42,8 @@ NEAR = {
     "table.nc": 0.12,
     "tree.nc": 0.2,
 }
-# Those that the default run looks at; the others are made or read slowly.
-QUICK = ("result", MODEL)
+# Kinds that the default run looks at, and commands that it leaves out.
+QUICK, SLOW = ("result", MODEL), ("prefilter", "compress")
 GRAY = (MODEL, "paint.brdf")
 
 
@@ -140,6 +140,13 @@ def measure(named: str, folder: Path) -> np.ndarray:
     return np.asarray(read_table(folder / "ground.nc").values)
 
 
+def compress(named: str, folder: Path) -> np.ndarray:
+    """Make a tree of the material, and read that."""
+    size = "--size", 8, "--cell-samples", 1, "--keep", 0.5
+    run("compress", named, *size, "--out", folder / "made.nc")
+    return np.asarray(evaluate(source_of(str(folder / "made.nc")).colours, *pairs(500)))
+
+
 COMMANDS = {
     "synth": Command(synth, (MODEL,)),
     "render": Command(render),
@@ -147,6 +154,8 @@ COMMANDS = {
     "analyze": Command(analyze, (MODEL,)),
     "export": Command(export),
     "measure": Command(measure, (MODEL,)),
+    # A result is what the others are held against.
+    "compress": Command(compress, (MODEL, "result")),
 }
 
 
@@ -172,7 +181,7 @@ def expected(folder, tmp_path_factory):
 def _cases():
     for command, kind in ((c, k) for c in COMMANDS for k in (MODEL, *KINDS)):
         if kind not in COMMANDS[command].refuses:
-            marks = () if kind in QUICK else pytest.mark.slow
+            marks = () if kind in QUICK and command not in SLOW else pytest.mark.slow
             yield pytest.param(command, kind, marks=marks, id=f"{command}-{kind.split(':')[0]}")
 
 
