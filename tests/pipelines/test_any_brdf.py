@@ -120,6 +120,9 @@ def analyze(named: str, folder: Path) -> np.ndarray:
     said = analysis.analyze(a_probe(folder), brdfs=[named], band_limit=7).table
     assert all(sentence in said for sentence in lobe.said)
     transfers = lobe.transfers(4)
+    # Degree 0 is the light that leaves head-on, of each channel.
+    albedo = directional_albedo(source_of(named).colours, [1.0], "outgoing")[0]
+    np.testing.assert_allclose(transfers[0], albedo, rtol=0.03)
     for degree, row in zip(range(5), re.findall(r"^ +\d+ +\S+ +(\S+)", said, re.M)):
         assert float(row) == pytest.approx(transfers[degree].mean(), rel=1e-3, abs=1e-5)
     return transfers
