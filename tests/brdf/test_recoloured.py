@@ -43,5 +43,5 @@ def test_a_width_is_that_of_the_model(sigma):
 
 
 def test_a_table_is_as_wide_as_what_it_holds():
-    table = IsotropicTable.of(facets(0.1), (60, 24, 24))
+    table = IsotropicTable.of(facets(0.1), (60, 90, 24))
     assert lobe_width(table) == pytest.approx(lobe_width(facets(0.1)), rel=0.05)

@@ -72,10 +72,13 @@ class _Parts(NamedTuple):
     lobe_name: str | None
 
     def values(
-        self, brdf: BRDF, pair: tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]
+        self,
+        brdf: BRDF,
+        incoming: Float[np.ndarray, "*batch 3"],
+        outgoing: Float[np.ndarray, "*batch 3"],
     ) -> Float[np.ndarray, "*batch 4"]:
         """Evaluate the lobe of each channel, and the base, times the incoming cosine."""
-        columns = _columns(brdf, *pair)
+        columns = _columns(brdf, incoming, outgoing)
         lobe = np.einsum("...k,kc->...c", columns[..., list(self.lobes)], self.weights)
         base = np.zeros(lobe.shape[:-1]) if self.base is None else columns[..., self.base]
         return np.concatenate([lobe, base[..., None]], axis=-1)
@@ -85,7 +88,10 @@ class _MetalParts(_Parts):
     """glTF's material apart: (1 - P) / pi under an interface, and (1 - P) S and P S of it."""
 
     def values(
-        self, brdf: BRDF, pair: tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]
+        self,
+        brdf: BRDF,
+        incoming: Float[np.ndarray, "*batch 3"],
+        outgoing: Float[np.ndarray, "*batch 3"],
     ) -> Float[np.ndarray, "*batch 4"]:
         """Evaluate lobe, edge, nothing and base: a metal is the first two, a dielectric the last.
 
@@ -93,7 +99,7 @@ class _MetalParts(_Parts):
         """
         assert isinstance(brdf, MetallicRoughness)
         metal, plastic = (
-            _columns(brdf.with_numbers({"metallic": jnp.asarray(share)}), *pair)
+            _columns(brdf.with_numbers({"metallic": jnp.asarray(share)}), incoming, outgoing)
             for share in (1.0, 0.0)
         )
         base = plastic[..., 0] / (1 - float(brdf.head_on))
@@ -258,7 +264,7 @@ def _values(
     weighted: bool,
 ) -> Float[np.ndarray, "*batch 4"]:
     """Evaluate lobes and base in 1/sr at amplitude one, as they are kept."""
-    values = parts.values(brdf, (incoming, outgoing)) / incoming[..., 2:]
+    values = parts.values(brdf, incoming, outgoing) / incoming[..., 2:]
     if weighted:
         values[..., :3] *= 4 * incoming[..., 2:] * outgoing[..., 2:]
     return values
