@@ -20,8 +20,8 @@
     light that parts of a concave object send to one another, matt or glossy (T 6.6)
 ``transfer``
     transfer vectors (T 6.10): diffuse light on shapes that shadow themselves
-``tabulated``
-    the dual model as a table over roughness, for solvers
+``tabulated`` ``knots``
+    the dual model as a table over roughness, for solvers; where it is known, and joined in between
 ``wavelet_shading``
     light and BRDF as wavelet trees (L 6.3)
 ``tracing``

@@ -19,7 +19,8 @@ from jaxrender import reflection
 from jaxrender.brdf import TorranceSparrow
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import DirectionalSources, candidates, take
-from jaxrender.reflection import DualLight, FrameNodes, dual_light, roughness_table, tabulated
+from jaxrender.reflection import DualLight, FrameNodes, dual_light, roughness_table
+from jaxrender.reflection.knots import ChebyshevNodes, KnotRange
 
 TABLE = 1e-4  # what the module promises, relative to the brightest sample
 SIGMA_ALONE = 2e-5  # where the table has no knots over mu: 24 knots over a factor of 3 in sigma
@@ -113,7 +114,7 @@ def test_the_spline_follows_a_smooth_curve():
     The natural ends err by step^2 / 6 times the curvature, and that falls by .27 a knot: 5e-5 after
     three knots.
     """
-    knots = tabulated.KnotRange.over(0.0, 1.0, 17)
+    knots = KnotRange.over(0.0, 1.0, 17)
     for curve, bound in ((np.exp, 5e-5), (lambda x: 2 * x - 1, 1e-14)):
         coefficients = knots.spline_from_values() @ curve(knots.values())
         for x in np.linspace(0, 1, 23):
@@ -125,7 +126,7 @@ def test_the_spline_follows_a_smooth_curve():
 
 def test_the_polynomial_over_mu_is_one():
     """It passes through its nodes, and is what it is of a polynomial of that degree anywhere."""
-    nodes = tabulated.ChebyshevNodes.over(np.log(0.1), np.log(3.0), 6)
+    nodes = ChebyshevNodes.over(np.log(0.1), np.log(3.0), 6)
     values = nodes.values()
     assert np.log(0.1) < values.min() < values.max() < np.log(3.0)
     for x in (*values, -3.0, 0.2, 1.5):

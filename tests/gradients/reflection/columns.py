@@ -9,7 +9,7 @@ from jaxrender.brdf import Microfacet
 from jaxrender.geometry import SurfaceSamples
 from jaxrender.lighting import LightNodes, SmoothLobes
 from jaxrender.reflection import FrameNodes, RoughnessTable, Shadows, ViewFilter
-from jaxrender.reflection.tabulated import ChebyshevNodes, KnotRange
+from jaxrender.reflection.knots import ChebyshevNodes, KnotRange
 
 from ..page import Above, Row, Still, Unit
 from ..places import normal, unit
