@@ -103,14 +103,14 @@ def render(
     process.set_up_jax()
     light, cameras, shape = (path and path.resolve() for path in (environment, camera, mesh))
     into, progress = out.resolve(), reporting.progress()
-    path = Path(result)
-    # What looks like a folder is one, there or not.
-    if mesh is None and (path.is_dir() or (len(path.parts) > 1 and not path.suffix)):
+    from jaxrender.pipelines.brdf_sources import names_result
+
+    if mesh is None and names_result(result):
         from jaxrender.pipelines.render import Scene, render_config
 
         scene = Scene(light, convention, cameras)
         folder = render_config(
-            path.resolve(),
+            Path(result).resolve(),
             out=into,
             model=model,
             force=force,

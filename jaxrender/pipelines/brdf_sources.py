@@ -90,13 +90,26 @@ def source_of(named: str, spectral: bool = False) -> Source:
     path = Path(named)
     if path.is_dir():
         found = _result(path)
-    elif path.exists() or path.suffix.lower() in READERS or len(path.parts) > 1:
+    elif names_file(named):
         found = _reader(path)(path, spectral)
     else:
         found = _model(named)
     if spectral and found.channels != "wavelengths":
         raise InputError(f"{named}: has no wavelengths; leave --spectral out")
     return found
+
+
+def names_file(named: str | Path) -> bool:
+    """Tell a file or a folder, there or not, from a model and its numbers."""
+    path = Path(named)
+    is_path = bool(path.suffix) or len(path.parts) > 1
+    return path.exists() or (is_path and "=" not in str(named))
+
+
+def names_result(named: str | Path) -> bool:
+    """Tell the folder of a result, there or not, from a file and from a model."""
+    path = Path(named)
+    return path.is_dir() or (not path.exists() and names_file(path) and not path.suffix)
 
 
 def files_of(named: str | Path) -> list[Path]:

@@ -21,12 +21,11 @@ from jaxrender.geometry import EMBEDDINGS
 from jaxrender.io.atomic import replacing
 from jaxrender.io.jsonfiles import read_json
 from jaxrender.io.tables import BRDFTable, read_table, write_table
-from jaxrender.pipelines.brdf_sources import files_of
+from jaxrender.pipelines.brdf_sources import files_of, names_file
 from jaxrender.pipelines.kept import keeping
 from jaxrender.pipelines.output import fingerprint_of
 from jaxrender.pipelines.patches import facets_of, patch_of
 from jaxrender.pipelines.progress import Progress, SilentProgress
-from jaxrender.pipelines.source_lobes import names_file
 from jaxrender.reflection.tracing.gonioreflectometer import (
     Block,
     Gonioreflectometer,

@@ -24,9 +24,8 @@ from jaxrender.errors import InputError
 from jaxrender.geometry.height_fields import Patch, height_field, sawtooth, velvet
 from jaxrender.io.images import read_image
 from jaxrender.io.meshes import MESH_SUFFIXES, read_mesh
-from jaxrender.pipelines.brdf_sources import source_of
+from jaxrender.pipelines.brdf_sources import names_file, source_of
 from jaxrender.pipelines.lobes import lobe_of
-from jaxrender.pipelines.source_lobes import names_file
 
 KINDS: dict[str, Callable[..., Patch]] = {"sawtooth": sawtooth, "velvet": velvet}
 _DEGREES = ("rising", "falling", "lean", "azimuth")

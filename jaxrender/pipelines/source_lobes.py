@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from jaxrender.brdf import Parametric, Recoloured
-from jaxrender.pipelines.brdf_sources import files_of, source_of
+from jaxrender.pipelines.brdf_sources import files_of, names_file, source_of
 from jaxrender.pipelines.lobes import Lobe, lobe_of
 
 
@@ -28,13 +28,6 @@ def lobe_named(specification: str) -> Lobe:
         brdf = Recoloured(brdf, np.eye(brdf.amplitudes.shape[1]))
     said = tuple(f"{source.name}: {sentence}" for sentence in source.said)
     return Lobe(specification, path.name.replace(".", "_"), {}, brdf, said, whole=True)
-
-
-def names_file(specification: str) -> bool:
-    """Tell a file or a folder, there or not, from a model and its numbers."""
-    path = Path(specification)
-    is_path = bool(path.suffix) or len(path.parts) > 1
-    return path.exists() or (is_path and "=" not in specification)
 
 
 def files_of_lobes(lobes: list[Lobe]) -> list[Path]:

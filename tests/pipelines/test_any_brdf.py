@@ -22,7 +22,7 @@ from jaxrender.io import read_image, read_table, write_environment, write_image,
 from jaxrender.io.merl import read_merl
 from jaxrender.lighting import Environment
 from jaxrender.pipelines import analyze as analysis
-from jaxrender.pipelines.brdf_sources import source_of
+from jaxrender.pipelines.brdf_sources import names_file, names_result, source_of
 from jaxrender.pipelines.config import ViewsConfig
 from jaxrender.pipelines.shrm_files import read_shrm
 from jaxrender.pipelines.source_lobes import lobe_named
@@ -265,3 +265,23 @@ def test_what_has_no_isotropy_says_how_to_get_it(folder):
         with pytest.raises(ValueError, match=r"anisotropic.*IsotropicMean\(brdf\)"):
             use()
     assert IsotropicTable.of(IsotropicMean(brdf), (4, 4, 4)).isotropic
+
+
+@pytest.mark.parametrize(
+    ("named", "kind"),
+    [
+        ("ggx:sigma=0.2", "model"),
+        ("paint.binary", "file"),
+        ("folder/paint.nc", "file"),
+        ("runs/cat", "result"),
+        ("{}/there", "result"),
+        ("{}/paint", "file"),
+    ],
+)
+def test_a_name_tells_what_it_is(tmp_path, named, kind):
+    """A file without a suffix is a file once it is there; a folder need not be there."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "paint").touch()
+    named = named.format(tmp_path)
+    assert names_file(named) == (kind != "model")
+    assert names_result(named) == (kind == "result")

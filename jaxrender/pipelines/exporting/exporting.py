@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from jaxrender.errors import InputError
 from jaxrender.io.exports import Contents, Part, plain_name
-from jaxrender.pipelines.brdf_sources import files_of
+from jaxrender.pipelines.brdf_sources import files_of, names_result
 from jaxrender.pipelines.exporting.contents import Held, contents_of, contents_of_source
 from jaxrender.pipelines.exporting.formats import (
     ALL,
@@ -56,7 +56,7 @@ def export(
     for name in names:
         format_named(name)
     path = Path(result)
-    is_result = path.is_dir() or (len(path.parts) > 1 and not path.suffix)
+    is_result = names_result(path)
     stem = path.resolve().name if is_result else plain_name(path.name)
     out = out or path.resolve().with_name(f"{stem}_{to}")
     if out.resolve() == path.resolve():
