@@ -106,6 +106,7 @@ def test_a_misfit_makes_the_recovery_follow_it():
     assert found.misfit.share < 0.1 < kept.misfit.share
 
 
+@pytest.mark.slow
 def test_light_of_few_degrees_is_not_followed_farther():
     assert followed_farther(*known_material(photographed(SLOW.radiance)), None) is None
 

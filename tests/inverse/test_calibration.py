@@ -147,6 +147,7 @@ def test_nuisances_are_found_with_the_material(wrong):
     np.testing.assert_array_equal(fit.final.observations.radiance, mended.radiance)
 
 
+@pytest.mark.slow
 def test_auto_frees_what_the_diagnosis_names():
     fit = fitted(photographed(NEAR / 2), "auto")
     assert fit.outcome is Outcome.CONVERGED
@@ -219,6 +220,7 @@ def test_a_clean_capture_is_left_alone_and_what_is_freed_is_in_the_errors(clean)
     assert any("exposure and the material cannot be told apart" in r for r in fit.reasons)
 
 
+@pytest.mark.slow
 def test_what_is_found_on_a_part_of_the_samples_is_as_good_as_on_all(wrong, monkeypatch):
     """The errors that are stated are those of all, so that the end is to be theirs, too."""
     whole = fitted(wrong, ("exposure", "nearness"), diagnose=False)

@@ -235,20 +235,20 @@ def test_a_clean_capture_has_no_diagnosis():
     [
         pytest.param(
             "exposure",
-            PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None],
+            lambda: PHOTOGRAPHS * (1 + 0.03 * np.cos(1.7 * CLEAN.frame))[:, None],
             marks=pytest.mark.slow,
         ),
-        pytest.param("black", PHOTOGRAPHS + 0.03, marks=pytest.mark.slow),
+        pytest.param("black", lambda: PHOTOGRAPHS + 0.03, marks=pytest.mark.slow),
         pytest.param(
             "object",
-            photographed(seen(shape=Sphere(np.array([0.01, 0.0, 0.0])))),
+            lambda: photographed(seen(shape=Sphere(np.array([0.01, 0.0, 0.0])))),
             marks=pytest.mark.slow,
         ),
-        ("lamps", photographed(CLEAN, energy=1.1 * ENERGY)),
+        ("lamps", lambda: photographed(CLEAN, energy=1.1 * ENERGY)),
     ],
 )
 def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
-    fit = fitted(planted)
+    fit = fitted(planted())
     assert fit.outcome is Outcome.MISFIT
     assert fit.diagnosis[0].cause == name
     assert fit.diagnosis[0].explains > 0.7

@@ -87,6 +87,7 @@ def test_a_photograph_that_is_too_bright_cannot_vouch_for_itself(photographs):
     assert unseen > 1.2 * seen
 
 
+@pytest.mark.slow
 def test_three_photographs_are_predicted_by_the_fit_to_all(photographs):
     few = photographs.take(np.flatnonzero(np.asarray(photographs.frame) < 3))
     fit = fitted(few, LOBE)

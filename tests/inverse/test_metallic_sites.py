@@ -103,6 +103,7 @@ def test_all_is_found_within_its_errors(found):
     assert fit.relative_rms < 1.2 * NOISY.relative
 
 
+@pytest.mark.slow
 def test_errors_know_what_single_photographs_leave():
     """Exposures that differ by 6 % move sites by more than what is left of a site says."""
     world = lamps()
@@ -146,6 +147,7 @@ def test_nothing_is_known_of_what_nobody_saw(found):
         assert np.isinf(error[lost])
 
 
+@pytest.mark.slow
 def test_a_shared_roughness_is_found_with_the_maps():
     world = lamps(roughnesses=(0.4,))
     fit = world.fitted(BOTH._replace(maps=("metalness",)))

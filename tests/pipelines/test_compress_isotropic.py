@@ -80,6 +80,7 @@ def test_an_error_is_met_with_the_fewest(tmp_path):
     assert any("--error 0.0001 was not met: all" in line for line in done.said)
 
 
+@pytest.mark.slow
 def test_auto_chooses_by_measurements_held_out(tmp_path):
     rng = np.random.default_rng(0)
     pair = rng.normal(size=(2, 400, 3))
@@ -103,6 +104,7 @@ def test_auto_chooses_by_measurements_held_out(tmp_path):
         compress(brushed, tmp_path / "c.nc", **ISOTROPIC)
 
 
+@pytest.mark.slow
 def test_trees_are_converted(tmp_path):
     rough = "ggx:kd=0.1,ks=0.2,sigma=0.5,mu=1.5"
     compress(rough, tmp_path / "a.nc", Goal(0.3), **ISOTROPIC)

@@ -48,6 +48,7 @@ def pixels_of(path):
     return np.atleast_3d(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))
 
 
+@pytest.mark.slow
 def test_sigma_and_normals_are_maps(mapped):
     _, folder, result = mapped
     maps = arrays(folder)
@@ -75,6 +76,7 @@ def test_sigma_and_normals_are_maps(mapped):
     assert result["residual"]["relative_rms"] < 1.5 * NOISE
 
 
+@pytest.mark.slow
 def test_the_texture_is_found_with_them(mapped):
     _, folder, _ = mapped
     maps = arrays(folder)
@@ -85,6 +87,7 @@ def test_the_texture_is_found_with_them(mapped):
     assert np.median(np.abs(found / kd[good] - 1)) < 0.02
 
 
+@pytest.mark.slow
 def test_maps_are_written_and_shown(mapped):
     _, folder, result = mapped
     maps = arrays(folder)
@@ -112,6 +115,7 @@ def test_maps_are_written_and_shown(mapped):
     assert "normal: x, y and z from -1 to 1" in page
 
 
+@pytest.mark.slow
 def test_maps_render_again(mapped, tmp_path):
     """Prediction and rendering both go by the maps: the photograph, to the noise."""
     capture, folder, _ = mapped

@@ -114,6 +114,7 @@ def test_they_leave_as_textures_of_gltf(metal, tmp_path):
     np.testing.assert_allclose(picture[..., 2][seen], maps["metallic"][seen], atol=3e-3)
 
 
+@pytest.mark.slow
 def test_page_and_mitsuba_take_them(metal, tmp_path):
     _, folder, _ = metal
     page = view_result(folder, tmp_path / "page.html").read_text(encoding="utf-8")
