@@ -67,7 +67,7 @@ from jaxrender.geometry.placement import Placement, axis_turns
 from jaxrender.geometry.samples import SurfaceSamples
 from jaxrender.geometry.sculpture import sculpture
 from jaxrender.geometry.sphere import Sphere
-from jaxrender.geometry.surface import SurfaceView, observe
+from jaxrender.geometry.surface import SurfaceView, contours, observe
 from jaxrender.geometry.visibility import (
     SurfacePlaces,
     fibonacci_sphere,
@@ -123,6 +123,7 @@ __all__ = [
     "look_at",
     "metashape_lens",
     "normalise",
+    "contours",
     "observe",
     "opencv_lens",
     "pair_in_frame",

@@ -8,6 +8,10 @@ from jaxtyping import Bool, Float, Int
 from jaxrender.geometry.cameras import Camera
 from jaxrender.geometry.hits import Shape
 
+# Neighbouring pixels of a smooth surface that is resolved see normals nearer than this, in degrees:
+# two pixels within the rim of a ball they differ by less, whatever its size.
+CONTOUR = 25.0
+
 
 class SurfaceView(NamedTuple):
     """Surface points behind the pixels of one photograph; all zero where ``hit`` is False.
@@ -56,3 +60,39 @@ def observe(camera: Camera, shape: Shape) -> SurfaceView:
         np.where(usable, hits.face, -1).reshape(image),
         seen(hits.barycentric),
     )
+
+
+def contours(view: SurfaceView, angle: float = CONTOUR) -> Bool[np.ndarray, "row column"]:
+    """Find the pixels beside which the surface breaks off or bends sharply.
+
+    One part ends there before another, or a fold is smaller than a pixel: what such a pixel shows
+    is a mean over surfaces that its central ray knows nothing of.  Two neighbours that see the
+    object are both meant where their normals differ by more than ``angle`` (degrees), or where the
+    line from one point to the other leaves the tangent plane of either by more than that.
+    """
+    found = np.zeros(view.hit.shape, bool)
+    least, most = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        one, other = _neighbours(view.hit.shape, down, right)
+        normals, others = view.normals[one], view.normals[other]
+        chord = view.points[other] - view.points[one]
+        length = np.linalg.norm(chord, axis=-1)
+        leaves = np.maximum(
+            np.abs(np.einsum("rci,rci->rc", chord, normals)),
+            np.abs(np.einsum("rci,rci->rc", chord, others)),
+        )
+        sharp = (np.einsum("rci,rci->rc", normals, others) < least) | (leaves > most * length)
+        sharp &= view.hit[one] & view.hit[other]
+        found[one] |= sharp
+        found[other] |= sharp
+    return found
+
+
+def _neighbours(
+    shape: tuple[int, ...], down: int, right: int
+) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Cut an image so that each pixel of one part has its neighbour in the other."""
+    rows, columns = shape
+    first = slice(max(0, -right), columns - max(0, right))
+    second = slice(max(0, right), columns - max(0, -right))
+    return (slice(0, rows - down), first), (slice(down, rows), second)

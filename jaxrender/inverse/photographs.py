@@ -17,6 +17,7 @@ from jaxrender.geometry import (
     SurfaceSamples,
     SurfaceView,
     camera_from,
+    contours,
     observe,
 )
 from jaxrender.imaging import (
@@ -24,6 +25,7 @@ from jaxrender.imaging import (
     Response,
     Selection,
     below_black,
+    dilate,
     erode,
     response_named,
     saturated,
@@ -58,7 +60,8 @@ class Reading(NamedTuple):
     or above ``saturation`` (None: those at full scale of pictures of integers; "auto": these, and
     those at a value that many pixels have at the top) are left out, with ``saturation_grow`` pixels
     around them; and those below ``black_level``, ``erode`` pixels at
-    silhouettes, and views more grazing than ``min_cosine``.  ``exposure``: whether exposures are
+    silhouettes and at contours within the object (``geometry.contours``), and views more grazing
+    than ``min_cosine``.  ``exposure``: whether exposures are
     those given with the cameras, or of the pictures' metadata.  ``mirrored``: photographs and masks
     are turned left for right.
     """
@@ -291,6 +294,7 @@ def _photograph(
         covered &= mask
     rejected = {
         "silhouette": ~erode(covered, reading.erode),
+        "contour": _near_contours(view, reading.erode),
         "invalid": image.invalid,
         "saturated": saturated(image.pixels, levels, reading.saturation_grow),
         "black": below_black(image.pixels, float(reading.black_level)),
@@ -312,6 +316,11 @@ def _photograph(
         rounded /= float(exposure)
         frame = frame._replace(exposure=float(exposure))
     return Photograph(capture, frame, radiance, view, covered, selection, levels, rounded)
+
+
+def _near_contours(view: SurfaceView, pixels: int) -> Bool[np.ndarray, "row column"]:
+    """Find so many pixels on either side of where the surface breaks off or bends sharply."""
+    return dilate(contours(view), pixels - 1) if pixels else np.zeros(view.hit.shape, bool)
 
 
 def _is_usable(photograph: Photograph, listener: Listener) -> bool:

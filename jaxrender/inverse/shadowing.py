@@ -52,11 +52,14 @@ def with_transfer(observations: Observations, shape: Shape, band_limit: int) -> 
 
 
 def shadows_of(shape: Shape | None, observations: Observations, light: DualLight) -> Shadows | None:
-    """Trace what the dual model asks for (T 6.12); the light's frames are the observations' own."""
+    """Trace what the dual model asks for (T 6.12); the light's frames are the observations' own.
+
+    Samples that were moved have lost their transfer vectors, which are then found anew.
+    """
     if shape is None:
         return None
-    transfer = observations.transfer
-    assert transfer is not None
+    degrees = min(MOST_DIFFUSE_DEGREES, light.band_limit)
+    transfer = with_transfer(observations, shape, degrees).transfer
     places = places_of(observations)
     return cast_shadows(shape, places, observations.samples, light, np.asarray(transfer))
 

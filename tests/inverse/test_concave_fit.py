@@ -20,6 +20,7 @@ from jaxrender.geometry import (
     fibonacci_sphere,
     sculpture,
     visible,
+    visible_along,
 )
 from jaxrender.inverse import (
     FitSettings,
@@ -30,7 +31,7 @@ from jaxrender.inverse import (
 )
 from jaxrender.inverse.models import ExactModel
 from jaxrender.inverse.passes import values_of
-from jaxrender.inverse.shadowing import hidden_fraction, nodes_seen, with_transfer
+from jaxrender.inverse.shadowing import hidden_fraction, nodes_seen, shadows_of, with_transfer
 from jaxrender.inverse.variants import fit_variants
 from jaxrender.lighting import DirectionalSources, LightNodes, SmoothLobes
 from jaxrender.reflection import (
@@ -170,6 +171,28 @@ def test_the_table_is_t_6_12():
     specular = np.asarray(table.specular(jnp.asarray(0.16), jnp.asarray(1.62)))
     np.testing.assert_allclose(table.diffuse, expected[:, 0], rtol=1e-10, atol=1e-12)
     assert np.abs(specular - expected[:, 1]).max() < 1e-4 * np.abs(expected[:, 1]).max()
+
+
+def test_samples_that_moved_get_new_transfer_vectors(photographs):
+    slow = np.zeros((16, 3))
+    known = with_transfer(photographs, STATUE, 3)
+    assert photographs.transfer is None
+    again = shadows_of(STATUE, photographs, DualLight(slow, SOURCES))
+    np.testing.assert_array_equal(again.transfer, known.transfer)
+
+
+@pytest.mark.slow
+def test_an_object_that_may_have_moved(photographs):
+    """The fit ends with other samples than it began with, and states its errors of these."""
+    # Of the samples some lie behind other parts, where no ray of a camera meets them.
+    seen = np.flatnonzero(visible_along(STATUE, PLACES, np.asarray(SAMPLES.outgoing)))
+    assert len(seen) > 0.8 * COUNT
+    told = photographs.take(seen)
+    pixel = np.stack([np.arange(len(seen)), np.zeros(len(seen), int)], axis=-1)
+    settings = SETTINGS._replace(free=("object",), diagnose=False)
+    fit = fit_brdf(told._replace(pixel=pixel), KNOWN, UNKNOWNS, BRDF, settings, shape=STATUE)
+    assert fit.final.observations.transfer is None
+    assert np.all(errors(fit.final) < REFINED), errors(fit.final)
 
 
 def test_masks_stay_with_their_samples(photographs):

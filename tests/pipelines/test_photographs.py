@@ -1,8 +1,8 @@
 """Photographs into observations: every pixel is radiance, or is left out and accounted for.
 
 - Response, exposure factors and exposure metadata give back the radiance that was photographed.
-- Silhouettes, alpha, masks, saturation, black level, broken pixels and grazing views are left out;
-  the account adds up.
+- Silhouettes, edges of the object, alpha, masks, saturation, black level, broken pixels and grazing
+  views are left out; the account adds up.
 - Cameras that see nothing, and photographs without usable pixels, are skipped with a warning.
 - A camera that stays where it was sees the same surface: it is traced once.
 - Where photographs are clipped is found by itself (`auto`) and said; what rounding to integers adds
@@ -14,11 +14,12 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 from small_captures import Ball, edit_json, write_ball
 
 from jaxrender.errors import InputError
-from jaxrender.geometry import Sphere
-from jaxrender.imaging import SRGB, erode, response_named
+from jaxrender.geometry import Mesh, Sphere, contours
+from jaxrender.imaging import SRGB, dilate, erode, response_named
 from jaxrender.inverse import photographs as photographs_module
 from jaxrender.inverse.photographs import (
     Listener,
@@ -46,13 +47,13 @@ def capture(tmp_path):
     return tmp_path / "capture"
 
 
-def load(folder, min_cosine=0.15, **given):
+def load(folder, min_cosine=0.15, shape=BALL, **given):
     capture = {"transforms": folder / "transforms.json", "geometry": {"sphere": {}}, **given}
     config = RunConfig.model_validate({"task": "factorize", "capture": capture})
     said, frames, reading = [], capture_of(config.capture), reading_of(config.capture, min_cosine)
     listener = Listener(said.append)
     images = read_photographs(frames, reading, listener)
-    return trace_photographs(frames, images, BALL, reading, listener), said
+    return trace_photographs(frames, images, shape, reading, listener), said
 
 
 def truth(folder, number):
@@ -90,6 +91,22 @@ def test_the_account_adds_up(capture):
 def test_erosion_may_be_turned_off(capture):
     photograph = load(capture, erode=0)[0][0]
     assert photograph.selection.removed["silhouette"] == 0
+
+
+def test_pixels_along_the_edges_of_the_object_are_left_out(capture):
+    """A cube within the picture of the ball, so that no silhouette is near."""
+    box = trimesh.creation.box((0.8, 0.8, 0.8))
+    box.unmerge_vertices()
+    cube = Mesh(np.asarray(box.vertices), np.asarray(box.faces), box.vertex_normals)
+    removed = []
+    for erosion in (0, 1, 3):
+        photograph = load(capture, shape=cube, erode=erosion)[0][0]
+        edges = contours(photograph.view)
+        near = dilate(edges, erosion - 1) if erosion else np.zeros_like(edges)
+        assert not np.any(photograph.selection.usable & near)
+        removed.append(photograph.selection.removed["contour"])
+    assert removed[0] == 0
+    assert removed[1] > 0
 
 
 def test_given_exposures_are_divided_out(capture):

@@ -80,7 +80,7 @@ class _Photographs(Section):
     black_level: NonNegative = 0.0
     """Pixel value below which a pixel is left out."""
     erode: WholeNumber = 2
-    """Pixels removed along silhouettes."""
+    """Pixels removed along silhouettes, and along the rims and sharp folds of the object itself."""
     exposure: Literal["given", "metadata"] = "given"
     """The source of exposures: given (transforms.json) or metadata (of the photographs)."""
     allow_outside: Switch = False
