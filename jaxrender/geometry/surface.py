@@ -10,7 +10,7 @@ from jaxrender.geometry.hits import Shape
 
 # Neighbouring pixels of a smooth surface that is resolved see normals nearer than this, in degrees:
 # two pixels within the rim of a ball they differ by less, whatever its size.
-CONTOUR = 25.0
+CONTOUR = 30.0
 
 
 class SurfaceView(NamedTuple):

@@ -319,8 +319,13 @@ def _photograph(
 
 
 def _near_contours(view: SurfaceView, pixels: int) -> Bool[np.ndarray, "row column"]:
-    """Find so many pixels on either side of where the surface breaks off or bends sharply."""
-    return dilate(contours(view), pixels - 1) if pixels else np.zeros(view.hit.shape, bool)
+    """Find so many pixels on either side of where the surface breaks off or bends sharply.
+
+    The last pixel before a silhouette sees a surface that turns away: it goes with the silhouette.
+    """
+    if not pixels:
+        return np.zeros(view.hit.shape, bool)
+    return dilate(contours(view) & erode(view.hit, 1), pixels - 1)
 
 
 def _is_usable(photograph: Photograph, listener: Listener) -> bool:

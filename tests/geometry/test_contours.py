@@ -27,7 +27,7 @@ def plate(width, height):
     return trimesh.creation.box((width, width, 0.01)).apply_translation((0, 0, height))
 
 
-@pytest.mark.parametrize("size", [20, 30, 60, 200])
+@pytest.mark.parametrize("size", [16, 20, 30, 60, 200])
 @pytest.mark.parametrize("distance", [1.5, 4.0, 30.0])
 def test_a_ball_has_none_within_its_rim(size, distance):
     rim = 1 / np.sqrt(distance**2 - 1)

@@ -42,13 +42,14 @@ Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 SAME = np.eye(3)
 
 
-def write_capture(folder, *, axes=SAME, scale=1.0, turn=SAME, mirrored=False, views=4):
+def write_capture(folder, *, axes=SAME, scale=1.0, turn=SAME, mirrored=False, views=4, size=48):
     """A sculpture under a lamp above, written as other programs might."""
     shape, frames = sculpture(3), []
     folder.mkdir(exist_ok=True)
     for number, azimuth in enumerate(np.arange(views) * 2 * np.pi / views):
         place = 6 * np.array([np.cos(azimuth), np.sin(azimuth), 0.3 + 0.1 * number])
-        camera = Pinhole(48, 48, look_at(place, np.zeros(3), np.array([0.0, 0, 1])), fl_x=72.0)
+        pose = look_at(place, np.zeros(3), np.array([0.0, 0, 1]))
+        camera = Pinhole(size, size, pose, fl_x=1.5 * size)
         view = observe(camera, shape)
         light = np.maximum(view.normals[..., 2:], 0) + np.zeros(3)
         picture = np.concatenate([0.2 * light, view.hit[..., None]], axis=-1)
@@ -56,7 +57,8 @@ def write_capture(folder, *, axes=SAME, scale=1.0, turn=SAME, mirrored=False, vi
         pose = camera.world_from_camera.copy()
         pose[:3, :3] = pose[:3, :3] @ axes
         frames.append({"file_path": f"{number}.exr", "transform_matrix": pose.tolist()})
-    write_json(folder / "transforms.json", {"w": 48, "h": 48, "fl_x": 72.0, "frames": frames})
+    lens = {"w": size, "h": size, "fl_x": 1.5 * size}
+    write_json(folder / "transforms.json", {**lens, "frames": frames})
     mesh = Mesh(scale * shape.vertices @ turn, shape.faces, shape.normals @ turn)
     write_mesh(folder / "shape.ply", mesh)
     (folder / "capture.yaml").write_text(CONFIG)
@@ -176,7 +178,7 @@ def spoil(path, change):
 
 
 def test_photographs_are_judged(tmp_path, unforeseen):
-    folder = write_capture(tmp_path / "a", views=6)
+    folder = write_capture(tmp_path / "a", views=6, size=72)
     spoil(folder / "1.exr", lambda pixels: 1.5 * pixels)
     spoil(folder / "2.exr", lambda pixels: np.minimum(pixels, 0.1))
     spoil(folder / "3.exr", lambda pixels: gaussian_filter(pixels, (3, 3, 0)))
