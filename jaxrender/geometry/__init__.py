@@ -10,7 +10,8 @@ its twin is in ``triangles``, ``tessellation`` makes spheres); ``surface`` puts 
 ``samples`` keeps what the forward model asks for.  ``visibility`` tells what the surface itself can
 see: which light reaches a place on a concave shape.  ``sculpture`` makes such a shape,
 ``height_fields`` a patch of micro-geometry, which ``periodic`` repeats without end.
-``footprints`` says how much of a texture a pixel covers.  ``lenses`` bend a camera's rays: they are
+``footprints`` says how much of a texture a pixel covers, and ``unwrapping`` gives coordinates to a
+mesh that has none.  ``lenses`` bend a camera's rays: they are
 made of ``distortions``, and by the names of other programs in ``lens_models``.  ``camera_axes``
 reads the poses of other programs, and ``placement`` puts a mesh somewhere else.
 """

@@ -19,6 +19,13 @@ from jaxrender.geometry.mesh import Mesh
 from jaxrender.geometry.sphere import Sphere
 from jaxrender.geometry.surface import SurfaceView
 
+# How far outside of a triangle a texel's centre may be, as a share of the triangle.
+_EDGE = 1e-9
+# Twice an area in texels, below which a face covers none.
+_NO_AREA = 1e-20
+# Pairs of a face and a texel that are looked at together.
+_AT_ONCE = 2_000_000
+
 
 class Sites(NamedTuple):
     """The site of every pixel (-1: none), how many there are, and the image that they fill.
@@ -134,6 +141,75 @@ def vertex_sites(
     """Find the nearest corner of each point's face, by weight."""
     nearest = np.argmax(barycentric, axis=1)
     return mesh.faces[_checked(face), nearest]
+
+
+class Covering(NamedTuple):
+    """Faces over the centres of texels, and where in them those lie; a texel may have several."""
+
+    face: Int[np.ndarray, "pair"]
+    texel: Int[np.ndarray, "pair"]
+    weights: Float[np.ndarray, "pair 3"]
+
+
+def covering_faces(mesh: Mesh, image: tuple[int, int]) -> Covering:
+    """Pair faces with the texels whose centres they cover, in the order of the faces.
+
+    Faces beyond the unit square come back in.  Raises ``ValueError`` for a mesh without texture
+    coordinates.
+    """
+    if mesh.texture_coordinates is None:
+        raise ValueError("the mesh has no texture coordinates: no texel lies on a face")
+    rows, columns = _checked_image(image)
+    places = _in_texels(mesh.texture_coordinates, image)
+    low = np.ceil(places.min(axis=1) - _EDGE).astype(int)
+    size = np.maximum(np.floor(places.max(axis=1) + _EDGE).astype(int) - low + 1, 0)
+    many = size.prod(axis=1)
+    found = []
+    ends = np.searchsorted(np.cumsum(many), np.arange(_AT_ONCE, many.sum(), _AT_ONCE)) + 1
+    for part in np.split(np.arange(len(many)), ends):
+        face = np.repeat(part, many[part])
+        number = np.arange(len(face)) - np.repeat(np.cumsum(many[part]) - many[part], many[part])
+        texel = low[face] + np.stack(np.divmod(number, size[face, 0])[::-1], axis=-1)
+        weights = _weights(places[face], texel.astype(float))
+        with np.errstate(invalid="ignore"):
+            kept = weights.min(axis=1) >= -_EDGE
+        across, down = texel[kept].T
+        found.append(Covering(face[kept], down % rows * columns + across % columns, weights[kept]))
+    return Covering(*(np.concatenate(parts) for parts in zip(*found)))
+
+
+def weights_in_faces(
+    mesh: Mesh, image: tuple[int, int], face: Int[np.ndarray, "row column"]
+) -> Float[np.ndarray, "row column 3"]:
+    """Find where every texel's centre lies in the plane of a face, also outside of the face.
+
+    Coordinates must lie in the unit square.  A face without area there has NaN.
+    """
+    assert mesh.texture_coordinates is not None
+    texel = np.stack(np.meshgrid(*(np.arange(size) for size in image[::-1])), axis=-1)
+    return _weights(_in_texels(mesh.texture_coordinates, image)[face], texel.astype(float))
+
+
+def _in_texels(
+    coordinates: Float[np.ndarray, "face 3 2"], image: tuple[int, int]
+) -> Float[np.ndarray, "face 3 2"]:
+    """Count places to the right and downwards in texels from the centre of the first one."""
+    places = coordinates - np.floor(coordinates.mean(axis=1, keepdims=True))
+    rows, columns = image
+    return np.stack([places[..., 0] * columns, (1 - places[..., 1]) * rows], axis=-1) - 0.5
+
+
+def _weights(
+    corners: Float[np.ndarray, "*batch 3 2"], place: Float[np.ndarray, "*batch 2"]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Weigh the corners of triangles so that places are their means; NaN for a line."""
+    first, second = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    own = place - corners[..., 0, :]
+    area = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    area = np.where(np.abs(area) < _NO_AREA, np.nan, area)
+    one = (own[..., 0] * second[..., 1] - own[..., 1] * second[..., 0]) / area
+    two = (first[..., 0] * own[..., 1] - first[..., 1] * own[..., 0]) / area
+    return np.stack([1 - one - two, one, two], axis=-1)
 
 
 def neighbouring_texels(

@@ -174,5 +174,3 @@ def test_vertices_with_highlights(mitsuba, tmp_path):
     done = export(result, "mitsuba", lossy=True)
     theirs, _, ours = pictures(mitsuba, result, done.folder, 100)
     assert off(theirs, ours) < 0.01
-    with pytest.raises(InputError, match="holds no material or texture of texels"):
-        export(result, "glb", lossy=True)

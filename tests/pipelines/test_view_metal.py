@@ -2,7 +2,7 @@
 
 - The maps are those of the result, to the steps of 8 bits, with false colours and their errors.
 - The table's parts, mixed as the shader mixes them, are glTF's material at any share of metal.
-- A texture of vertices is refused in words.
+- A texture of vertices is laid out in texels.
 """
 
 import jax.numpy as jnp
@@ -12,7 +12,6 @@ from stated_textures import metal_maps, texel_places, write_metal_result
 from view_pages import scene_of
 
 from jaxrender.brdf import MetallicRoughness
-from jaxrender.errors import InputError
 from jaxrender.geometry import Components, Mesh, Sphere
 from jaxrender.pipelines.view import view_result
 from jaxrender.pipelines.view.material_table import (
@@ -108,9 +107,18 @@ def test_the_parts_mix_to_the_material(share):
     assert np.mean(np.abs(found - exact)) < 0.01 * np.mean(exact)
 
 
-def test_metal_of_vertices_is_refused_in_words(made, tmp_path):
-    ball = Mesh.icosphere(1)
+@pytest.mark.slow
+def test_metal_of_vertices_is_laid_out_in_texels(tmp_path):
+    """A metal half and a plastic half: as much of the image is metal as of the surface."""
+    ball = Mesh.icosphere(3)
     maps = metal_maps(ball.vertices)
-    result = write_metal_result(tmp_path / "cat", maps, ball)
-    with pytest.raises(InputError, match=r"of texels, not of vertices: give the mesh texture"):
-        view_result(result)
+    metallic = (ball.vertices[:, 2] > 0.5) * 1.0
+    result = write_metal_result(tmp_path / "cat", maps._replace(metallic=metallic), ball)
+    scene = scene_of(view_result(result).read_text(encoding="utf-8"))
+    texture, material = scene["texture"], scene["material"]
+    assert material["lobe"][0] == pytest.approx(metallic.mean())
+    share = linear(texture["ks"], material["lobe"][0])
+    np.testing.assert_allclose(np.unique(share), [0, 1], atol=0.01)
+    assert share.mean() == pytest.approx(0.25, abs=0.05)
+    errors = {"color-error", "metallic-error", "roughness-error"}
+    assert {one["id"] for one in texture["overlays"]} == {"metallic", "roughness"} | errors

@@ -1,16 +1,18 @@
 """The page of a texture: its maps as data.
 
 - The maps are those of the result, to the steps of 8 bits; unseen texels have a code of their own.
+- A texture of vertices is laid out in texels: corners have what the vertices have.
 - A page of 20,000 triangles with maps of 512 x 512 stays under 6 MB, whatever its noise.
 """
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from stated_textures import smooth_maps, texel_places, write_result
 from view_pages import scene_of
 
-from jaxrender.errors import InputError
 from jaxrender.geometry import Mesh, Sphere
+from jaxrender.geometry.texels import texel_sites
 from jaxrender.io.exports import mesh_of
 from jaxrender.pipelines.view import view_result
 from jaxrender.pipelines.view.packing import unpacked
@@ -43,11 +45,39 @@ def test_maps_are_in_the_page(tmp_path):
     assert shown["sigma"]["high"] == pytest.approx(maps.widths.max(), rel=0.02)
 
 
-def test_vertices_are_refused_in_words(tmp_path):
-    ball = Mesh.icosphere(1)
-    result = write_result(tmp_path / "cat", smooth_maps(ball.vertices), ball)
-    with pytest.raises(InputError, match=r"one of vertices.*give the mesh texture coordinates"):
-        view_result(result)
+def linear(part, mean):
+    codes = unpacked(part["codes"]) / 255
+    ratio = np.where(codes > 0.04045, ((codes + 0.055) / 1.055) ** 2.4, codes / 12.92)
+    return ratio * part["scale"] * np.array(mean)
+
+
+def test_vertices_are_laid_out_in_texels(tmp_path):
+    """At its corners the page's object has what the vertices have, errors and normals too."""
+    ball = Mesh.icosphere(3)
+    stated = smooth_maps(ball.vertices, 3, True)
+    kd = stated.kd * np.random.default_rng(0).uniform(0.5, 1, (len(ball.vertices), 1))
+    page = view_result(write_result(tmp_path / "cat", stated._replace(kd=kd), ball))
+    scene = scene_of(page.read_text(encoding="utf-8"))
+    texture, surface = scene["texture"], scene["surface"]
+    lower, size = (np.array(surface[name]) for name in ("lower", "size"))
+    corners = lower + unpacked(surface["positions"]) / 65535 * size
+    # A little inside of a face from each of its corners: where a chart ends it has few texels.
+    places, faces = unpacked(surface["coordinates"]), unpacked(surface["faces"]).astype(int)
+    inside = 0.8 * places[faces] + 0.1 * (places[faces].sum(axis=1, keepdims=True) - places[faces])
+    vertex = cKDTree(ball.vertices).query(corners[faces.ravel()])[1]
+    rows, columns = texture["kd"]["codes"]["shape"][:2]
+    texel = texel_sites(inside.reshape(-1, 2).astype(float), (rows, columns))
+
+    def at(image):
+        return image.reshape(rows * columns, -1)[texel]
+
+    found = at(linear(texture["kd"], scene["material"]["base"]))
+    wrong = np.abs(found - kd[vertex]).max(axis=1) > 0.02 * kd.max()
+    assert wrong.mean() < 0.001
+    codes = at(unpacked(texture["offset"]["codes"])).astype(float)
+    offset = (codes - 128) / 127 * texture["offset"]["scale"]
+    assert (np.abs(offset - stated.offset[vertex]).max(axis=1) > 2e-3).mean() < 0.001
+    assert {one["id"] for one in texture["overlays"]} == {"sigma", "normal-error"}
 
 
 @pytest.mark.slow

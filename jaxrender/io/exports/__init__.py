@@ -2,6 +2,8 @@
 
 ``contents``
     what leaves, and what a written file is
+``atlas``
+    a texture of vertices as one of texels, on a mesh that gets texture coordinates
 ``mitsuba`` ``mitsuba_materials``
     a scene of Mitsuba 3, its materials, and RGL's tables for all that Mitsuba lacks
 ``mitsuba_textures`` ``texel_frames``
@@ -25,6 +27,7 @@ Each writer says by ``..._losses`` what its format cannot hold, before anything 
 """
 
 from jaxrender.io.exports.anisotropy import Brushed, SeparatelyMasked
+from jaxrender.io.exports.atlas import Atlas
 from jaxrender.io.exports.blend import blend_losses, write_blend
 from jaxrender.io.exports.blender import blender_command, run_in_blender
 from jaxrender.io.exports.blender_material import BlenderMaterial
@@ -63,6 +66,7 @@ from jaxrender.io.exports.mitsuba_textures import spread_over_faces, table_width
 from jaxrender.io.exports.usd import usd_library, usd_losses, write_usd
 
 __all__ = [
+    "Atlas",
     "BlenderMaterial",
     "Brushed",
     "SeparatelyMasked",

@@ -49,25 +49,25 @@ class MaterialMaps(NamedTuple):
 
 
 class MetallicMaps(NamedTuple):
-    """glTF's material for every texel, row 0 at v = 1; ``mean`` is that of all seen texels.
+    """glTF's material for every site, as of ``MaterialMaps``; ``mean`` is that of all seen sites.
 
-    Texels that nobody saw are black.
+    Sites that nobody saw are black.
     """
 
     mean: MetallicRoughness
-    base_color: Float[np.ndarray, "row column 3"]
-    roughness: Float[np.ndarray, "row column"]
-    metallic: Float[np.ndarray, "row column"]
+    base_color: Float[np.ndarray, "*site 3"]
+    roughness: Float[np.ndarray, "*site"]
+    metallic: Float[np.ndarray, "*site"]
 
     @property
-    def seen(self) -> Bool[np.ndarray, "row column"]:
+    def seen(self) -> Bool[np.ndarray, "*site"]:
         """Whether there is a material."""
         return np.any(self.base_color > 0, axis=-1)
 
     @property
     def of_vertices(self) -> bool:
         """Whether sites are vertices."""
-        return False
+        return self.base_color.ndim == 2
 
     @property
     def offset(self) -> None:

@@ -9,11 +9,9 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from jaxrender.geometry import Mesh, Shape, Sphere
-from jaxrender.geometry.texels import texel_coordinates
+from jaxrender.geometry.texels import covering_faces, texel_coordinates
 from jaxrender.shapes import Float, Int
 
-# How far outside of a triangle a texel's centre may be, as a share of the triangle.
-_MARGIN = 1e-9
 _TINY = 1e-20
 
 
@@ -89,27 +87,8 @@ def _faces(
     mesh: Mesh, image: tuple[int, int]
 ) -> tuple[Int[np.ndarray, "row column"], Float[np.ndarray, "row column 3"]]:
     """Find the face over each texel's centre (-1: none), and where in it that lies."""
-    assert mesh.texture_coordinates is not None
-    rows, columns = image
     found, weights = np.full(image, -1), np.zeros((*image, 3))
-    # Places in texels, (0, 0) the centre of the first one; faces beyond the square come back in.
-    places = mesh.texture_coordinates - np.floor(
-        mesh.texture_coordinates.mean(axis=1, keepdims=True)
-    )
-    places = np.stack([places[..., 0] * columns, (1 - places[..., 1]) * rows], axis=-1) - 0.5
-    low = np.ceil(places.min(axis=1)).astype(int)
-    high = np.floor(places.max(axis=1)).astype(int)
-    for number in np.flatnonzero(np.all(high >= low, axis=1)):
-        a, b, c = places[number]
-        across = np.arange(low[number, 0], high[number, 0] + 1)
-        down = np.arange(low[number, 1], high[number, 1] + 1)
-        matrix = np.stack([b - a, c - a], axis=-1)
-        if abs(np.linalg.det(matrix)) < _TINY:
-            continue
-        grid = np.stack(np.meshgrid(across, down), axis=-1)
-        second = (grid - a) @ np.linalg.inv(matrix).T
-        share = np.concatenate([1 - second.sum(axis=-1, keepdims=True), second], axis=-1)
-        inside = share.min(axis=-1) >= -_MARGIN
-        where = grid[inside][:, 1] % rows, grid[inside][:, 0] % columns
-        found[where], weights[where] = number, share[inside]
+    covering = covering_faces(mesh, image)
+    found.flat[covering.texel] = covering.face
+    weights.reshape(-1, 3)[covering.texel] = covering.weights
     return found, weights

@@ -115,8 +115,8 @@ def _contents(run: FinishedRun) -> Held:
     )
 
 
-def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | MetallicMaps | None:
-    """Read a texture; None for one of metal at vertices, which no format takes."""
+def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | MetallicMaps:
+    """Read a texture of texels or vertices."""
     subject = task_named(run.config.task).subject(run, shape)
     if isinstance(subject, MetallicSubject):
         return _metallic_maps(subject)
@@ -135,8 +135,7 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | M
         sigma = widths[np.maximum(subject.region, 0)]
     if sigma is not None:
         mean = mean.with_roughness(float(np.median(sigma[seen])), mean.mu)
-    is_image = subject.size[0] * subject.size[1] == len(subject.kd)
-    sites = subject.size if is_image else (len(subject.kd),)
+    sites = _sites(subject, len(subject.kd))
     ks = subject.ks.reshape(*sites, -1)
     return MaterialMaps(
         mean,
@@ -147,9 +146,7 @@ def _maps(run: FinishedRun, shape: Shape, losses: list[str]) -> MaterialMaps | M
     )
 
 
-def _metallic_maps(subject: MetallicSubject) -> MetallicMaps | None:
-    if subject.size == (1, 1):
-        return None
+def _metallic_maps(subject: MetallicSubject) -> MetallicMaps:
     known = {
         name: np.nan_to_num(subject.numbers_of[name], nan=0.0) for name in ("roughness", "metallic")
     }
@@ -157,8 +154,14 @@ def _metallic_maps(subject: MetallicSubject) -> MetallicMaps | None:
     means = {name: jnp.asarray(float(values[seen].mean())) for name, values in known.items()}
     mean = subject.variant.with_numbers(means)
     mean = mean.with_amplitudes(subject.color[seen].mean(axis=0), np.ones(_CHANNELS))
-    laid = {name: values.reshape(subject.size) for name, values in known.items()}
-    return MetallicMaps(mean, subject.color.reshape(*subject.size, -1), **laid)
+    sites = _sites(subject, len(seen))
+    laid = {name: values.reshape(sites) for name, values in known.items()}
+    return MetallicMaps(mean, subject.color.reshape(*sites, -1), **laid)
+
+
+def _sites(subject: TexturedSubject | MetallicSubject, count: int) -> tuple[int, ...]:
+    """Find the rows and columns of a texture, or how many vertices there are."""
+    return subject.size if subject.size[0] * subject.size[1] == count else (count,)
 
 
 def _material(run: FinishedRun) -> BRDF | None:

@@ -108,7 +108,7 @@ def _prepared(name: str, held: Held, result: Path, lossy: bool, *, alone: bool) 
         )
     else:
         try:
-            asked = kind.prepare(contents)
+            asked = kind.prepared(contents)
         except InputError as error:
             if alone:
                 raise

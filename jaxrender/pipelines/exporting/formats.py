@@ -14,6 +14,7 @@ from jaxrender.io.exports import (
     Brushed,
     Contents,
     GltfMaterial,
+    MaterialMaps,
     MetallicMaps,
     Part,
     SeparatelyMasked,
@@ -55,6 +56,7 @@ from jaxrender.pipelines.exporting.prepared import LACKED, Prepared, Written
 from jaxrender.pipelines.exporting.textures import (
     BLENDER_DETAILS,
     USD_DETAILS,
+    in_texels,
     metallic_mitsuba,
     textured_blend,
     textured_gltf,
@@ -68,18 +70,28 @@ MATERIAL, _SHAPE, _LIGHT = "single material", "shape", "light"
 _ENVIRONMENT, _MERL = "environment", "material.binary"
 # The largest degree of exported harmonics.
 _DEGREE = 10
-# A material, or one for every texel.
-_MAPPED = "material or texture of texels"
-_PLAIN_MATERIAL = "material or texture"
+_MAPPED = "material or texture"
 _TURNING = "how the surface differs with its turning"
 
 
 class ExportFormat(NamedTuple):
-    """A format: a line on it, what the contents must have, and what prepares it."""
+    """A format: a line on it, what the contents must have, and what prepares it.
+
+    ``at_vertices`` are textures that it takes at vertices; others are laid out in texels for it.
+    """
 
     about: str
     needs: tuple[str, ...]
     prepare: Callable[[Contents], Prepared]
+    at_vertices: tuple[type, ...] = ()
+
+    def prepared(self, contents: Contents) -> Prepared:
+        """Prepare contents that lack nothing; raises ``InputError`` as formats do."""
+        maps = contents.maps
+        is_taken = maps is None or not maps.of_vertices or isinstance(maps, self.at_vertices)
+        if is_taken or _MAPPED not in self.needs:
+            return self.prepare(contents)
+        return in_texels(contents, self.prepare)
 
 
 def format_named(name: str) -> ExportFormat:
@@ -91,11 +103,9 @@ def format_named(name: str) -> ExportFormat:
 
 def missing_of(contents: Contents, kind: ExportFormat) -> tuple[str, ...]:
     """Name what a format needs and the contents lack."""
-    maps = contents.maps
     has = {
         MATERIAL: contents.material is not None,
-        _MAPPED: contents.material is not None or (maps is not None and not maps.of_vertices),
-        _PLAIN_MATERIAL: contents.material is not None or maps is not None,
+        _MAPPED: contents.material is not None or contents.maps is not None,
         _SHAPE: contents.shape is not None,
         _LIGHT: contents.is_lit,
         _ENVIRONMENT: contents.environment is not None,
@@ -307,8 +317,9 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "mitsuba": ExportFormat(
         "a scene of Mitsuba 3, as XML and as a dictionary",
-        (_PLAIN_MATERIAL, _SHAPE, _LIGHT),
+        (_MAPPED, _SHAPE, _LIGHT),
         _mitsuba,
+        (MaterialMaps,),
     ),
     "materialx": ExportFormat(
         "the material as MaterialX, by OpenPBR or glTF's shading model", (MATERIAL,), _materialx

@@ -1,5 +1,6 @@
 """Textures for other programs: what is lost of them, and who writes them."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from jaxrender.brdf import Exchanged, Microfacet, Mixture
 from jaxrender.geometry import Mesh
 from jaxrender.io.exports import (
+    Atlas,
     BlenderMaterial,
     Contents,
     GltfMaterial,
@@ -50,6 +52,26 @@ _OF_METAL = (
     "metal is a plugin of Mitsuba's own, by its definition; the dielectric is tables, and a place "
     "lies between two widths of them"
 )
+
+
+def in_texels(contents: Contents, prepare: Callable[[Contents], Prepared]) -> Prepared:
+    """Prepare a texture of vertices as one of texels, and say what that changes.
+
+    Raises ``InputError`` for a mesh of too many pieces.
+    """
+    maps = contents.maps
+    assert isinstance(contents.shape, Mesh)
+    assert maps is not None
+    atlas = Atlas.of(contents.shape)
+    color, named = (maps.kd, "K_d") if isinstance(maps, MaterialMaps) else (maps.base_color, "base")
+    rows, columns = atlas.vertex.shape
+    loss = (
+        f"that sites are vertices: the mesh gets {atlas.charts} charts in {columns} x {rows} "
+        f"texels, {atlas.density:.2g} to an edge, which changes {named} by "
+        f"{100 * atlas.apart(np.maximum(color, 0)):.2g} % in the mean"
+    )
+    asked = prepare(contents._replace(shape=atlas.mesh, maps=atlas.baked_maps(maps)))
+    return asked._replace(losses=(loss, *asked.losses))
 
 
 def textured_gltf(

@@ -13,6 +13,15 @@ MOST_FACES = 1_000_000
 _STEPS = 65535
 
 
+def refuse_large(mesh: Mesh) -> None:
+    """Raise ``InputError`` for a mesh of too many faces."""
+    if len(mesh.faces) > MOST_FACES:
+        raise InputError(
+            f"the mesh has {len(mesh.faces)} faces, and a page holds at most {MOST_FACES}: "
+            "simplify it, and fit again"
+        )
+
+
 def surface_document(shape: Shape, textured: bool = False) -> dict[str, Any]:
     """Lay out a shape as text; ``InputError`` for a mesh of too many faces.
 
@@ -21,11 +30,7 @@ def surface_document(shape: Shape, textured: bool = False) -> dict[str, Any]:
     if isinstance(shape, Sphere):
         return {"kind": "sphere", "center": shape.center.tolist(), "radius": shape.radius}
     assert isinstance(shape, Mesh)
-    if len(shape.faces) > MOST_FACES:
-        raise InputError(
-            f"the mesh has {len(shape.faces)} faces, and a page holds at most {MOST_FACES}: "
-            "simplify it, and fit again"
-        )
+    refuse_large(shape)
     used, corners = np.unique(shape.faces, return_inverse=True)
     own = {}
     if textured:

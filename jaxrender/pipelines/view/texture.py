@@ -11,10 +11,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from jaxrender.brdf import Microfacet
-from jaxrender.errors import InputError
 from jaxrender.imaging.display import codes as whole
 from jaxrender.imaging.response import SRGB
-from jaxrender.io.exports import MaterialMaps, MetallicMaps
+from jaxrender.io.exports import Atlas, MaterialMaps, MetallicMaps
 from jaxrender.io.netcdf import opened
 from jaxrender.pipelines.result import ARRAYS, ARRAYS_FORMAT, FinishedRun
 from jaxrender.pipelines.view.packing import packed
@@ -26,6 +25,7 @@ MOST_TEXELS, _MOST_OF_ERRORS = 512, 256
 _STEP, _MOST_LAYERS = 1.35, 6
 # A code of an overlay that stands for a texel which nobody saw.
 UNKNOWN = 255
+_ERRORS = ("kd", "ks", "sigma", "normal", "base_color", "metallic", "roughness")
 _PERCENTILE, _TINY = 98, 1e-12
 # Overlays that are kept as fine as the maps, from their least number.
 _FINE = ("sigma", "roughness", "metallic")
@@ -125,13 +125,14 @@ class PageTexture(NamedTuple):
         return found
 
 
-def page_texture(run: FinishedRun, found: MaterialMaps | MetallicMaps) -> PageTexture:
-    """Make the maps of a page.  Raises ``InputError`` for a texture of vertices, which has none."""
-    if found.of_vertices:
-        raise InputError(
-            f"{run.folder}: the texture is one of vertices, and a page shows one of texels: give "
-            "the mesh texture coordinates and fit again, or use jaxrender render"
-        )
+def page_texture(
+    run: FinishedRun, found: MaterialMaps | MetallicMaps, atlas: Atlas | None = None
+) -> PageTexture:
+    """Make the maps of a page; an ``atlas`` lays those of vertices out in texels."""
+    stated = _stated(run)
+    if atlas is not None:
+        found = atlas.baked_maps(found)
+        stated = {name: atlas.baked(values) for name, values in stated.items()}
     maps = PageMaps.of(found)
     ratios = np.ones(1)
     if maps.width is not None:
@@ -141,9 +142,7 @@ def page_texture(run: FinishedRun, found: MaterialMaps | MetallicMaps) -> PageTe
         if layers > 1:
             ratios = np.geomspace(ends[0], ends[1], min(layers, _MOST_LAYERS))
     metal = isinstance(found, MetallicMaps)
-    overlays = (
-        _metal_overlays(run, found) if isinstance(found, MetallicMaps) else _overlays(run, found)
-    )
+    overlays = _metal_overlays(stated, found) if metal else _overlays(stated, found)
     step = -(-max(maps.base.shape[:2]) // MOST_TEXELS)
     if step > 1:
         maps = maps.coarser(step)
@@ -152,11 +151,11 @@ def page_texture(run: FinishedRun, found: MaterialMaps | MetallicMaps) -> PageTe
     return PageTexture(maps, ratios, overlays, metal)
 
 
-def _errors(run: FinishedRun, *names: str) -> dict[str, Float[np.ndarray, "row column *channel"]]:
+def _stated(run: FinishedRun) -> dict[str, Float[np.ndarray, "*site_channel"]]:
     """Read the errors of what was found; none are there in results without them."""
     with opened(run.folder / ARRAYS, ARRAYS_FORMAT) as file:
         group = file.group("texture")
-        return {name: group.array(f"{name}_error") for name in names if f"{name}_error" in group}
+        return {name: group.array(f"{name}_error") for name in _ERRORS if f"{name}_error" in group}
 
 
 def _relative(
@@ -167,7 +166,9 @@ def _relative(
         return 100 * np.max(errors / values, axis=-1)
 
 
-def _metal_overlays(run: FinishedRun, maps: MetallicMaps) -> tuple[Overlay, ...]:
+def _metal_overlays(
+    errors: dict[str, Float[np.ndarray, "row column *channel"]], maps: MetallicMaps
+) -> tuple[Overlay, ...]:
     """Show metalness and roughness, and how well all is known."""
     found = [
         _overlay(name, label, "", np.where(maps.seen, values, np.nan))
@@ -176,7 +177,6 @@ def _metal_overlays(run: FinishedRun, maps: MetallicMaps) -> tuple[Overlay, ...]
             ("roughness", "Roughness", maps.roughness),
         )
     ]
-    errors = _errors(run, "base_color", "metallic", "roughness")
     if "base_color" in errors:
         relative = _relative(errors["base_color"], maps.base_color)
         found.append(_overlay("color-error", "Standard deviation of the colour", " %", relative))
@@ -187,10 +187,11 @@ def _metal_overlays(run: FinishedRun, maps: MetallicMaps) -> tuple[Overlay, ...]
     return tuple(found)
 
 
-def _overlays(run: FinishedRun, maps: MaterialMaps) -> tuple[Overlay, ...]:
+def _overlays(
+    errors: dict[str, Float[np.ndarray, "row column *channel"]], maps: MaterialMaps
+) -> tuple[Overlay, ...]:
     """Show sigma, and how well all is known."""
     found = []
-    errors = _errors(run, "kd", "ks", "sigma", "normal")
     if maps.sigma is not None:
         sigma = np.where(maps.seen, maps.sigma, np.nan)
         found.append(_overlay("sigma", "Roughness sigma", "", sigma))

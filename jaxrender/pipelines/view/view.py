@@ -5,7 +5,9 @@ from pathlib import Path
 
 from jaxrender.brdf import Parametric
 from jaxrender.errors import InputError
+from jaxrender.geometry import Mesh
 from jaxrender.io.atomic import replacing
+from jaxrender.io.exports import Atlas
 from jaxrender.pipelines.exporting.contents import contents_of
 from jaxrender.pipelines.output import fingerprint
 from jaxrender.pipelines.progress import Progress, SilentProgress
@@ -21,7 +23,8 @@ from jaxrender.pipelines.view.light import page_light
 from jaxrender.pipelines.view.page import html_of
 from jaxrender.pipelines.view.pictures import gallery_of
 from jaxrender.pipelines.view.shown import Shown, shown_as
-from jaxrender.pipelines.view.texture import page_texture
+from jaxrender.pipelines.view.surface import refuse_large
+from jaxrender.pipelines.view.texture import MOST_TEXELS, page_texture
 
 PAGE = "view.html"
 _MARK = re.compile(r'<meta name="jaxrender-view" content="([0-9a-f]{64})">')
@@ -93,13 +96,20 @@ def shown_of(run: FinishedRun, progress: Progress) -> Shown:
         ) from error
     texture = None
     if isinstance(subject, TexturedSubject | MetallicSubject):
-        maps = contents_of(run).contents.maps
-        if maps is None:
-            raise InputError(
-                f"{run.folder}: a page shows metalness of texels, not of vertices: give the mesh "
-                "texture coordinates and fit again, or use jaxrender render"
+        maps, atlas = contents_of(run).contents.maps, None
+        assert maps is not None
+        if maps.of_vertices:
+            assert isinstance(shape, Mesh)
+            refuse_large(shape)
+            with progress.stage("lay out"):
+                atlas = Atlas.of(shape, MOST_TEXELS)
+            shape = atlas.mesh
+            rows, columns = atlas.vertex.shape
+            progress.note(
+                f"the texture is one of vertices; the page has it in {columns} x {rows} texels, "
+                f"{atlas.density:.2g} to an edge"
             )
-        texture, brdf = page_texture(run, maps), maps.mean
+        texture, brdf = page_texture(run, maps, atlas), maps.mean
     elif not isinstance(subject, UniformSubject | CorrectedSubject) or brdf is None:
         raise InputError(
             f"{run.folder}: a result of task {config.task} has no single material, which a page "
