@@ -33,6 +33,13 @@ def scattered():
     return Mesh(vertices, np.concatenate([faces, [[0, 0, 1]]]))
 
 
+def crumpled():
+    """Faces that look another way than their neighbours."""
+    ball = Mesh.icosphere(2)
+    radii = np.random.default_rng(0).uniform(0.3, 1, (len(ball.vertices), 1))
+    return Mesh(radii * ball.vertices, ball.faces)
+
+
 def one_face():
     return Mesh(np.array([[0.0, 0, 0], [3e-4, 0, 0], [0, 3e-4, 0]]), np.array([[0, 1, 2]]))
 
@@ -41,6 +48,7 @@ MESHES = {
     "ball": Mesh.icosphere(3),
     "spiral": spiral(),
     "pieces": scattered(),
+    "crumpled": crumpled(),
     "one face": one_face(),
 }
 
