@@ -66,11 +66,12 @@ class Atlas(NamedTuple):
 
     def baked_maps(self, maps: MaterialMaps | MetallicMaps) -> MaterialMaps | MetallicMaps:
         """Make a texture of vertices one of texels; the mean stays that of the vertices."""
-        return maps._replace(**{
-            name: self.baked(values)
+        of_vertices = {
+            name: values
             for name, values in maps._asdict().items()
             if name != "mean" and values is not None
-        })  # fmt: skip
+        }
+        return maps._replace(**{name: self.baked(one) for name, one in of_vertices.items()})
 
     def apart(self, values: Float[np.ndarray, "vertex channel"]) -> float:
         """How far a lookup between four texels is from the value of the nearest vertex.
