@@ -246,6 +246,7 @@ def test_a_clean_capture_has_no_diagnosis():
         ),
         ("lamps", lambda: photographed(CLEAN, energy=1.1 * ENERGY)),
     ],
+    ids=["exposure", "black", "object", "lamps"],
 )
 def test_what_is_wrong_is_named_and_in_the_error_bars(name, planted):
     fit = fitted(planted())

@@ -113,6 +113,17 @@ def test_what_is_meant_is_found(ball, meant):
     assert f"environment `{meant.convention}`" in found.sentences()[0]
 
 
+def test_a_quarter_turn_is_found_as_it_is(ball):
+    """The steps go by other degrees, and the noise may prefer a neighbour."""
+    meant, told = Orientation("y-up", False, 90.0), Orientation(yaw=3.3)
+    found = find_orientation(ball, None, picture_of(room(), meant), told)
+    assert found.orientation == meant
+    # One that is farther from it than the light's detail is none.
+    other = meant.turned(91.4)
+    found = find_orientation(ball, None, picture_of(room(), other), told)
+    assert found.orientation.off(other) < found.orientation.off(meant)
+
+
 @pytest.mark.slow
 def test_a_concave_object_beside_a_known_lamp():
     shape = sculpture(3)

@@ -28,6 +28,8 @@ _ROWS, _FEW_ROWS = 64, 32
 # Degrees between the yaws of each stage; about so many degrees another yaw is another light.
 _STEP, _STEPS = 15.0, (5.0, 2.0, 0.7)
 _ANOTHER_YAW = 20.0
+# Programs differ by quarter turns: one that is so near, and leaves so little more, is meant.
+_QUARTER, _NEAR, _ALIKE = 90.0, 1.5, 1.02
 # Orientations of each layout that are refined.
 _REFINED = 2
 # Another is told apart where it leaves more by this factor, and where this much likelier a fit is
@@ -131,7 +133,8 @@ def find_orientation(
     for layout in rough.panoramas.layouts:
         own = [one for one in coarse if one.orientation._replace(yaw=0.0) == layout]
         for start in _apart(own)[:_REFINED]:
-            tried.append(fine.refined(rough.refined(start, _STEPS[:2]), _STEPS[2:]))
+            found = fine.refined(rough.refined(start, _STEPS[:2]), _STEPS[2:])
+            tried.append(fine.quarter(found))
     tried += fine.tried([one.orientation for one in _others(coarse, tried)])
     return _choice(tried, told, parts_of(some), _why(fine, some, tried))
 
@@ -181,6 +184,15 @@ class _Search(NamedTuple):
                     break
                 best = better
         return best
+
+    def quarter(self, found: _Tried) -> _Tried:
+        """Take a quarter turn instead of a yaw that is as good."""
+        yaw = found.orientation.yaw
+        whole = _QUARTER * round(yaw / _QUARTER)
+        if abs(yaw - whole) > _NEAR:
+            return found
+        even = self.tried([found.orientation.turned(whole)])[0]
+        return even if even.left <= _ALIKE * found.left else found
 
 
 def _apart(tried: list[_Tried]) -> list[_Tried]:
