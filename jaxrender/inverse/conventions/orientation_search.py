@@ -22,14 +22,14 @@ from jaxrender.inverse.observations import Observations, stratified_subset
 from jaxrender.shapes import ImageArray, Int
 
 # Samples, directions and rows of the coarse and the fine stage.
-_SAMPLES, _FEW_SAMPLES = 400, 250
+_SAMPLES, _FEW_SAMPLES = 1500, 250
 _DIRECTIONS, _FEW_DIRECTIONS = 4000, 1500
 _ROWS, _FEW_ROWS = 64, 32
 # Degrees between the yaws of each stage; about so many degrees another yaw is another light.
 _STEP, _STEPS = 15.0, (5.0, 2.0, 0.7)
 _ANOTHER_YAW = 20.0
 # Programs differ by quarter turns: one that is so near, and leaves so little more, is meant.
-_QUARTER, _NEAR, _ALIKE = 90.0, 1.5, 1.02
+_QUARTER, _NEAR, _ALIKE = 90.0, 3.0, 1.02
 # Orientations of each layout that are refined.
 _REFINED = 2
 # Another is told apart where it leaves more by this factor, and where this much likelier a fit is
