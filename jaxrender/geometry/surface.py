@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float, Int
 from jaxrender.geometry.cameras import Camera
 from jaxrender.geometry.hits import Shape
 
-# Neighbouring pixels of a smooth surface that is resolved see normals nearer than this, in degrees:
-# two pixels within the rim of a ball they differ by less, whatever its size.
+# Neighbouring pixels see normals that differ by less than this, in degrees, where the pixels are
+# fine enough for the surface.  Of a ball 16 pixels wide all but those at its rim do.
 CONTOUR = 30.0
 
 
@@ -65,10 +65,10 @@ def observe(camera: Camera, shape: Shape) -> SurfaceView:
 def contours(view: SurfaceView, angle: float = CONTOUR) -> Bool[np.ndarray, "row column"]:
     """Find the pixels beside which the surface breaks off or bends sharply.
 
-    One part ends there before another, or a fold is smaller than a pixel: what such a pixel shows
-    is a mean over surfaces that its central ray knows nothing of.  Two neighbours that see the
-    object are both meant where their normals differ by more than ``angle`` (degrees), or where the
-    line from one point to the other leaves the tangent plane of either by more than that.
+    One part ends there before another, or a fold is smaller than a pixel.  Such a pixel shows a
+    mean over surfaces, and its central ray meets only one of them.  Two neighbours that see the
+    object are found where their normals differ by more than ``angle`` (degrees), and where the
+    line between their points leaves the tangent plane of either by more than that.
     """
     found = np.zeros(view.hit.shape, bool)
     least, most = np.cos(np.radians(angle)), np.sin(np.radians(angle))
